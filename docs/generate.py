@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
-from tirelog.physics.effects import CATALOGUE, Effect
+from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
 from tirelog.simulation.scenario import schema
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
@@ -176,7 +176,7 @@ def observables_page() -> str:
             unit_of(o.unit),
             unit_of(o.shown_unit),
             words(o.kinds),
-            words(effect.id for effect in CATALOGUE if o.name in effect.reaches),
+            words(effect.id for effect in CATALOGUE if o.name in effect.reaches) + through(o.name),
         )
         for o in OBSERVABLES.values()
     ]
@@ -238,6 +238,18 @@ def table_section(entry: LogTable) -> str:
     )
 
 
+def through(observable: str) -> str:
+    """What acts on an observable beside another effect only."""
+    beside = {
+        effect.id: " or ".join(f"`{other.id}`" for other in readers(effect, observable))
+        for effect in CATALOGUE
+    }
+    return "".join(
+        f"; beside {others}: {words(name for name, by in beside.items() if by == others)}"
+        for others in dict.fromkeys(filter(None, beside.values()))
+    )
+
+
 def effects_page() -> str:
     """docs/effects.md."""
     return (
@@ -280,7 +292,10 @@ def ranges(effect: Effect) -> list[str]:
 def effect_section(effect: Effect) -> str:
     """All that the catalogue says of one effect."""
     facts = [
-        ("observables", words(effect.reaches)),
+        (
+            "observables",
+            ", ".join(said.replace(name, f"`{name}`", 1) for name, said in serves(effect).items()),
+        ),
         ("needs", words(effect.needs) or "nothing beyond speed"),
         *((f"option `{name}`", words(allowed)) for name, allowed in effect.options.items()),
         ("signature", effect.signature),

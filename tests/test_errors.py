@@ -71,3 +71,20 @@ def test_no_code_reads_an_error_s_sentence() -> None:
         and node.attr in ("split", "startswith", "endswith", "partition", "find")
     ]
     assert readers == []
+
+
+def test_a_raise_site_hands_over_parts() -> None:
+    """What is wrong, what is allowed and what to do are fields, not one sentence to be cut."""
+    kinds = {"UsageError", "SetupError", "ModelError", "OutputError", "ReadError", "DataLoss"}
+    whole = []
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args):
+                continue
+            parts = {keyword.arg for keyword in node.keywords} & {"allowed", "do"}
+            sentence = node.args[0]
+            texts = sentence.values if isinstance(sentence, ast.JoinedStr) else [sentence]
+            clauses = [t.value for t in texts if isinstance(t, ast.Constant)]
+            if node.func.id in kinds and not parts and any("; " in str(text) for text in clauses):
+                whole.append(f"{path.relative_to(PACKAGE)}:{node.lineno}")
+    assert whole == []

@@ -108,8 +108,9 @@ def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
 def _one_of(what: str, name: str, allowed: Collection[str]) -> None:
     if name not in allowed:
         raise UsageError(
-            f"no {what} is called {name!r}{nearest(name, allowed)}; "
-            f"allowed are {', '.join(allowed) or 'none'}; choose among them"
+            f"no {what} is called {name!r}{nearest(name, allowed)}",
+            allowed=f"allowed are {', '.join(allowed) or 'none'}",
+            do="choose among them",
         )
 
 
@@ -139,7 +140,8 @@ def tables_of(
     for name, options in wanted.items():
         whole = MAKERS[name].whole
         if name not in by_channel and whole is not None:
-            yield from whole(recording, options)
+            parts = whole(recording, options)
+            yield from list(parts) if refused_first else parts
 
 
 def _channel_tables(
@@ -153,7 +155,7 @@ def _channel_tables(
     stored = speed_channels(recording) if only_speed else strain_channels(recording)
     found: list[Passages | None] = [None] * len(stored)
     if refused_first:
-        stored, found = _all_passages(recording, stored, keep=not only_speed)
+        stored, found = _all_passages(recording, stored, workers, keep=not only_speed)
         if not only_speed and not any(len(passages) for passages in found if passages is not None):
             raise not_turning(recording)
     turned = False
@@ -188,7 +190,7 @@ def _channel_tables(
 
 
 def _all_passages(
-    recording: Recording, channels: list[Channel], keep: bool
+    recording: Recording, channels: list[Channel], workers: int, keep: bool
 ) -> tuple[list[Channel], list[Passages | None]]:
     """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
     from tirelog.runs.in_memory import in_memory
@@ -196,7 +198,8 @@ def _all_passages(
 
     if keep and len(channels) == 1:
         channels = [in_memory(channels[0])]  # gone through once more by whoever takes it
-    return channels, [passages_of(recording, channel) for channel in channels]
+    with ThreadPoolExecutor(workers) as pool:
+        return channels, list(pool.map(partial(passages_of, recording), channels))
 
 
 class _Forms:
@@ -339,8 +342,9 @@ def _steadiness(options: Options) -> tuple[float, int]:
     average = int(options.get("average", AVERAGED))
     if not step > 0 or average < 1:
         raise UsageError(
-            "steady_step (--steady-step) is above 0 m/s and average (--average) at least "
-            "1 revolution; mend the number"
+            "steady_step (--steady-step) is above 0 m/s and average (--average) at least 1 "
+            "revolution",
+            do="mend the number",
         )
     return step, average
 

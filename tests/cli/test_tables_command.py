@@ -136,3 +136,72 @@ def test_a_channel_that_fails_is_not_waited_for(
     outcome = tirelog("tables", "more.csv", "-o", "made", "--workers", "2")
     assert (outcome.status, list((several / "made").glob("*"))) == (4, [])
     assert "G0 cannot be read" in outcome.err
+
+
+@pytest.fixture
+def swapped(several: Path) -> Path:
+    """The folder with a second log whose setup names the wrong surface of its last grating."""
+    setup = (several / "more.toml").read_text()
+    (several / "more.toml").write_text(setup + 'surface = "inner"\n')
+    return several
+
+
+@pytest.mark.parametrize(
+    ("name", "logs"),
+    [("speed", ("log.csv", "more.csv")), ("dissipation", ("more.csv", "log.csv"))],
+)
+def test_of_two_logs_the_refused_one_is_left_out_and_the_other_whole(
+    swapped: Path, tirelog: Command, name: str, logs: tuple[str, str]
+) -> None:
+    alone = tirelog(name, "log.csv")
+    both = tirelog(name, *logs)
+    assert both.out == alone.out
+    assert both.status == 3
+    assert [line for line in both.err.splitlines() if "error: " in line] == [
+        "tirelog: error: more.csv: channel G3 shows a minimum, as the outer surface (groove) does "
+        'in the patch, and its setup says inner; the two must agree; write surface = "outer"'
+    ]
+    assert tirelog(name, *logs, "-o", "both.csv").status == 3
+    assert (swapped / "both.csv").read_text() == alone.out
+
+
+def test_of_three_logs_the_refused_one_is_left_out_of_all_tables(
+    swapped: Path, tirelog: Command
+) -> None:
+    (swapped / "third.csv").write_bytes((swapped / "log.csv").read_bytes())
+    (swapped / "third.toml").write_bytes((swapped / "log.toml").read_bytes())
+    assert tirelog("tables", "log.csv", "third.csv", "-o", "two").status == 0
+    outcome = tirelog("tables", "log.csv", "more.csv", "third.csv", "-o", "three")
+    assert outcome.status == 3
+    assert outcome.err.count("error: more.csv: channel G3 shows a minimum") == 1
+    for name in THREE:
+        two, three = (swapped / folder / f"{name}.csv" for folder in ("two", "three"))
+        assert three.read_bytes() == two.read_bytes()
+
+
+@pytest.mark.parametrize("arguments", [("speed",), ("tables",)])
+def test_if_every_log_is_refused_nothing_is_written(
+    swapped: Path, tirelog: Command, arguments: tuple[str, ...]
+) -> None:
+    (swapped / "bad.csv").write_bytes((swapped / "log.csv").read_bytes())
+    (swapped / "bad.toml").write_text('[channels.x]\nkind = "no such"\n')
+    (swapped / "old").write_text("kept")
+    out = "new" if arguments == ("tables",) else "old"
+    outcome = tirelog(*arguments, "more.csv", "bad.csv", "-o", out, "--format", "csv")
+    assert outcome.status == 2
+    assert "error: more.csv: channel G3" in outcome.err
+    assert "error: bad.toml" in outcome.err
+    assert (swapped / "old").read_text() == "kept"
+    assert not (swapped / "new").exists() or not list((swapped / "new").iterdir())
+    assert tirelog("speed", "more.csv", "bad.csv").out == ""
+
+
+def test_a_log_without_a_setup_is_refused_alone(folder: Path, tirelog: Command) -> None:
+    (folder / "bare.csv").write_bytes((folder / "log.csv").read_bytes())
+    outcome = tirelog("speed", "log.csv", "bare.csv")
+    assert (outcome.status, outcome.out) == (3, tirelog("speed", "log.csv").out)
+    assert "error: bare" in outcome.err
+    (folder / "broken.toml").write_text("[tire\n")
+    outcome = tirelog("speed", "log.csv", "bare.csv", "--setup", "broken.toml")
+    assert (outcome.status, outcome.out) == (2, "")
+    assert outcome.err.count("error:") == 1

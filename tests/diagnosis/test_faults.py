@@ -9,12 +9,15 @@ import pytest
 
 from benchmarks.cases import Case, case
 from tests.diagnosis.toy import stack
+from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.errors import ModelError, OutputError, UsageError
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.user_effects import effect_by_expression
+from tirelog.physics.parameters import Parameter
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre
 
@@ -118,3 +121,57 @@ def test_no_room_for_what_is_put_aside():
             Stacks(in_memory=0).add("log", [stack(1)])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def phase_shifts(seed: int = 5) -> Stack:
+    """Phase shifts [rad] that follow the load, which is measured, and nothing else."""
+    random = np.random.default_rng(seed)
+    manoeuvre = np.repeat(np.arange(8), 6)
+    n = manoeuvre.size
+    drive = Conditions.of(
+        n,
+        speed_m_s=random.uniform(10.0, 25.0, 8)[manoeuvre],
+        acceleration_m_s2=random.normal(0.0, 2.0, 8)[manoeuvre],
+        time_s=np.arange(n) * 0.1,
+        load_N=random.uniform(3000.0, 4000.0, 8)[manoeuvre],
+    )
+    noise = 1e-3 * random.standard_normal((n, 1))
+    return Stack(
+        observable="phase_shift",
+        channel="a",
+        surface="inner",
+        radius_m=0.3,
+        values=0.03 * (drive.load_N[:, None] / 3500.0 - 1.0) + noise,
+        phi_rad=np.zeros(1),
+        phi_mean=np.zeros((n, 1)),
+        phi_variance=np.zeros((n, 1)),
+        count=np.ones((n, 1), int),
+        noise=np.full(n, 1e-3),
+        conditions=drive,
+        log=np.zeros(n, int),
+        manoeuvre=manoeuvre,
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=("a.h5",),
+    )
+
+
+def test_candidates_that_act_on_nothing_are_said_not_to_be_tested():
+    mine, wave = (
+        effect_by_expression(name, on, "q", (Parameter("q", "", "own", 0.0, -1e3, 1e3, probe=1.0),))
+        for name, on in (("mine", "load"), ("wave", "baseline"))
+    )
+    result = diagnose([phase_shifts()], Model.new("beam", "phase_shift"), effects=[mine, wave])
+    reads_none = "acts on load, which nothing in this model of phase_shift reads"
+    assert {n: result.not_tested[n] for n in ("load_transfer", "aero_load", "mine")} == {
+        "load_transfer": reads_none,
+        "aero_load": reads_none,
+        "mine": reads_none,
+    }
+    assert result.not_tested["wave"].startswith("acts on baseline and does nothing to phase_shift")
+    assert "viscous_damping" not in result.not_tested
+    assert result.selected == ("load_crosstalk",)
+    again = diagnose([phase_shifts()], result.model, effects=[mine])
+    assert not {"load_transfer", "aero_load", "mine"} & {
+        name for name, why in again.not_tested.items() if why == reads_none
+    }

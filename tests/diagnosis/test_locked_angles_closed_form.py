@@ -2,14 +2,20 @@
 two bins' angles are.
 """
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from tests.diagnosis.toy import waveform
-from tirelog.data.recording import Channel, TimeAxis
+from tests.diagnosis.toy import stack, waveform
+from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
+from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.pieces import one_waveform
+from tirelog.inference.floor import at_mean_speed
 from tirelog.inference.stacks.align import refine_passages
 from tirelog.inference.stacks.samples import Samples
+from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
 
@@ -84,3 +90,63 @@ def test_a_passage_with_half_of_its_front_lost_lies_on_the_course_of_the_others(
     rough[wrong] += 0.0055
     error = refine_passages(toy_samples(values), rough) - truth
     assert np.ptp(error[max(0, wrong - 3) : wrong + 4]) < 5e-5
+
+
+def two_cruises(
+    samples: tuple[int, int], k: int = 40, m: int = 256
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Angles and counts (2 k, m) of two cruises whose turns have so many samples exactly, half a
+    sample apart at the start, and which of the revolutions are the first cruise's.
+    """
+    phi, count = np.zeros((2 * k, m)), np.zeros((2 * k, m), np.int64)
+    first = np.arange(2 * k) < k
+    for rows, number, start in ((first, samples[0], 0.25), (~first, samples[1], 0.75)):
+        angle = (np.arange(number) + start) * 2.0 * np.pi / number - np.pi
+        place = ((angle + np.pi) * m / (2.0 * np.pi)).astype(int)
+        phi[np.ix_(rows, place)], count[np.ix_(rows, place)] = angle, 1
+    return phi, count, first
+
+
+@pytest.mark.parametrize("samples", [128, 150])
+def test_what_revolutions_between_those_of_others_have_more_of_is_seen(samples):
+    phi, count, first = two_cruises((samples, samples))
+    random = np.random.default_rng(3)
+    size = np.where(first, 0.99, 1.01)[:, None]
+    values = size * waveform(phi) + 0.002 * random.standard_normal(phi.shape)
+    part = one_waveform(
+        np.where(count > 0, values, np.nan),
+        phi,
+        np.zeros_like(phi),
+        count,
+        np.full(len(phi), 26.0),
+    )
+    amplitude = part.coefficients[:, 0]
+    assert amplitude[~first].mean() - amplitude[first].mean() == pytest.approx(0.02, abs=1e-3)
+
+
+def test_speeds_at_either_side_of_a_bin_leave_the_waveform_of_the_mean_speed():
+    """Without noise: values of a model, whose waveform another speed changes, at both speeds."""
+    model = Model.new("beam", radius_m=0.3)
+    phi, count, slower = two_cruises((181, 179))
+    speed = np.where(slower, 26.0, 26.3)
+    made = stack(1, manoeuvres=1, revolutions=len(speed), m=phi.shape[1])
+    driven = Conditions.of(len(speed), speed_m_s=speed, acceleration_m_s2=0.0, time_s=0.0)
+    values = model.predict(driven, phi)
+    whole: Stack = replace(
+        made,
+        values=np.where(count > 0, values, np.nan),
+        phi_mean=np.where(count > 0, phi, np.nan),
+        count=count,
+        conditions=driven,
+    )
+    cells = make_cells(whole)
+    prediction = model.predict(cells.conditions, surface=cells.surface, **cells.angles)
+    fit = SimpleNamespace(model=model, prediction=prediction)
+    left = at_mean_speed(cells, fit).values - prediction  # type: ignore[arg-type]
+    columns = np.concatenate([cells.random, cells.shift[..., None]], axis=-1)[0]
+    full = np.isfinite(left[0])
+    left, columns = left[0, full], columns[full]
+    left = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+    both = cells.phi_variance[0, full] > 2e-5  # a sample of either cruise in the bin
+    assert both.sum() > 40
+    assert np.abs(left[both]).max() < 2e-5 * np.ptp(values[count > 0])

@@ -29,12 +29,7 @@ REGRESSORS = [e for e in CATALOGUE if "regressors" in e.acts_on]
 def base_for(effect, carcass="beam"):
     observable = "strain" if "strain" in effect.observables else effect.observables[0]
     contact = "prescribed" if carcass == "ring" else None
-    model = Model.new(carcass, observable, contact)
-    return (
-        model.with_effect("load_transfer")
-        if observable == "phase_shift" and effect.id != "load_transfer"
-        else model
-    )
+    return Model.new(carcass, observable, contact)
 
 
 def probed(model, effect):

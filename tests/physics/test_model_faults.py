@@ -174,6 +174,39 @@ def test_models_that_contradict_themselves():
         Model.new("beam").hub_forces(Conditions.of(1, speed_m_s=8.0))
 
 
+PHASE = Model.new("beam", "phase_shift")
+ON_LOAD = {
+    "load_transfer": '[[effects]]\nname = "load_transfer"\n',
+    "aero_load": '[[effects]]\nname = "aero_load"\n',
+    "mine": """[[effects]]
+name = "mine"
+acts_on = "load"
+expression = "q * speed"
+parameters = { q = { value = 1.0, min = 0.0, max = 9.0 } }
+""",
+}
+CROSSTALK = '[[effects]]\nname = "load_crosstalk"\nper_relative_load_rad = 0.1\n'
+
+
+@pytest.mark.parametrize("name", ON_LOAD)
+def test_an_effect_on_the_load_of_a_phase_shift_acts_through_crosstalk_or_is_refused(name):
+    alone = as_toml(PHASE)
+    line = len(alone.splitlines()) + 3
+    says = f"model:{line}: effect '{name}' acts on load, which nothing in this model .* reads"
+    with pytest.raises(ModelError, match=says) as refused:
+        parse_model(f"{alone}\n{ON_LOAD[name]}")
+    assert refused.value.do == f"add load_crosstalk as well, or leave {name} out"
+    drive = Conditions.of(2, speed_m_s=[10.0, 20.0], acceleration_m_s2=[0.0, 3.0])
+    before = parse_model(f"{alone}\n{CROSSTALK}").predict(drive)
+    for effects in (ON_LOAD[name] + CROSSTALK, CROSSTALK + ON_LOAD[name]):
+        both = parse_model(f"{alone}\n{effects}")
+        strength = {"mine": "mine.q"}.get(name, f"{name}.coefficient")
+        assert not np.allclose(both.with_values({strength: 0.1}).predict(drive), before, rtol=1e-6)
+        with pytest.raises(ModelError, match=f"{name} would act on nothing"):
+            both.without_effect("load_crosstalk")
+        assert both.without_effect("load_crosstalk", name).effects == ()
+
+
 OWN = """
 from tirelog.physics import Effect, Parameter
 import numpy as np

@@ -77,8 +77,9 @@ def measure(
     observable = model.observable if isinstance(model, Model) else str(model)
     if observable not in OBSERVABLES:
         raise UsageError(
-            f"no observable is called {observable!r}{nearest(observable, OBSERVABLES)}; "
-            f"allowed are a model and {', '.join(OBSERVABLES)}; give one of them"
+            f"no observable is called {observable!r}{nearest(observable, OBSERVABLES)}",
+            allowed=f"allowed are a model and {', '.join(OBSERVABLES)}",
+            do="give one of them",
         )
     return measured(each_log(logs, setup), observable, channel)
 
@@ -128,7 +129,9 @@ def fit(
     for one in channels:
         _known(one)
     if not channels:
-        raise UsageError("nothing measured; allowed is what `measure` gives; give one at least")
+        raise UsageError(
+            "nothing measured", allowed="allowed is what `measure` gives", do="give one at least"
+        )
     found, remarks = fit_channels_measured([one.stacks for one in channels], model, nuisances)
     said = list(remarks)
     moving = motion_names(model)
@@ -262,7 +265,8 @@ def _known(value: object) -> MeasuredLogs:
     """What was measured.  UsageError: it is something else, such as a log."""
     if not isinstance(value, MeasuredLogs):
         raise UsageError(
-            f"{type(value).__name__} is not what was measured; allowed is what "
-            "tirelog.measure(logs, model) gives; measure first"
+            f"{type(value).__name__} is not what was measured",
+            allowed="allowed is what tirelog.measure(logs, model) gives",
+            do="measure first",
         )
     return value

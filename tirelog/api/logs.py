@@ -122,6 +122,7 @@ def _warn_of_losses(log: Recording) -> None:
 
 def _no_log(value: Any) -> UsageError:
     return UsageError(
-        f"{type(value).__name__} is no log; allowed are paths, open logs and lists of them; "
-        "give one, such as tirelog.open_log(path)"
+        f"{type(value).__name__} is no log",
+        allowed="allowed are paths, open logs and lists of them",
+        do="give one, such as tirelog.open_log(path)",
     )

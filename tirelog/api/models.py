@@ -68,15 +68,17 @@ def conditions_of(conditions: Conditions | Mapping[str, Any]) -> Conditions:
     for name in conditions:
         if name not in known:
             raise UsageError(
-                f"no condition is called {name!r}{nearest(name, known)}; allowed are "
-                f"{', '.join(known)}; choose among them"
+                f"no condition is called {name!r}{nearest(name, known)}",
+                allowed=f"allowed are {', '.join(known)}",
+                do="choose among them",
             )
     given = {name: np.atleast_1d(np.asarray(v, float)) for name, v in conditions.items()}
     sizes = {values.shape for values in given.values() if values.shape != (1,)} or {(1,)}
     if len(sizes) > 1 or len(next(iter(sizes))) != 1:
         raise UsageError(
-            "conditions of several shapes; allowed are numbers and arrays of one length, one "
-            f"value per revolution; {', '.join(f'{k} {v.shape}' for k, v in given.items())}"
+            "conditions of several shapes",
+            allowed="allowed are numbers and arrays of one length, one value per revolution",
+            do=f"{', '.join((f'{k} {v.shape}' for k, v in given.items()))}",
         )
     return Conditions.of(next(iter(sizes))[0], **given)
 
@@ -214,6 +216,7 @@ def contributions(
     whole = predicted(settled)
     parts = {"base": predicted(replace(settled, effects=()))}
     for effect in settled.effects:
-        parts[effect.id] = whole - predicted(settled.without_effect(effect.id))
+        others = tuple(e for e in settled.effects if e.id != effect.id)
+        parts[effect.id] = whole - predicted(replace(settled, effects=others))
     parts["interaction"] = whole - sum(parts.values())
     return parts

@@ -46,12 +46,16 @@ def simulated_log(
     suffix_of(log)
     if log.resolve() == source.resolve():
         raise UsageError(
-            "is the scenario itself; allowed is a log of another name; change -o", file=log
+            "is the scenario itself",
+            allowed="allowed is a log of another name",
+            do="change -o",
+            file=log,
         )
     if setup_of(log).resolve() == source.resolve():
         raise UsageError(
-            "its setup would take the scenario's place; allowed is a log of another name; "
-            "change -o",
+            "its setup would take the scenario's place",
+            allowed="allowed is a log of another name",
+            do="change -o",
             file=log,
         )
     refuse_inputs(truth_of(log), setup_of(log))

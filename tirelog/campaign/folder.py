@@ -97,8 +97,9 @@ class LocalFolder:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise UsageError(
-                    "another campaign run works in this folder; one at a time is allowed; "
-                    "wait for it",
+                    "another campaign run works in this folder",
+                    allowed="one at a time is allowed",
+                    do="wait for it",
                     file=self.path,
                 ) from None
             swept(self.temporary)
@@ -144,8 +145,9 @@ def _refuse_link(path: Path) -> None:
     """UsageError: `path` is a symbolic link."""
     if path.is_symlink():
         raise UsageError(
-            "is a link; allowed is a folder of the campaign's own, which it empties; "
-            "remove the link",
+            "is a link",
+            allowed="allowed is a folder of the campaign's own, which it empties",
+            do="remove the link",
             file=path,
         )
 

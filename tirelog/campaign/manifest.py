@@ -83,22 +83,26 @@ class Campaign:
     file: Path
 
 
-def _refuse(message: str, file: Path) -> UsageError:
-    return UsageError(message, file=file)
+def _refuse(what: str, file: Path, *, allowed: str = "", do: str = "") -> UsageError:
+    return UsageError(what, allowed=allowed, do=do, file=file)
 
 
 def _keys(data: Any, allowed: tuple[str, ...], where: str, file: Path) -> dict[str, Any]:
     """`data` as a table with no other keys than `allowed`."""
     if not isinstance(data, dict):
         raise _refuse(
-            f"{where} is not a table; allowed are {', '.join(allowed)} under it; mend it", file
+            f"{where} is not a table",
+            file,
+            allowed=f"allowed are {', '.join(allowed)} under it",
+            do="mend it",
         )
     for key in data:
         if key not in allowed:
             raise _refuse(
-                f"unknown key {key!r} in {where}{nearest(key, allowed)}; "
-                f"allowed are {', '.join(allowed)}; mend or remove it",
+                f"unknown key {key!r} in {where}{nearest(key, allowed)}",
                 file,
+                allowed=f"allowed are {', '.join(allowed)}",
+                do="mend or remove it",
             )
     return data
 
@@ -128,9 +132,10 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
     )
     if not wanted and not models:
         raise _refuse(
-            f"asks for nothing; allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]; "
-            "add one",
+            "asks for nothing",
             path,
+            allowed=f"allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]",
+            do="add one",
         )
     _distinct_models(models, path)
     output = _text(about, "output", "[campaign]", path) or "results"
@@ -148,9 +153,10 @@ def _entries(data: Mapping[str, Any], name: str, file: Path) -> list[tuple[str, 
     entries = data.get(name, [])
     if not isinstance(entries, list):
         raise _refuse(
-            f"{name} is not a list of tables; allowed are entries that begin with [[{name}]]; "
-            "mend it",
+            f"{name} is not a list of tables",
             file,
+            allowed=f"allowed are entries that begin with [[{name}]]",
+            do="mend it",
         )
     return [(f"[[{name}]] number {number}", entry) for number, entry in enumerate(entries, 1)]
 
@@ -165,7 +171,10 @@ def _text(table: Mapping[str, Any], key: str, where: str, file: Path) -> str | N
         not isinstance(value, str) or not value.strip() or not value.isprintable()
     ):
         raise _refuse(
-            f"{where}: {key} is not text of one line; allowed is text in quotes; mend it", file
+            f"{where}: {key} is not text of one line",
+            file,
+            allowed="allowed is text in quotes",
+            do="mend it",
         )
     return value
 
@@ -194,7 +203,10 @@ def _check_option(option: str, value: Any, where: str, file: Path) -> None:
     }
     if not fits.get(option, True):
         raise _refuse(
-            f"{where}: {option} = {str(value)[:40]!r}; allowed is {_ALLOWED[option]}; mend it", file
+            f"{where}: {option} = {str(value)[:40]!r}",
+            file,
+            allowed=f"allowed is {_ALLOWED[option]}",
+            do="mend it",
         )
 
 
@@ -209,15 +221,19 @@ def _is_cutoff(text: str) -> bool:
 def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
     if not logs:
         raise _refuse(
-            "matches no log; each [[logs]] has a glob relative to the manifest; mend the glob", path
+            "matches no log",
+            path,
+            allowed="each [[logs]] has a glob relative to the manifest",
+            do="mend the glob",
         )
     seen: dict[str, str] = {}
     for log in logs:
         if log.name in seen:
             raise _refuse(
-                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}; "
-                "a name stands for one log; narrow the globs",
+                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}",
                 path,
+                allowed="a name stands for one log",
+                do="narrow the globs",
             )
         seen[log.name] = log.path
 
@@ -228,8 +244,10 @@ def _distinct_models(models: tuple[CampaignModel, ...], path: Path) -> None:
         if model.file.stem in seen:
             raise _refuse(
                 f"two models have the name {model.file.stem!r}: {seen[model.file.stem]} and "
-                f"{model.file}; one is allowed; rename one",
+                f"{model.file}",
                 path,
+                allowed="one is allowed",
+                do="rename one",
             )
         seen[model.file.stem] = model.file
 
@@ -240,25 +258,28 @@ def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
     pattern = _text(entry, "glob", where, file)
     if pattern is None:
         raise _refuse(
-            f"{where} has no glob; allowed is a pattern relative to the manifest; "
-            'add glob = "logs/*.csv"',
+            f"{where} has no glob",
             file,
+            allowed="allowed is a pattern relative to the manifest",
+            do='add glob = "logs/*.csv"',
         )
     setup, conditions = _text(entry, "setup", where, file), _text(entry, "conditions", where, file)
     try:
         matching = _matches(pattern, base)
     except (ValueError, IndexError, NotImplementedError, OSError) as problem:
         raise _refuse(
-            f"{where}: glob {pattern!r} is no pattern ({problem}); allowed is e.g. "
-            "logs/**/*.csv; mend it",
+            f"{where}: glob {pattern!r} is no pattern ({problem})",
             file,
+            allowed="allowed is e.g. logs/**/*.csv",
+            do="mend it",
         ) from None
     found = [log for log in matching if not log.endswith((".toml", ".truth.json"))]
     if not found:
         raise _refuse(
-            f"{where}: glob {pattern!r} matches no log; it is relative to {base}, or an address; "
-            "mend it",
+            f"{where}: glob {pattern!r} matches no log",
             file,
+            allowed=f"it is relative to {base}, or an address",
+            do="mend it",
         )
     shared = _setup(setup, base) if setup is not None else None
     overrides = _conditions(base / conditions) if conditions is not None else {}
@@ -282,7 +303,9 @@ def _setup(place: str, base: Path) -> Setup:
         return load_setup(base / place)
     data = read_remote(url)
     if data is None:
-        raise SetupError("is not there; a setup is a TOML file; give another address", file=url)
+        raise SetupError(
+            "is not there", allowed="a setup is a TOML file", do="give another address", file=url
+        )
     return parse_setup(data.decode("utf-8-sig", errors="replace"), url)
 
 
@@ -358,20 +381,28 @@ def _conditions(path: Path) -> dict[str, dict[str, str]]:
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
         problem = getattr(problem, "strerror", None) or problem
         raise UsageError(
-            f"cannot be read ({problem}); the conditions are a CSV with a column log; "
-            "mend the path",
+            f"cannot be read ({problem})",
+            allowed="the conditions are a CSV with a column log",
+            do="mend the path",
             file=path,
         ) from None
     if not rows or "log" not in rows[0]:
         raise UsageError(
-            "has no column log; it names each row's log by path or file name; add it", file=path
+            "has no column log",
+            allowed="it names each row's log by path or file name",
+            do="add it",
+            file=path,
         )
     for line, row in enumerate(rows, 2):
         for key in _CONDITIONS:
             text = row.get(key) or ""
             if key != "driven" and text and not _finite(text):
                 raise UsageError(
-                    f"{key} = {text!r}; allowed is a number; mend it", file=path, line=line
+                    f"{key} = {text!r}",
+                    allowed="allowed is a number",
+                    do="mend it",
+                    file=path,
+                    line=line,
                 )
     return {
         str(row["log"]): {
@@ -393,23 +424,27 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
     commands = entry.get("commands", ["compare", "diagnose"])
     if not isinstance(commands, list) or not commands:
         raise _refuse(
-            f"{where}: commands is not a list; allowed are {', '.join(MODEL_COMMANDS)} in one; "
-            "mend it",
+            f"{where}: commands is not a list",
             file,
+            allowed=f"allowed are {', '.join(MODEL_COMMANDS)} in one",
+            do="mend it",
         )
     for command in commands:
         if command not in MODEL_COMMANDS:
             raise _refuse(
-                f"{where}: "
-                f"command {str(command)[:40]!r}{nearest(str(command)[:40], MODEL_COMMANDS)}; "
-                f"allowed are {', '.join(MODEL_COMMANDS)}; mend it",
+                f"{where}: command {str(command)[:40]!r}"
+                f"{nearest(str(command)[:40], MODEL_COMMANDS)}",
                 file,
+                allowed=f"allowed are {', '.join(MODEL_COMMANDS)}",
+                do="mend it",
             )
     name = _text(entry, "file", where, file)
     if name is None:
         raise _refuse(
-            f'{where} has no file; allowed is the path of a model file; add file = "beam.toml"',
+            f"{where} has no file",
             file,
+            allowed="allowed is the path of a model file",
+            do='add file = "beam.toml"',
         )
     path = base / name
     return CampaignModel(path, _observable(path), tuple(commands))

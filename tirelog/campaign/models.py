@@ -72,7 +72,9 @@ def _run(
         text = model.file.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as problem:
         raise UsageError(
-            f"cannot be read ({problem}); a model is a TOML file; mend its path in the manifest"
+            f"cannot be read ({problem})",
+            allowed="a model is a TOML file",
+            do="mend its path in the manifest",
         ) from None
     if not measured:
         raise UsageError(
@@ -183,7 +185,9 @@ def _kept(task: LogTask, observable: str, ledger: Ledger) -> Pieces:
         return read_pieces(ledger.folder.read(name) or b"")
     except (ValueError, KeyError, OSError, EOFError):
         raise ReadError(
-            f"{name} is damaged; it is made by campaign run; remove it and run again",
+            f"{name} is damaged",
+            allowed="it is made by campaign run",
+            do="remove it and run again",
             file=ledger.folder.root,
         ) from None
 

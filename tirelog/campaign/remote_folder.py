@@ -81,7 +81,9 @@ class RemoteFolder:
     def check_held(self) -> None:
         if self._lost.is_set():
             raise UsageError(
-                "another run has taken this folder over; one at a time is allowed; run it again",
+                "another run has taken this folder over",
+                allowed="one at a time is allowed",
+                do="run it again",
                 file=self.root,
             )
 
@@ -173,8 +175,9 @@ def _number(value: object) -> float:
 
 def _taken(root: str, when: str) -> UsageError:
     return UsageError(
-        f"another campaign run works in this folder (last heard {when}); one at a time is "
-        f"allowed; wait for it, or {EXPIRES_S:.0f} s if it was killed",
+        f"another campaign run works in this folder (last heard {when})",
+        allowed="one at a time is allowed",
+        do=f"wait for it, or {EXPIRES_S:.0f} s if it was killed",
         file=root,
     )
 

@@ -44,15 +44,16 @@ def on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, N
         from distributed import Client, as_completed
     except ImportError:
         raise UsageError(
-            "--scheduler needs dask.distributed; it comes with the extra: "
-            "pip install 'tirelog[cluster]'"
+            "--scheduler needs dask.distributed",
+            do="it comes with the extra: pip install 'tirelog[cluster]'",
         ) from None
     try:
         client = Client(scheduler, timeout=_TIMEOUT_S)
     except (OSError, ValueError, TypeError) as problem:
         raise UsageError(
-            f"--scheduler {scheduler} does not answer ({type(problem).__name__}); "
-            "allowed is tcp://HOST:PORT; start it first"
+            f"--scheduler {scheduler} does not answer ({type(problem).__name__})",
+            allowed="allowed is tcp://HOST:PORT",
+            do="start it first",
         ) from None
     with client:
         futures = {
@@ -103,8 +104,8 @@ def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -
     ]
     if not logs:
         raise UsageError(
-            f"--only {only!r} matches none of the campaign's {len(campaign.logs)} logs; "
-            "mend the pattern",
+            f"--only {only!r} matches none of the campaign's {len(campaign.logs)} logs",
+            do="mend the pattern",
             file=campaign.file,
         )
     observables = tuple(dict.fromkeys(model.observable for model in campaign.models))

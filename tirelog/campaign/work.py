@@ -74,8 +74,9 @@ def make_tables(task: LogTask) -> Entry:
             }
             if task.tables and not suited:
                 raise UsageError(
-                    f"has no channel for {', '.join(task.tables)}; see tirelog info; "
-                    "narrow the glob",
+                    f"has no channel for {', '.join(task.tables)}",
+                    allowed="see tirelog info",
+                    do="narrow the glob",
                     file=task.log,
                 )
             entry.remarks += [
@@ -127,7 +128,7 @@ def pieces_name(observable: str, log: str) -> str:
 
     The folder's name changes with what is in them.
     """
-    return f"{HIDDEN}/steady/{observable}/{log}.npz"
+    return f"{HIDDEN}/means/{observable}/{log}.npz"
 
 
 @contextmanager

@@ -44,8 +44,9 @@ def check(
     if bless:
         if str(table) == "-":
             raise UsageError(
-                "--bless wants a file; standard input cannot be copied; write the table with -o "
-                "first"
+                "--bless wants a file",
+                allowed="standard input cannot be copied",
+                do="write the table with -o first",
             )
         read_table(table)  # nothing that is no table takes the other's place
         with whole_file(against) as part:
@@ -73,8 +74,14 @@ def _tolerances(texts: list[str]) -> dict[str, float]:
             out[name] = float(value)
         except ValueError:
             raise UsageError(
-                f"--tolerance {text}: not COLUMN=NUMBER; e.g. --tolerance speed_m_s=0.001; mend it"
+                f"--tolerance {text}: not COLUMN=NUMBER",
+                allowed="e.g. --tolerance speed_m_s=0.001",
+                do="mend it",
             ) from None
         if not out[name] >= 0:
-            raise UsageError(f"--tolerance {text}: below zero; allowed is a number from 0; mend it")
+            raise UsageError(
+                f"--tolerance {text}: below zero",
+                allowed="allowed is a number from 0",
+                do="mend it",
+            )
     return out

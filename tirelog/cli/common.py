@@ -4,11 +4,12 @@ Common options, and a session that opens logs and adds up what was lost.
 
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         with session.table("speed", output, format) as table:
-            for recording in session.recordings(logs):
-                table.write(columns)
+            for recording, part in session.parts(logs, "speed"):
+                table.write(part.columns)
 
 A session says each recording's remarks once on standard error, goes on with the next log if one
-cannot be read, and ends with status 3 if input was lost (4 if nothing at all could be read).
+cannot be read or made a table of, and ends with status 3 then or if input was lost (4 if nothing
+at all could be read).
 """
 
 from __future__ import annotations
@@ -16,14 +17,22 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.errors import DataLoss, ExitStatus, ReadError, UsageError, printable
+from tirelog.errors import (
+    DataLoss,
+    ExitStatus,
+    ReadError,
+    SetupError,
+    TirelogError,
+    UsageError,
+    printable,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -124,6 +133,7 @@ class Session:
         self._resources = ExitStack()
         self._lost: list[str] = []
         self._unread: list[str] = []
+        self._refused: list[TirelogError] = []
         self._kept: list[Recording] = []
         self._read = 0
         self._streams = False
@@ -154,18 +164,29 @@ class Session:
         ends here, with status 4, before an empty table takes an older one's place.
         """
         for log in logs:
-            with ExitStack() as resources:
-                recording = self._open(log, resources, blocks)
+            with self._opened(log, blocks) as recording:
                 if recording is not None:
                     yield recording
-                    self._say_losses(recording)
+        self._stop_if_unread()
+
+    def _stop_if_unread(self) -> None:
+        """Ends the command with status 4 if there were logs and none could be read."""
         if self._unread and not self._read:
             raise typer.Exit(int(ExitStatus.NOTHING_READ))
+
+    @contextmanager
+    def _opened(self, log: str, blocks: int | None = None) -> Iterator[Recording | None]:
+        """One log while it is open, or None if it cannot be read; its losses are said."""
+        with ExitStack() as resources:
+            recording = self._open(log, resources, blocks)
+            yield recording
+            if recording is not None:
+                self._say_losses(recording)
 
     def parts(
         self, logs: list[str], table: str, **options: Any
     ) -> Iterator[tuple[Recording, Part]]:
-        """The rows of one table of every log, part by part, what is to be said of them said.
+        """The rows of one table of every log, part by part (`parts_of`).
 
         If rows go to standard output, all that could refuse a log is looked at before the first. A
         file takes its place whole or not at all, so that its channels need not be read twice.
@@ -174,11 +195,46 @@ class Session:
 
         given = {name: value for name, value in options.items() if value is not None}
         wanted = checked({table: given})
-        for recording in self.recordings(logs):
-            for part in tables_of(recording, wanted, refused_first=self._streams):
-                for remark in part.remarks:
-                    self.note(f"{recording.log}: {remark}")
-                yield recording, part
+        return self.parts_of(
+            logs, lambda recording: tables_of(recording, wanted, refused_first=self._streams)
+        )
+
+    def parts_of(
+        self, logs: list[str], made: Callable[[Recording], Iterator[Part]]
+    ) -> Iterator[tuple[Recording, Part]]:
+        """What is `made` of every log, part by part, what is to be said of it said.
+
+        Of several logs each stands for itself: one that is refused, for its setup or for what it
+        shows, is said to be, the others go on, and the command ends with status 3. If no log has
+        given anything it ends here, with the status of the first refusal, and writes nothing.
+        """
+        self.setup()  # a setup for all logs that cannot be used stops the command
+        gave = False
+        for log in logs:
+            told = set()
+            try:
+                with self._opened(log) as recording:
+                    if recording is None:
+                        continue
+                    for part in made(recording):
+                        for remark in part.remarks:
+                            if remark not in told:
+                                told.add(remark)
+                                self.note(f"{log}: {remark}")
+                        gave = True
+                        yield recording, part
+            except (UsageError, SetupError, ReadError, DataLoss) as problem:
+                if len(logs) == 1:
+                    raise
+                self._refuse(log, problem)
+        self._stop_if_unread()
+        if self._refused and not gave:
+            raise typer.Exit(int(self._refused[0].exit_status))
+
+    def _refuse(self, log: str, problem: TirelogError) -> None:
+        """One log of several is refused: said now, and status 3 in the end."""
+        self._refused.append(problem)
+        say(f"error: {problem if problem.file is not None else problem.at(log)}")
 
     def all_recordings(self, logs: list[str]) -> list[Recording]:
         """The logs, open together until the session ends."""
@@ -244,7 +300,6 @@ class Session:
             return
         for recording in self._kept:
             self._say_losses(recording)
-        if self._unread and not self._read:
-            raise typer.Exit(int(ExitStatus.NOTHING_READ))
-        if self._unread or self._lost:
+        self._stop_if_unread()
+        if self._unread or self._lost or self._refused:
             raise typer.Exit(int(DataLoss.exit_status))

@@ -95,7 +95,9 @@ def compare(
     tables = ("revolution", "angle", "speed", "regime", "conditions", *TABLES)
     if by is not None and by not in tables:
         raise UsageError(
-            f"--by {by}{nearest(by, tables)}; allowed are {', '.join(tables)}; choose one"
+            f"--by {by}{nearest(by, tables)}",
+            allowed=f"allowed are {', '.join(tables)}",
+            do="choose one",
         )
     refuse_unwritable(output)
     refuse_picture(plot)
@@ -106,9 +108,9 @@ def compare(
         result = compare_measured(found, read)
         if by in TABLES and result.obstacles is None:
             raise UsageError(
-                f"--by {by} is for a coupled_ring model and logs whose setup has a [road]; "
-                "allowed here are "
-                f"{', '.join(t for t in tables if t not in TABLES)}; choose one, or add the [road]"
+                f"--by {by} is for a coupled_ring model and logs whose setup has a [road]",
+                allowed=f"allowed here are {', '.join(t for t in tables if t not in TABLES)}",
+                do="choose one, or add the [road]",
             )
         for remark in result.notes:
             session.note(remark)

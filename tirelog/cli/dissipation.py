@@ -41,7 +41,9 @@ def dissipation(
 
     if fit and by_speed:
         raise UsageError(
-            "--fit and --by-speed are two tables; allowed is one of them; run the command twice"
+            "--fit and --by-speed are two tables",
+            allowed="allowed is one of them",
+            do="run the command twice",
         )
     kept = []
     name = "dissipation-fit" if fit else "dissipation"

@@ -28,8 +28,9 @@ def effects(
     catalogue = catalogue_with(own)
     if name is not None and name not in catalogue:
         raise UsageError(
-            f"unknown effect {name!r}{nearest(name, catalogue)}; "
-            f"allowed are {', '.join(catalogue)}; name one, or none for the list"
+            f"unknown effect {name!r}{nearest(name, catalogue)}",
+            allowed=f"allowed are {', '.join(catalogue)}",
+            do="name one, or none for the list",
         )
     chosen = list(catalogue.values()) if name is None else [catalogue[name]]
     if plot is not None:

@@ -40,8 +40,9 @@ def read_history(model: Path) -> list[dict[str, Any]]:
     except (OSError, ValueError, KeyError, TypeError):
         pass
     raise ModelError(
-        "is no history of ladders; it is the file that `tirelog ladder` keeps; move it away to "
-        "begin another",
+        "is no history of ladders",
+        allowed="it is the file that `tirelog ladder` keeps",
+        do="move it away to begin another",
         file=path,
     )
 
@@ -51,8 +52,8 @@ def history_rows(model: Path) -> dict[str, list[Any]]:
     ladders = read_history(model)
     if not ladders:
         raise ModelError(
-            f"no ladder was climbed from it yet; `tirelog ladder LOG... --model {model}` climbs "
-            "one",
+            "no ladder was climbed from it yet",
+            do=f"`tirelog ladder LOG... --model {model}` climbs one",
             file=model,
         )
     rows = [(entry, step) for entry in ladders for step in entry["steps"]]

@@ -57,8 +57,10 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
             value = math.nan
         if not equals or not math.isfinite(value):
             raise UsageError(
-                f"--set {text}; NAME=VALUE with a finite number is allowed, such as --set "
-                "line_mass_kg_m=4.5; correct it"
+                f"--set {text}",
+                allowed="NAME=VALUE with a finite number is allowed, such as --set "
+                "line_mass_kg_m=4.5",
+                do="correct it",
             )
         values[prefix + name.strip().removeprefix(prefix)] = value
     return values

@@ -109,10 +109,12 @@ def learned_page(learned: Learned) -> str:
 
 def effect_page(effect: Effect) -> str:
     """One effect of the catalogue."""
+    from tirelog.physics.effects import serves
+
     rows: list[tuple[str, ...]] = [
         ("follows", effect.follows_said),
         ("acts on", ", ".join(effect.acts_on)),
-        ("for", ", ".join(effect.reaches)),
+        ("for", ", ".join(serves(effect).values())),
         ("needs", ", ".join(effect.needs) or "nothing beyond speed"),
         ("signature", effect.signature),
         ("valid", effect.valid),
@@ -153,13 +155,15 @@ def catalogue_page(effects: Iterable[Effect]) -> str:
 
 def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
     """Columns of the catalogue's table."""
+    from tirelog.physics.effects import serves
+
     effects = list(effects)
     return {
         "effect": [e.id for e in effects],
         "mechanism": [e.mechanism for e in effects],
         "follows": [e.follows_said for e in effects],
         "acts_on": [" ".join(e.acts_on) for e in effects],
-        "observables": [" ".join(e.reaches) for e in effects],
+        "observables": [" ".join(serves(e)) for e in effects],
         "parameters": [" ".join(p.name for p in e.parameters) for e in effects],
         "needs": [" ".join(e.needs) for e in effects],
         "source": [e.source for e in effects],

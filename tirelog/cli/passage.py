@@ -17,8 +17,8 @@ def road_words(words: str, setup: Setup | None) -> RoadSetup:
         return parse_road(words)
     if setup is None or setup.road.kind == "flat":
         raise UsageError(
-            "--road setup, and the setup has no [road]; a road in words is allowed, such as "
-            "cleat,height_m=0.01,length_m=0.04"
+            "--road setup, and the setup has no [road]",
+            allowed="a road in words is allowed, such as cleat,height_m=0.01,length_m=0.04",
         )
     return setup.road
 
@@ -61,7 +61,9 @@ def _numbers(text: str, option: str, form: str, count: int) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(isfinite(x) for x in numbers):
-        raise UsageError(f"{option} {text}; {form} in s and SI units is allowed; correct it")
+        raise UsageError(
+            f"{option} {text}", allowed=f"{form} in s and SI units is allowed", do="correct it"
+        )
     return numbers
 
 
@@ -70,6 +72,7 @@ def _later(option: str, text: str, time_s: float, before_s: float) -> None:
 
     if time_s < before_s:
         raise UsageError(
-            f"{option} {text} goes back in time; times that grow, from 0 s on, are allowed; "
-            "correct it"
+            f"{option} {text} goes back in time",
+            allowed="times that grow, from 0 s on, are allowed",
+            do="correct it",
         )

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,7 +11,6 @@ from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, Setup
 from tirelog.cli.log_table import table_option
 
 if TYPE_CHECKING:
-    from tirelog.products import Part
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import EdgeTimes
 
@@ -45,13 +43,15 @@ def phase_shift(
 
     if calibration is not None and calibrate is not None:
         raise UsageError(
-            "--calibration and --calibrate; one reads a calibration, the other learns one; "
-            "give one of them"
+            "--calibration and --calibrate",
+            allowed="one reads a calibration, the other learns one",
+            do="give one of them",
         )
     if fit_forces and calibrate is None:
         raise UsageError(
-            "--fit-forces without --calibrate; the force maps are part of a calibration; "
-            "give --calibrate FILE"
+            "--fit-forces without --calibrate",
+            allowed="the force maps are part of a calibration",
+            do="give --calibrate FILE",
         )
     applied = read_calibration(calibration) if calibration is not None else None
     with (
@@ -62,7 +62,9 @@ def phase_shift(
             session.note(applied.delay_remark)
         kept: list[EdgeTimes] = []
         learning = calibrate is not None
-        for part in _parts(session, logs, calibration=applied, zero=zero, forces=learning):
+        for _, part in session.parts(
+            logs, "phase-shift", calibration=applied, zero=zero, forces=learning
+        ):
             if not learning:
                 writer.write(part.columns)
             if learning or plot is not None:
@@ -80,22 +82,6 @@ def phase_shift(
             from tirelog.plots.phase_shift import plot_phase_shift
 
             plot_phase_shift(kept, applied, plot)
-
-
-def _parts(session: Session, logs: list[str], **options: Any) -> Iterator[Part]:
-    """The rows of every log; one without teeth or without a patch is lost, and the rest goes on."""
-    from tirelog.errors import DataLoss
-    from tirelog.products import tables_of
-
-    given = {name: value for name, value in options.items() if value is not None}
-    for recording in session.recordings(logs):
-        try:
-            for part in tables_of(recording, {"phase-shift": given}):
-                for remark in part.remarks:
-                    session.note(f"{recording.log}: {remark}")
-                yield part
-        except DataLoss as problem:
-            session.lost(str(problem))
 
 
 def _learn(session: Session, kept: list[EdgeTimes], path: Path, forces: bool) -> Calibration:

@@ -108,24 +108,32 @@ def _possible(
 
     if format not in _FORMATS:
         raise UsageError(
-            f"--format {format}{nearest(format, _FORMATS)}; allowed are {', '.join(_FORMATS)}; "
-            "choose one"
+            f"--format {format}{nearest(format, _FORMATS)}",
+            allowed=f"allowed are {', '.join(_FORMATS)}",
+            do="choose one",
         )
     if not logs and campaign is None:
         raise UsageError(
-            "nothing to report on; allowed are logs, runs and --campaign DIR; give one"
+            "nothing to report on",
+            allowed="allowed are logs, runs and --campaign DIR",
+            do="give one",
         )
     if (format == "png") != (figures is not None):
-        raise UsageError("--format png and --figures DIR belong together; give both or neither")
+        raise UsageError(
+            "--format png and --figures DIR belong together", do="give both or neither"
+        )
     if output is None and figures is None:
         raise UsageError(
-            "nothing to write; allowed are -o PAGE.html and --format png --figures DIR; add one"
+            "nothing to write",
+            allowed="allowed are -o PAGE.html and --format png --figures DIR",
+            do="add one",
         )
     if output is not None:
         if output.suffix.lower() not in _SUFFIXES and (output.is_file() or not output.exists()):
             raise UsageError(
-                f"-o {output}: the page is HTML; allowed are the suffixes "
-                f"{', '.join(_SUFFIXES)}; rename it"
+                f"-o {output}: the page is HTML",
+                allowed=f"allowed are the suffixes {', '.join(_SUFFIXES)}",
+                do="rename it",
             )
         refuse_unwritable(output)
         plotting_library()

@@ -8,14 +8,18 @@ are those of the single commands.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tirelog.cli.common import Logs, Quiet, Session, SetupFile, keeps_hashes
 from tirelog.runtime import one_thread
+
+if TYPE_CHECKING:
+    from tirelog.data.recording import Recording
 
 
 def tables(
@@ -47,15 +51,16 @@ def tables(
     """Make several tables in one go, each log read once."""
     one_thread()
     from tirelog.errors import UsageError, nearest
-    from tirelog.products import OF_A_DRIVE, tables_of
+    from tirelog.products import OF_A_DRIVE, Part, tables_of
     from tirelog.storage.whole import all_or_none, make_folder
     from tirelog.tables.writer import TableWriter, table_format
 
     for name in table or ():
         if name not in OF_A_DRIVE:
             raise UsageError(
-                f"--table {name}{nearest(name, OF_A_DRIVE)}; allowed are {', '.join(OF_A_DRIVE)}; "
-                "choose among them"
+                f"--table {name}{nearest(name, OF_A_DRIVE)}",
+                allowed=f"allowed are {', '.join(OF_A_DRIVE)}",
+                do="choose among them",
             )
     suffix = table_format(None, format)
     with (
@@ -63,26 +68,26 @@ def tables(
         all_or_none(),
         ExitStack() as open_tables,
     ):
-        writers: dict[str, TableWriter] = {}
-        for recording in session.recordings(logs):
+
+        def made(recording: Recording) -> Iterator[Part]:
             suited = [name for name in table or OF_A_DRIVE if OF_A_DRIVE[name].suits(recording)]
             for name in set(table or ()) - set(suited):
                 session.note(f"{recording.log}: no channel for {name}")
             if not suited:
                 raise UsageError(
-                    f"no channel for {' or '.join(table or OF_A_DRIVE)}; see `tirelog info`; "
-                    "name one in the setup",
+                    f"no channel for {' or '.join(table or OF_A_DRIVE)}",
+                    allowed="see `tirelog info`",
+                    do="name one in the setup",
                     file=recording.log,
                 )
-            told = set()
-            for part in tables_of(recording, {name: {} for name in suited}, workers):
-                if part.table not in writers:
-                    make_folder(output)
-                    writers[part.table] = open_tables.enter_context(
-                        session.table(part.table, output / f"{part.table}.{suffix}", format)
-                    )
-                writers[part.table].write(part.columns)
-                for remark in part.remarks:
-                    if remark not in told:
-                        told.add(remark)
-                        session.note(f"{recording.log}: {remark}")
+            wanted: dict[str, dict[str, Any]] = {name: {} for name in suited}
+            return tables_of(recording, wanted, workers, refused_first=len(logs) > 1)
+
+        writers: dict[str, TableWriter] = {}
+        for _, part in session.parts_of(logs, made):
+            if part.table not in writers:
+                make_folder(output)
+                writers[part.table] = open_tables.enter_context(
+                    session.table(part.table, output / f"{part.table}.{suffix}", format)
+                )
+            writers[part.table].write(part.columns)

@@ -37,11 +37,14 @@ def refuse_picture(path: Path | None) -> None:
 
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(
-            f"--plot {path}: suffix {path.suffix!r}; allowed are {', '.join(SUFFIXES)}; rename it"
+            f"--plot {path}: suffix {path.suffix!r}",
+            allowed=f"allowed are {', '.join(SUFFIXES)}",
+            do="rename it",
         )
     if find_spec("matplotlib") is None:
         raise UsageError(
-            "--plot needs matplotlib; allowed without it are tables; install it: "
-            "pip install 'tirelog[plot]'"
+            "--plot needs matplotlib",
+            allowed="allowed without it are tables",
+            do="install it: pip install 'tirelog[plot]'",
         )
     refuse_unwritable(path)

@@ -74,7 +74,7 @@ def _some(channel: Channel) -> FloatArray:
 
 
 def _refused(recording: Recording, channel: Channel, what: str, do: str) -> SetupError:
-    return SetupError(f"channel {channel.name}: {what}; {do}", file=recording.log)
+    return SetupError(f"channel {channel.name}: {what}", do=f"{do}", file=recording.log)
 
 
 def _of_grating(recording: Recording, channel: Channel, some: FloatArray) -> str:

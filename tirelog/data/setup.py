@@ -61,8 +61,9 @@ class Tire:
         radius = self.rolling_radius_m or self.unloaded_radius_m
         if radius is None:
             raise SetupError(
-                "the setup has no radius; [tire] takes rolling_radius_m or unloaded_radius_m; "
-                "add one of them"
+                "the setup has no radius",
+                allowed="[tire] takes rolling_radius_m or unloaded_radius_m",
+                do="add one of them",
             )
         return radius
 
@@ -208,8 +209,16 @@ class _Source:
     def __init__(self, text: str, file: str | None) -> None:
         self.lines, self.file = text.splitlines(), file
 
-    def error(self, message: str, table: str = "", key: str = "") -> SetupError:
-        return SetupError(message, file=self.file or "setup", line=self.line(table, key))
+    def error(
+        self, what: str, table: str = "", key: str = "", *, allowed: str = "", do: str = ""
+    ) -> SetupError:
+        return SetupError(
+            what,
+            allowed=allowed,
+            do=do,
+            file=self.file or "setup",
+            line=self.line(table, key),
+        )
 
     def line(self, table: str, key: str) -> int | None:
         header = rf"^\s*\[\s*{re.escape(table)}\s*\]" if table else None
@@ -230,9 +239,11 @@ def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
     if "tuple[str" in wanted:
         if not (isinstance(value, list) and value and all(isinstance(v, str) for v in value)):
             raise source.error(
-                f'{key} = {value!r}; allowed is a list of names; write e.g. ["time_s", "strain_1"]',
+                f"{key} = {value!r}",
                 table,
                 key,
+                allowed="allowed is a list of names",
+                do='write e.g. ["time_s", "strain_1"]',
             )
         return tuple(value)
     if "tuple" in wanted:
@@ -243,10 +254,11 @@ def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
             and value[0] < value[1]
         ):
             raise source.error(
-                f"{key} = {value!r}; allowed is a pair [low, high] in nm; write e.g. "
-                "[1549.0, 1551.5]",
+                f"{key} = {value!r}",
                 table,
                 key,
+                allowed="allowed is a pair [low, high] in nm",
+                do="write e.g. [1549.0, 1551.5]",
             )
         return (float(value[0]), float(value[1]))
     if "float" in wanted or "int" in wanted:
@@ -257,19 +269,26 @@ def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
                 ", whole" if "int" in wanted else ""
             )
             raise source.error(
-                f"{key} = {value!r}; allowed is {allowed}; mend the number", table, key
+                f"{key} = {value!r}",
+                table,
+                key,
+                allowed=f"allowed is {allowed}",
+                do="mend the number",
             )
         strange = doubt_of_key(key, value)
         if strange:
-            raise source.error(f"{key} = {value!r}; {strange}; mend the number", table, key)
+            raise source.error(
+                f"{key} = {value!r}", table, key, allowed=strange, do="mend the number"
+            )
         return int(value) if "int" in wanted else float(value)
     kind = bool if "bool" in wanted else str
     if not isinstance(value, kind):
         raise source.error(
-            f"{key} = {value!r}; "
-            f"allowed is {'true or false' if kind is bool else 'text in quotes'}; mend the value",
+            f"{key} = {value!r}",
             table,
             key,
+            allowed=f"allowed is {'true or false' if kind is bool else 'text in quotes'}",
+            do="mend the value",
         )
     return value
 
@@ -282,16 +301,21 @@ def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
     """A TOML table as the dataclass `cls`."""
     if not isinstance(data, dict):
         raise source.error(
-            f"{name} is not a table; allowed is [{name}] with keys under it; mend it", "", name
+            f"{name} is not a table",
+            "",
+            name,
+            allowed=f"allowed is [{name}] with keys under it",
+            do="mend it",
         )
     specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
     for key in data:
         if key not in specs:
             raise source.error(
-                f"unknown key {key!r} in [{name}]{nearest(key, specs)}; "
-                f"allowed are {', '.join(specs)}; mend or remove it",
+                f"unknown key {key!r} in [{name}]{nearest(key, specs)}",
                 name,
                 key,
+                allowed=f"allowed are {', '.join(specs)}",
+                do="mend or remove it",
             )
     return cls(**{key: _value(specs[key], value, source, name) for key, value in data.items()})
 
@@ -301,44 +325,53 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
     table = f"channels.{name}"
     if not re.fullmatch(r"[\w.+-]+", name):
         raise source.error(
-            f"channel name {name!r}; allowed are letters, digits and _ . + -; rename it", table
+            f"channel name {name!r}",
+            table,
+            allowed="allowed are letters, digits and _ . + -",
+            do="rename it",
         )
     channel = _table(ChannelSetup, data, source, table)
     if channel.kind not in KINDS:
         raise source.error(
-            f"kind {channel.kind!r}{nearest(channel.kind, KINDS)}; "
-            f"allowed are {', '.join(KINDS)}; mend it",
+            f"kind {channel.kind!r}{nearest(channel.kind, KINDS)}",
             table,
             "kind",
+            allowed=f"allowed are {', '.join(KINDS)}",
+            do="mend it",
         )
     if not channel.source and channel.window_nm is None:
         raise source.error(
-            "no source; allowed is a column, topic or dataset path, or window_nm; "
-            'add source = "..."',
+            "no source",
             table,
+            allowed="allowed is a column, topic or dataset path, or window_nm",
+            do='add source = "..."',
         )
     try:
         units.to_si(channel.source_unit, *KINDS[channel.kind].quantities)
     except SetupError as problem:
-        raise source.error(problem.message, table, "unit") from None
+        raise problem.at(source.file or "setup", source.line(table, "unit")) from None
     if channel.kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None:
         raise source.error(
-            "no reference_wavelength_nm; a grating needs its wavelength at rest in nm; add it",
+            "no reference_wavelength_nm",
             table,
+            allowed="a grating needs its wavelength at rest in nm",
+            do="add it",
         )
     if channel.surface is not None and channel.surface not in SURFACES:
         raise source.error(
-            f"surface {channel.surface!r}; allowed are {', '.join(SURFACES)}; mend it",
+            f"surface {channel.surface!r}",
             table,
             "surface",
+            allowed=f"allowed are {', '.join(SURFACES)}",
+            do="mend it",
         )
     twin = channel.temperature_channel
     if twin is not None and (twin not in names or twin == name):
         raise source.error(
-            f"temperature_channel {twin!r} is no other channel{nearest(twin, names)}; "
-            f"name one of {', '.join(names)}",
+            f"temperature_channel {twin!r} is no other channel{nearest(twin, names)}",
             table,
             "temperature_channel",
+            do=f"name one of {', '.join(names)}",
         )
     return channel
 
@@ -352,7 +385,7 @@ def _tire(data: Any, source: _Source) -> Tire:
         else doubt_of_radius(tire.rolling_radius_m, tire.unloaded_radius_m)
     )
     if strange:
-        raise source.error(f"{strange}; mend one of the two", "tire", "rolling_radius_m")
+        raise source.error(strange, "tire", "rolling_radius_m", do="mend one of the two")
     return tire
 
 
@@ -361,10 +394,11 @@ def _road(data: Any, source: _Source) -> RoadSetup:
     road = _table(RoadSetup, data, source, "road")
     if road.kind not in ROADS:
         raise source.error(
-            f"kind {road.kind!r}{nearest(road.kind, ROADS)}; allowed are {', '.join(ROADS)}; "
-            "mend it",
+            f"kind {road.kind!r}{nearest(road.kind, ROADS)}",
             "road",
             "kind",
+            allowed=f"allowed are {', '.join(ROADS)}",
+            do="mend it",
         )
     return road
 
@@ -382,8 +416,9 @@ def parse_road(words: str) -> RoadSetup:
             given[key] = value if key == "file" else float(value)
         except ValueError:
             raise SetupError(
-                f"{pair!r} in the road {words!r}; KEY=NUMBER is allowed, such as height_m=0.01; "
-                "correct it"
+                f"{pair!r} in the road {words!r}",
+                allowed="KEY=NUMBER is allowed, such as height_m=0.01",
+                do="correct it",
             ) from None
     return _road(given, _Source("", "--road"))
 
@@ -395,21 +430,26 @@ def _log(data: Any, source: _Source) -> LogSetup:
         value = getattr(log, key)
         if value is not None and value not in allowed:
             words = ", ".join(repr(word) for word in allowed)
-            raise source.error(f"{key} = {value!r}; allowed are {words}; mend it", "log", key)
+            raise source.error(
+                f"{key} = {value!r}", "log", key, allowed=f"allowed are {words}", do="mend it"
+            )
     if log.decimal is not None and log.decimal == log.separator:
         raise source.error(
-            f"separator and decimal are both {log.decimal!r}; allowed are two that differ; "
-            "mend one of them",
+            f"separator and decimal are both {log.decimal!r}",
             "log",
             "decimal",
+            allowed="allowed are two that differ",
+            do="mend one of them",
         )
     named = log.columns or ()
     twice = next((name for k, name in enumerate(named) if name and name in named[:k]), None)
     if twice is not None:
         raise source.error(
-            f"columns has the name {twice!r} twice; each name once is allowed; rename one",
+            f"columns has the name {twice!r} twice",
             "log",
             "columns",
+            allowed="each name once is allowed",
+            do="rename one",
         )
     return log
 
@@ -422,14 +462,17 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
     for key in data:
         if key not in sections:
             raise source.error(
-                f"unknown table [{key}]{nearest(key, sections)}; "
-                f"allowed are {', '.join(sections)}; mend or remove it",
+                f"unknown table [{key}]{nearest(key, sections)}",
                 key,
+                allowed=f"allowed are {', '.join(sections)}",
+                do="mend or remove it",
             )
     tables = data.get("channels", {})
     if not isinstance(tables, dict) or not tables:
         raise source.error(
-            "no channels; a setup has at least one [channels.NAME]; add what the log holds"
+            "no channels",
+            allowed="a setup has at least one [channels.NAME]",
+            do="add what the log holds",
         )
     names = list(tables)
     channels = {name: _channel(name, table, source, names) for name, table in tables.items()}

@@ -22,7 +22,8 @@ from tirelog.inference.metric.offsets import Nuisance, Offsets
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
 
-#: a projected signature with less than this share of its norm left shows nothing of its own
+#: a projected signature with less than this share of its norm left shows nothing of its own: the
+#: effect would have to be a thousand times as large as what is seen of it
 _INVISIBLE = 1e-3
 
 

@@ -44,7 +44,9 @@ Measured = Sequence[Stack] | Pieces
 def measured_pieces(measured: Measured) -> Pieces:
     """The pieces of all logs.  UsageError: there is none."""
     if not len(measured):
-        raise UsageError("no stack to compare with; at least one log is needed; give one")
+        raise UsageError(
+            "no stack to compare with", allowed="at least one log is needed", do="give one"
+        )
     return measured if isinstance(measured, Pieces) else pieces_of_logs(measured)
 
 
@@ -67,9 +69,9 @@ def start(measured: Measured, model: Model) -> Base:
 def other_observable(pieces: Pieces, model: Model) -> UsageError:
     """The error that says that a model and a log do not fit together."""
     return UsageError(
-        f"the model predicts {model.observable}, the log gives {pieces.observable}; "
-        "both must be the same; take a model for "
-        f"{pieces.observable} (model new) or another log",
+        f"the model predicts {model.observable}, the log gives {pieces.observable}",
+        allowed="both must be the same",
+        do=f"take a model for {pieces.observable} (model new) or another log",
         file=pieces.logs[0],
     )
 

@@ -67,8 +67,9 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
     """An error if there is nothing to fit, or to fit to."""
     if not model.free:
         raise ModelError(
-            "the model has no free parameter; one with { value, min, max } is needed; "
-            "free one in the model file"
+            "the model has no free parameter",
+            allowed="one with { value, min, max } is needed",
+            do="free one in the model file",
         )
     same = [pieces.observable == model.observable for pieces in channels]
     for pieces, is_same in zip(channels, same, strict=True):
@@ -80,8 +81,9 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
             for effect, lacking in model.missing_conditions(known).items():
                 raise ModelError(
                     f"effect {effect!r} needs {', '.join(lacking)}, which {pieces.logs[log]} does "
-                    "not know; "
-                    f"every log must know it; add it to the setup, or remove the effect"
+                    "not know",
+                    allowed="every log must know it",
+                    do="add it to the setup, or remove the effect",
                 )
 
 

@@ -33,7 +33,8 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES
 
-#: every so many manoeuvres one is locked away, if at least so many remain
+#: every so many manoeuvres one is locked away, if at least so many remain: these leave sign flips a
+#: least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single one
 _LOCK_EVERY = 7
 _LOCK_LEAST = 12
 

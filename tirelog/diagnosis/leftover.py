@@ -31,7 +31,8 @@ from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 
-#: exponents of speed that are tested, and those that describe what was found
+#: exponents of speed that are tested (each is one more candidate for chance), and those that
+#: describe what was found, to half a power
 EXPONENTS = (0.0, 1.0, 2.0)
 FINE_EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 #: ring-downs behind the exit edge that are tried: fixed frequencies [Hz] or wavelengths [m], and
@@ -40,26 +41,28 @@ _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
 _DECAYS_M = (0.1, 0.3)
-#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what free
-#: shapes explain
+#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what is left:
+#: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
 _RINGS_MORE = 1.15
 _RINGS_SHARE = 0.35
-#: share of the energy that makes a parity
+#: share of the energy that makes a parity: the other one is then a third as large.  With twice the
+#: rest it may be half as large; of a shape on one side alone both are equal
 _PARITY = 0.9
 #: half lengths of the patch within which a shape belongs to the patch (even or odd), or to the edge
 #: of its side (a wake is longer)
 _NEAR = 3.5
 _WAKE = 6.0
-#: cells that a ring-down is looked for in
+#: cells that a ring-down is looked for in: the time goes with their number
 _SOME_CELLS = 24
 #: share of what both sides explain that one side alone must, and its ratio to the other side's
 _ONE_SIDED = 0.93
 _MORE = 1.03
-#: single logs that a remainder may follow
+#: single logs that a remainder may follow: each is one more factor that may fit by chance
 MOST_LOGS = 4
 #: a quantity is named in place of a log from this share of its statistic on
 _NAMED_FIRST = 0.95
-#: two quantities that move together beyond this correlation are not told apart
+#: two quantities that move together beyond this correlation are not told apart: a fifth of the one
+#: in size is its own then; at 0.96 it would be 28 %
 _TOGETHER = 0.98
 #: share of what is left that one shape must make up to be said, and rank correlation over
 #: manoeuvres of its size with what it is said to follow: so much, and so many standard errors of a

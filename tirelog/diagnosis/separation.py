@@ -27,7 +27,8 @@ from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 
-#: separation that is aimed at, revolutions of a planned stretch, angles of the plan
+#: separation that is aimed at [standard errors]: taken for another effect once in 740; doubled, it
+#: takes four times the runs.  Revolutions of a planned stretch, angles and speeds of the plan
 WANTED_SIGMA = 3.0
 _REVOLUTIONS = 40
 _ANGLES = 128

@@ -24,9 +24,10 @@ import numpy as np
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: up to so many manoeuvres all patterns of signs are tried
+#: up to so many manoeuvres all patterns of signs are tried, 2^13; each more doubles the time
 _EXACT = 13
-#: and beyond them so many random ones, some at a time
+#: and beyond them so many random ones, some at a time: they tell a p of ALARM_P to 8 % of it; twice
+#: as many to 5.5 %
 _RANDOM = 16383
 _BLOCK = 1024
 

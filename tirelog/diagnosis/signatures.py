@@ -19,14 +19,15 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.inference.fit.cells import Problem
 from tirelog.physics.carcass.numbers import steady_carcass
-from tirelog.physics.effects import BY_ID, Effect
+from tirelog.physics.effects import BY_ID, Effect, readers
 from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.model import Model
+from tirelog.physics.model.model import Model, why_idle
 from tirelog.vocabulary.arrays import FloatArray
 
 #: shape parameters are tried at these factors of their probe
 _FACTORS = (0.5, 2.0)
-#: a change below this share of the waveform is rounding
+#: a change below this share of the waveform is rounding; doubling it decides nothing, since what
+#: acts at its probe strength does far more
 _NOTHING = 1e-9
 
 
@@ -48,17 +49,34 @@ class Signature:
 def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect]:
     """The catalogue and the user's own effects, for this observable and carcass.
 
-    Without what the model holds already.
+    Without what the model holds already, and what acts on nothing in it.
     """
-    held = {effect.id for effect in model.effects}
+    beside = [held.effect for held in model.effects]
+    held = {effect.id for effect in beside}
     known = {**BY_ID, **{effect.id: effect for effect in extra}}
     return [
         effect
         for effect in known.values()
         if effect.id not in held
-        and model.observable in effect.reaches
+        and effect.acts_in(model.observable, beside)
         and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
     ]
+
+
+def idle_candidates(model: Model, extra: Iterable[Effect] = ()) -> dict[str, str]:
+    """Effects that act on nothing in this model, and why: the user's own, and ours that would act
+    on its observable beside another effect.
+    """
+    beside = [held.effect for held in model.effects]
+    held = {effect.id for effect in beside}
+    own = {effect.id: effect for effect in extra}
+    return {
+        effect.id: why_idle(effect, model.observable)
+        for effect in {**BY_ID, **own}.values()
+        if effect.id not in held
+        and not effect.acts_in(model.observable, beside)
+        and (effect.id in own or readers(effect, model.observable))
+    }
 
 
 def variants(effect: Effect) -> list[dict[str, float]]:

@@ -22,7 +22,8 @@ from tirelog.vocabulary.observables import OBSERVABLES, shown
 # conditions of the cells, the catalogue's `follows`
 #     -> one sentence, or none if everything that effects follow varies
 
-#: a range below this share of the largest value is none
+#: a range below this share of the largest value is none: what follows the square of it then changes
+#: by 4 %; doubled, by 8 %
 _SAME = 0.02
 
 

@@ -42,8 +42,10 @@ class Cutoff:
         )
         if not found or float(found[1]) <= 0:
             raise UsageError(
-                f"cut-off {text!r}; allowed are auto, hertz (400Hz) and multiples of the wheel "
-                "frequency (40x); mend it"
+                f"cut-off {text!r}",
+                allowed="allowed are auto, hertz (400Hz) and multiples of the wheel frequency "
+                "(40x)",
+                do="mend it",
             )
         unit = found[2].lower()
         return (

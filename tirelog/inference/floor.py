@@ -157,7 +157,8 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
     A bin's samples have a mean speed of their own, and a waveform that bends with speed does not
     average to that at the mean. What amplitude, width, shift and baseline of single revolutions
     took along with the speed is gone from the values already. And a wheel that speeds up is slower
-    at the entry edge than at the exit edge. Only for waveforms.
+    at the entry edge than at the exit edge. And if samples lock to fixed angles, those at one speed
+    lie to one side of a bin and those at another to the other. Only for waveforms.
     """
     if cells.phi.shape[1] == 1:
         return cells
@@ -194,8 +195,24 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
         values=cells.values
         - slope_left * cells.speed_mean
         - slope * faster
-        - 0.5 * bend * cells.speed_square,
+        - 0.5 * bend * cells.speed_square
+        - _along_the_angle(cells, slope_left) * cells.speed_angle,
     )
+
+
+def _along_the_angle(cells: Cells, values: FloatArray) -> FloatArray:
+    """Derivative of values (C, m) by the angle [1/rad], by differences of neighbouring bins.
+
+    Only of cells whose bins hold other angles at other speeds; zero in the others.
+    """
+    result = np.zeros(values.shape)
+    m = values.shape[1]
+    grid = (np.arange(m) + 0.5) * (2.0 * np.pi / m) - np.pi
+    for i in np.flatnonzero(np.any(cells.speed_angle != 0.0, axis=1)):
+        good = np.isfinite(cells.values[i]) & np.isfinite(cells.phi[i])
+        even = np.interp(grid, cells.phi[i, good], values[i, good], period=2.0 * np.pi)
+        result[i] = (np.roll(even, -1) - np.roll(even, 1)) * (0.25 * m / np.pi)
+    return result
 
 
 def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:

@@ -102,8 +102,9 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
         rest = steady_revolutions(stack, found.hits_s)
         if not len(rest):
             raise UsageError(
-                f"every revolution of channel {stack.channel} is on an obstacle; steady ones are "
-                "needed beside it; give a log that rolls on before or after it",
+                f"every revolution of channel {stack.channel} is on an obstacle",
+                allowed="steady ones are needed beside it",
+                do="give a log that rolls on before or after it",
                 file=log,
             )
         steady.add(log, [rest])

@@ -177,9 +177,9 @@ def _with_steady(log: TransientLog) -> TransientLog:
     turns = np.unique(turn).size
     if turns < _FEWEST_STEADY:
         raise UsageError(
-            f"{turns} steady revolutions beside the obstacles of channel {log.channel}; "
-            f"{_FEWEST_STEADY} or more are needed to know what "
-            "the obstacle adds; give a log that rolls on before or after it",
+            f"{turns} steady revolutions beside the obstacles of channel {log.channel}",
+            allowed=f"{_FEWEST_STEADY} or more are needed to know what the obstacle adds",
+            do="give a log that rolls on before or after it",
             file=log.log,
         )
     return replace(log, steady=template(phi, values))
@@ -248,9 +248,9 @@ def _hits(log: TransientLog) -> FloatArray:
     found = found[(found > log.time_s[0] + _ROOM_S) & (found < log.time_s[-1] - _ROOM_S)]
     if not found.size:
         raise UsageError(
-            f"no obstacle in channel {log.channel} where the setup's [road] says {road.kind}; "
-            "one that stands out of the steady "
-            "revolutions is needed; give time_s or position_m, or leave [road] out",
+            f"no obstacle in channel {log.channel} where the setup's [road] says {road.kind}",
+            allowed="one that stands out of the steady revolutions is needed",
+            do="give time_s or position_m, or leave [road] out",
             file=log.log,
         )
     kept: FloatArray = found[

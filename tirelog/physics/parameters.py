@@ -48,13 +48,14 @@ class Parameter:
         if not (self.min < self.max and all(map(math.isfinite, (self.value, self.min, self.max)))):
             raise ModelError(
                 f"{label}: value {self.value:g}, bounds [{self.min:g}, {self.max:g}] are no "
-                "number in an interval; "
-                "finite numbers with min < max are allowed; correct the parameter"
+                "number in an interval",
+                allowed="finite numbers with min < max are allowed",
+                do="correct the parameter",
             )
         if not self.min <= self.value <= self.max:
             raise ModelError(
-                f"{label} = {self.value:g} {self.unit} lies outside its bounds; "
-                f"allowed is [{self.min:g}, {self.max:g}]; "
-                "change the value or give wider min and max"
+                f"{label} = {self.value:g} {self.unit} lies outside its bounds",
+                allowed=f"allowed is [{self.min:g}, {self.max:g}]",
+                do="change the value or give wider min and max",
             )
         return self

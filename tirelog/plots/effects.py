@@ -25,12 +25,13 @@ def signatures(chosen: Sequence[Effect], path: Path) -> None:
     Strain with it (at its probe) less strain without, at two speeds, coasting and braking.
     """
     if path.suffix.lower() not in (".png", ".svg"):
-        raise UsageError(f"--plot {path}; .png and .svg are allowed; rename it")
+        raise UsageError(f"--plot {path}", allowed=".png and .svg are allowed", do="rename it")
     drawn = [effect for effect in chosen if "strain" in effect.reaches]
     if not drawn:
         raise UsageError(
-            f"{chosen[0].id} acts on {', '.join(chosen[0].reaches)}, not on strain; "
-            "a strain effect can be drawn; choose another"
+            f"{chosen[0].id} acts on {', '.join(chosen[0].reaches)}, not on strain",
+            allowed="a strain effect can be drawn",
+            do="choose another",
         )
     columns = min(len(drawn), 4)
     rows = -(-len(drawn) // columns)

@@ -37,8 +37,9 @@ def figure_page(width: float, height: float) -> Figure:
         from matplotlib.figure import Figure
     except ImportError:
         raise UsageError(
-            "--plot needs matplotlib; allowed without it are tables; install it: "
-            "pip install 'tirelog[plot]'"
+            "--plot needs matplotlib",
+            allowed="allowed without it are tables",
+            do="install it: pip install 'tirelog[plot]'",
         ) from None
     return Figure(figsize=(width, height), layout="constrained")
 
@@ -51,7 +52,9 @@ def write(figure: Figure, path: Path) -> None:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise UsageError(
-            f"--plot {path}: suffix {suffix!r}; allowed are {', '.join(SUFFIXES)}; rename it"
+            f"--plot {path}: suffix {suffix!r}",
+            allowed=f"allowed are {', '.join(SUFFIXES)}",
+            do="rename it",
         )
     with whole_file(path) as target:
         figure.savefig(target, format=suffix[1:], dpi=120)

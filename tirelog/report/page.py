@@ -53,7 +53,7 @@ def plotting_library() -> str:
         from plotly.offline import get_plotlyjs
     except ImportError:
         raise UsageError(
-            "the page needs plotly; it comes with the extra: pip install 'tirelog[report]'"
+            "the page needs plotly", do="it comes with the extra: pip install 'tirelog[report]'"
         ) from None
     # its credits link to the web; written so, they mean the same to a browser and are no address to
     # whoever scans the page for any

@@ -55,7 +55,8 @@ def need_matplotlib() -> None:
         import matplotlib  # noqa: F401
     except ImportError:
         raise UsageError(
-            "--format png needs matplotlib; it comes with the extra: pip install 'tirelog[plot]'"
+            "--format png needs matplotlib",
+            do="it comes with the extra: pip install 'tirelog[plot]'",
         ) from None
 
 

@@ -61,8 +61,9 @@ def table_kind(columns: Sequence[str], path: Path) -> str:
         if set(TABLES[name]) - OPTIONAL <= set(columns):
             return name
     raise UsageError(
-        "is no table of speed, footprint, dissipation or phase-shift; these can be given with "
-        "--table; make it anew",
+        "is no table of speed, footprint, dissipation or phase-shift",
+        allowed="these can be given with --table",
+        do="make it anew",
         file=path,
     )
 
@@ -140,8 +141,8 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> SourceT
         return tables
     if not (campaign / "summary.csv").is_file():
         raise UsageError(
-            "is no campaign's output (no summary.csv in it); give the folder that `tirelog "
-            "campaign run` writes",
+            "is no campaign's output (no summary.csv in it)",
+            do="give the folder that `tirelog campaign run` writes",
             file=campaign,
         )
     for kind in KINDS:
@@ -211,7 +212,8 @@ def read_ladder(path: Path) -> Mapping[str, Any]:
     except (OSError, ValueError, KeyError, IndexError, TypeError):
         pass
     raise UsageError(
-        "is no ladder; `tirelog ladder LOG --model M` keeps one beside the model, as "
-        "M.ladder.json; give that",
+        "is no ladder",
+        allowed="`tirelog ladder LOG --model M` keeps one beside the model, as M.ladder.json",
+        do="give that",
         file=path,
     )

@@ -38,8 +38,9 @@ def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
         return sections, [(str(what), str(command)) for what, command in content["missing"]]
     except (OSError, ValueError, KeyError, TypeError):
         raise UsageError(
-            "is no page of a campaign's model; `tirelog campaign run` writes it; "
-            "remove it and run again",
+            "is no page of a campaign's model",
+            allowed="`tirelog campaign run` writes it",
+            do="remove it and run again",
             file=path,
         ) from None
 

@@ -64,7 +64,8 @@ def top_of_ladder(
         if name not in catalogue:
             raise UsageError(
                 f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not "
-                "known here; give it with --effects"
+                "known here",
+                do="give it with --effects",
             )
         model = model.with_effect(catalogue[name])
     values = {
@@ -95,10 +96,9 @@ def comparisons(
     found: dict[int, Comparison | str] = {}
     for mask in range(full + 1):
         model = top if mask == full else top.with_values(own)
-        for bit, name in enumerate(names):
-            if not mask & (1 << bit):
-                model = model.without_effect(name)
+        off = [name for bit, name in enumerate(names) if not mask & (1 << bit)]
         try:
+            model = model.without_effect(*off)
             found[mask] = comparison_of(
                 prepare(cells, without_motion_parameters(model), several=full < _THOROUGH)
             )

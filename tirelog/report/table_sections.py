@@ -273,7 +273,10 @@ def campaign(summary: Path, command: str) -> Section:
     header, body = (rows[0] if rows else []), rows[1:]
     if "status" not in header:
         raise UsageError(
-            "is no campaign's summary; `tirelog campaign run` writes it; run it again", file=summary
+            "is no campaign's summary",
+            allowed="`tirelog campaign run` writes it",
+            do="run it again",
+            file=summary,
         )
     status = header.index("status")
     counts = {

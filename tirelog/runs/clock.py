@@ -167,8 +167,9 @@ class ClockFit:
             if self.size < 2:
                 return TimeAxis.uniform(self.size, 1.0)
             raise ReadError(
-                "no stamps and no rate; a log needs a time column or a rate; "
-                "write sampling_rate_Hz under [log] in the setup"
+                "no stamps and no rate",
+                allowed="a log needs a time column or a rate",
+                do="write sampling_rate_Hz under [log] in the setup",
             )
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
 
@@ -229,9 +230,9 @@ class ClockFit:
         factor = max(declared / rate, rate / declared)
         if factor > _ABSURD and said == "the setup":
             raise SetupError(
-                f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz; "
-                "allowed is a rate that the stamps bear out; "
-                "mend sampling_rate_Hz, or time and time_unit, under [log]"
+                f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz",
+                allowed="allowed is a rate that the stamps bear out",
+                do="mend sampling_rate_Hz, or time and time_unit, under [log]",
             )
         if factor - 1.0 > _CONTRADICTS:
             self.remarks.append(

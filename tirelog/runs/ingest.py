@@ -107,7 +107,10 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
             else "no setup file beside the log"
         )
         raise SetupError(
-            f"{what}; a setup says what the channels are; give one with --setup FILE", file=log
+            f"{what}",
+            allowed="a setup says what the channels are",
+            do="give one with --setup FILE",
+            file=log,
         )
     return load_setup(beside)
 
@@ -128,7 +131,10 @@ def _unreadable(log: str, problem: Exception) -> ReadError:
     """A ReadError for what the system says of a log."""
     what = getattr(problem, "strerror", None) or problem
     return ReadError(
-        f"cannot be read ({what}); a log is a file or '-'; give another path", file=log
+        f"cannot be read ({what})",
+        allowed="a log is a file or '-'",
+        do="give another path",
+        file=log,
     )
 
 
@@ -151,8 +157,9 @@ def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: 
     if setup.log.of_text and (path is not None or head.startswith(MCAP_MAGIC)):
         keys = ", ".join(setup.log.of_text)
         raise SetupError(
-            f"[log] {keys}: the log is {'HDF5' if path is not None else 'MCAP'}; allowed for a "
-            "text log only; remove it, or give the log that it is for",
+            f"[log] {keys}: the log is {'HDF5' if path is not None else 'MCAP'}",
+            allowed="allowed for a text log only",
+            do="remove it, or give the log that it is for",
             file=setup.file or log,
         )
     if path is not None:
@@ -218,14 +225,18 @@ def ingest(
         head = _read_head(raw, log)
         if not head:
             raise ReadError(
-                "is empty; a log has at least a header and samples; record it again", file=log
+                "is empty",
+                allowed="a log has at least a header and samples",
+                do="record it again",
+                file=log,
             )
         stream = _Stream(head, raw, hashed)
         with _hdf5_path(log, head, stream) as hdf5:
             if hdf5 is not None and is_run(hdf5):
                 raise UsageError(
-                    "is a run already; ingest takes a log; give the run's path to the other "
-                    "commands",
+                    "is a run already",
+                    allowed="ingest takes a log",
+                    do="give the run's path to the other commands",
                     file=log,
                 )
             try:
@@ -295,7 +306,9 @@ def _write(
             summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
         if not any(summary.samples.values()):
             raise ReadError(
-                "holds no samples; a log has rows under its header; record it again",
+                "holds no samples",
+                allowed="a log has rows under its header",
+                do="record it again",
                 file=summary.log,
             )
         lost = {

@@ -207,8 +207,9 @@ def open_run(
         file = h5py.File(path, "r", rdcc_nbytes=_CACHE_BYTES)
     except LIBRARY_ERRORS as problem:
         raise ReadError(
-            f"cannot be opened as a run ({_short(problem)}); a run is what `tirelog ingest` "
-            "writes; ingest it again",
+            f"cannot be opened as a run ({_short(problem)})",
+            allowed="a run is what `tirelog ingest` writes",
+            do="ingest it again",
             file=log,
         ) from None
     with file:
@@ -222,8 +223,8 @@ def open_run(
             ) from None
         except (*LIBRARY_ERRORS, RecursionError) as problem:
             raise ReadError(
-                f"the run is damaged ({_short(problem)}); its metadata cannot be read; "
-                "ingest the log again",
+                f"the run is damaged ({_short(problem)}); its metadata cannot be read",
+                do="ingest the log again",
                 file=log,
             ) from None
         yield recording
@@ -238,13 +239,14 @@ def _recording(file: h5py.File, log: str, setup: Setup | None, *, own: bool) -> 
     version = attribute(file, "tirelog_run")
     if version != FORMAT_VERSION:
         raise ReadError(
-            f"it is of format {version:g}; this tirelog reads {FORMAT_VERSION}; ingest the log "
-            "again"
+            f"it is of format {version:g}",
+            allowed=f"this tirelog reads {FORMAT_VERSION}",
+            do="ingest the log again",
         )
     if not own and contents_digest(file) != text_in(file, DIGEST):
         raise ReadError(
-            "its contents are not those that were written (sha256); copy it again, or ingest the "
-            "log again"
+            "its contents are not those that were written (sha256)",
+            do="copy it again, or ingest the log again",
         )
     provenance = provenance_at(file)
     stored = parse_setup(
@@ -263,14 +265,14 @@ def _recording(file: h5py.File, log: str, setup: Setup | None, *, own: bool) -> 
             axis = axes[text_in(dataset, "group")]
             if dataset.size != axis.size:
                 raise ReadError(
-                    f"channel {name} has {dataset.size} samples and {axis.size} times; "
-                    "ingest the log again"
+                    f"channel {name} has {dataset.size} samples and {axis.size} times",
+                    do="ingest the log again",
                 )
             used = setup.channels.get(name, known)
             if used.kind != known.kind:
                 raise SetupError(
-                    f"channel {name} is {known.kind} in the run, {used.kind} in the setup; "
-                    "mend the setup",
+                    f"channel {name} is {known.kind} in the run, {used.kind} in the setup",
+                    do="mend the setup",
                     file=log,
                 )
             flags = flags_at(file, name, axis.size, foreign, own=own)
@@ -342,7 +344,9 @@ def _channel(
     counts = dataset.dtype.kind == "i"
     decimals = attribute(dataset, "decimals") if counts else 0
     if not (0 <= decimals <= MOST_DECIMALS and decimals == int(decimals)):
-        raise ReadError(f"channel {name} has counts of {decimals:g} decimals; ingest the log again")
+        raise ReadError(
+            f"channel {name} has counts of {decimals:g} decimals", do="ingest the log again"
+        )
     scale = factor / 10.0 ** int(decimals)
 
     def checked(start: int, stop: int) -> np.ndarray:

@@ -163,13 +163,15 @@ def provenance_at(file: h5py.File) -> dict[str, Any]:
     told = json_value(text_at(file, "provenance", LARGEST_TEXT_BYTES))
     if not isinstance(told, dict):
         raise ReadError(
-            "the run's provenance is no table; allowed is what `tirelog ingest` writes; "
-            "ingest the log again"
+            "the run's provenance is no table",
+            allowed="allowed is what `tirelog ingest` writes",
+            do="ingest the log again",
         )
     for key, kind in _PROVENANCE.items():
         if not isinstance(told.get(key, kind()), kind):
             raise ReadError(
-                f"the run's provenance has {key} that are no {kind.__name__}; ingest the log again"
+                f"the run's provenance has {key} that are no {kind.__name__}",
+                do="ingest the log again",
             )
     repairs = told.get("repairs", {}).values()
     counts = [told.get("counts", {}), *repairs]
@@ -177,7 +179,9 @@ def provenance_at(file: h5py.File) -> dict[str, Any]:
         isinstance(table, dict) and all(isinstance(n, int) for n in table.values())
         for table in counts
     ):
-        raise ReadError("the run's provenance counts what are no numbers; ingest the log again")
+        raise ReadError(
+            "the run's provenance counts what are no numbers", do="ingest the log again"
+        )
     lines = {key: [str(line) for line in told.get(key, [])] for key in ("losses", "remarks")}
     return {**told, **lines}
 

@@ -57,13 +57,16 @@ def _filesystem(url: str) -> Any:
         import fsspec
     except ImportError:
         raise UsageError(
-            f"{url}: addresses need fsspec; it comes with the extra: pip install 'tirelog[remote]'"
+            f"{url}: addresses need fsspec",
+            do="it comes with the extra: pip install 'tirelog[remote]'",
         ) from None
     try:
         return fsspec.core.url_to_fs(url)[0]
     except (ImportError, ValueError) as problem:
         raise UsageError(
-            f"{url}: {problem}; allowed is an address that fsspec has a package for; install it"
+            f"{url}: {problem}",
+            allowed="allowed is an address that fsspec has a package for",
+            do="install it",
         ) from None
 
 

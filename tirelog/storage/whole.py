@@ -60,7 +60,7 @@ def output_error(path: Path | str, problem: Exception) -> OutputError:
     number = _number(problem)
     what = os.strerror(number) if number else getattr(problem, "strerror", None) or problem
     return OutputError(
-        f"cannot be written ({what}); {_ADVICE.get(number, 'give another path')}", file=path
+        f"cannot be written ({what})", do=_ADVICE.get(number, "give another path"), file=path
     )
 
 
@@ -226,8 +226,9 @@ def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:
             if taken := _inputs and _inputs.get((about.st_dev, about.st_ino)):
                 same = "" if taken == str(output) else f" ({taken})"
                 raise UsageError(
-                    f"is an input of this command{same}; no output takes the place of an input; "
-                    "give another name",
+                    f"is an input of this command{same}",
+                    allowed="no output takes the place of an input",
+                    do="give another name",
                     file=name or output,
                 )
 

@@ -13,8 +13,10 @@ def strain_channels(recording: Recording) -> list[Channel]:
     if not channels:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         raise UsageError(
-            f"no strain channel; allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the "
-            f"log has {have}; name one in the setup",
+            "no strain channel",
+            allowed=f"allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the log has "
+            f"{have}",
+            do="name one in the setup",
             file=recording.log,
         )
     return channels
@@ -23,9 +25,9 @@ def strain_channels(recording: Recording) -> list[Channel]:
 def not_turning(recording: Recording) -> UsageError:
     """The error of a command that needs passages on a log without any."""
     return UsageError(
-        "the wheel does not turn in this log: no grating passes the patch; allowed are logs with "
-        "at least one passage; "
-        "for a static test use `tirelog inflation`, and give the inked length as "
+        "the wheel does not turn in this log: no grating passes the patch",
+        allowed="allowed are logs with at least one passage",
+        do="for a static test use `tirelog inflation`, and give the inked length as "
         "static_footprint_length_m under [tire]",
         file=recording.log,
     )

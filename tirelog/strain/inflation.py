@@ -109,10 +109,10 @@ def _refuse_drive(recording: Recording, channel: Channel) -> None:
     passages = find_passages(channel, radius)
     if passages.turn_after.sum() >= FEWEST_TURNS:
         raise UsageError(
-            f"no inflation test: the wheel turns, {channel.name} passes the patch "
-            f"{len(passages)} times; "
-            "allowed is a log of a tire at rest while it is filled or emptied; "
-            "use `tirelog speed` for this one",
+            f"no inflation test: the wheel turns, {channel.name} passes the patch {len(passages)}"
+            " times",
+            allowed="allowed is a log of a tire at rest while it is filled or emptied",
+            do="use `tirelog speed` for this one",
             file=recording.log,
         )
 
@@ -129,9 +129,10 @@ def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation)
     )
     if change.size - 1 >= FEWEST_STRETCHES and way > MOST_TO_AND_FRO * most:
         raise UsageError(
-            f"no inflation test: the strain of {channel.name} goes up and down, {way / most:.0f} "
-            "times its range in all; "
-            "allowed is a log of a tire at rest while it is filled or emptied; give that",
+            f"no inflation test: the strain of {channel.name} goes up and down, {way / most:.0f}"
+            " times its range in all",
+            allowed="allowed is a log of a tire at rest while it is filled or emptied",
+            do="give that",
             file=recording.log,
         )
 
@@ -229,10 +230,9 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
     start = float(channel.axis.at(0.0)) if channel.size else 0.0
     if channel.axis.duration_s > LONGEST_S:
         raise UsageError(
-            f"{channel.name}: the log spans {channel.axis.duration_s / 86400.0:.3g} days; "
-            "an inflation test of up to "
-            f"{LONGEST_S / 86400.0:g} days is allowed; give the log of the test alone, or mend "
-            "its stamps"
+            f"{channel.name}: the log spans {channel.axis.duration_s / 86400.0:.3g} days",
+            allowed=f"an inflation test of up to {LONGEST_S / 86400.0:g} days is allowed",
+            do="give the log of the test alone, or mend its stamps",
         )
     cells = max(int(np.ceil((channel.axis.duration_s + 1.0 / channel.axis.rate_Hz) / step_s)), 1)
     total, square, count = np.zeros(cells), np.zeros(cells), np.zeros(cells)
@@ -272,8 +272,9 @@ def series(
     known = np.isfinite(values)
     if known.sum() < 2 * SHORTEST:
         raise UsageError(
-            f"{strain.name}: fewer than {2 * SHORTEST * MEAN_S:g} s of strain; an inflation test "
-            "lasts seconds; give the whole log"
+            f"{strain.name}: fewer than {2 * SHORTEST * MEAN_S:g} s of strain",
+            allowed="an inflation test lasts seconds",
+            do="give the whole log",
         )
     if pressure is not None:
         when, level, _ = means(pressure)

@@ -123,8 +123,9 @@ def calibrate_radius(
             turns += length.size
     if not radii:
         raise UsageError(
-            f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns lie within {speed.name}; "
-            "allowed is a log with more; give a longer one, or rolling_radius_m in the setup"
+            f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns lie within {speed.name}",
+            allowed="allowed is a log with more",
+            do="give a longer one, or rolling_radius_m in the setup",
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better
@@ -132,8 +133,8 @@ def calibrate_radius(
     strange = doubt_of_radius(found.radius_m, unloaded_m)
     if strange:
         raise UsageError(
-            f"--calibrate-radius: against {speed.name} {strange}; check unit, source and delay "
-            f"of {speed.name} in the setup"
+            f"--calibrate-radius: against {speed.name} {strange}",
+            do=f"check unit, source and delay of {speed.name} in the setup",
         )
     return found
 
@@ -220,8 +221,10 @@ def speed_channels(recording: Recording) -> list[Channel]:
     if not channels:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         raise UsageError(
-            "no channel tells the speed; allowed are strain, wheel_encoder and "
-            f"radial_acceleration, the log has {have}; name one in the setup",
+            "no channel tells the speed",
+            allowed="allowed are strain, wheel_encoder and radial_acceleration, the log has "
+            f"{have}",
+            do="name one in the setup",
             file=recording.log,
         )
     return channels
@@ -268,8 +271,9 @@ def _vehicle_speed(recording: Recording) -> Channel:
     references = recording.of_kind("vehicle_speed")
     if not references:
         raise UsageError(
-            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind "
-            "vehicle_speed; add it to the setup",
+            "--calibrate-radius: the log has no vehicle speed",
+            allowed="allowed is a channel of kind vehicle_speed",
+            do="add it to the setup",
             file=recording.log,
         )
     return references[0]

@@ -68,8 +68,9 @@ def differences(
     for name in tolerance:
         if name not in against.columns:
             raise UsageError(
-                f"--tolerance {name}: no such column; "
-                f"allowed are {', '.join(map(str, against.columns))}; mend the name"
+                f"--tolerance {name}: no such column",
+                allowed=f"allowed are {', '.join(map(str, against.columns))}",
+                do="mend the name",
             )
     keys = [k for k in KEYS if k in table.columns and k in against.columns]
     table, against = _indexed(table, keys), _indexed(against, keys)

@@ -52,8 +52,9 @@ def table_format(output: Path | str | None, format: str | None) -> str:
     if format is not None:
         if format not in FORMATS:
             raise UsageError(
-                f"--format {format}{nearest(format, FORMATS)}; allowed are {', '.join(FORMATS)}; "
-                "choose one"
+                f"--format {format}{nearest(format, FORMATS)}",
+                allowed=f"allowed are {', '.join(FORMATS)}",
+                do="choose one",
             )
         return format
     if output is None:
@@ -61,8 +62,9 @@ def table_format(output: Path | str | None, format: str | None) -> str:
     suffix = Path(output).suffix.lower()
     if suffix not in _SUFFIXES:
         raise UsageError(
-            f"{output}: no format has the suffix {suffix!r}; allowed are {', '.join(_SUFFIXES)}; "
-            "rename it or give --format"
+            f"{output}: no format has the suffix {suffix!r}",
+            allowed=f"allowed are {', '.join(_SUFFIXES)}",
+            do="rename it or give --format",
         )
     return _SUFFIXES[suffix]
 
@@ -153,9 +155,9 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         more = [c for c in columns if c not in order]
         if self._names and more:
             raise UsageError(
-                f"has {', '.join(more)}, which the logs before have not (their setups say less); "
-                "a table has the columns of its first log; "
-                "put the log with most of them first, or make a table of each",
+                f"has {', '.join(more)}, which the logs before have not (their setups say less)",
+                allowed="a table has the columns of its first log",
+                do="put the log with most of them first, or make a table of each",
                 file=str(next(iter(np.atleast_1d(columns["log"])), "-"))
                 if "log" in columns
                 else None,
@@ -331,6 +333,8 @@ def read_table(path: Path | str) -> Any:
     except (OSError, ValueError, pa.ArrowException) as problem:
         told = " ".join(str(problem).split())  # of several lines, now and then
         raise ReadError(
-            f"is not a table ({told}); csv, ndjson, json and parquet are read; write one with -o",
+            f"is not a table ({told})",
+            allowed="csv, ndjson, json and parquet are read",
+            do="write one with -o",
             file=path,
         ) from None

@@ -23,7 +23,7 @@ class Observable:
     kinds        kinds of channel that measure it
     waveform     True if it is a waveform over the angle, False if one number per revolution
     reads        stages of the model that it is computed from; an effect that enters none of them
-                 does not act on it
+                 does not act on it, unless by another effect that reads its stage (`Effect.reads`)
     meaning      a sentence
     """
 
@@ -88,7 +88,7 @@ _ALL = (
         _DEGREES,
         ACCELERATION_KINDS,
         False,
-        ("load", "regressors"),
+        ("regressors",),
         "wheel angle at the middle of the patch against its zero, growing in the rolling direction",
     ),
     Observable(

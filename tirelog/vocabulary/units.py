@@ -91,8 +91,8 @@ def to_si(unit: str, *quantities: str) -> tuple[float, float]:
     name = canonical(unit)
     if name is None or name not in allowed:
         raise SetupError(
-            f"unit {unit!r} is not one of {', '.join(allowed)}{nearest(unit, allowed)}; "
-            "write the unit of the source"
+            f"unit {unit!r} is not one of {', '.join(allowed)}{nearest(unit, allowed)}",
+            do="write the unit of the source",
         )
     _, factor, offset = UNITS[name]
     return factor, offset

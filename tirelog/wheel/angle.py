@@ -98,8 +98,9 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     steps = int(channel.settings.get("steps") or 0)
     if steps < 1 and quantity != "angle":
         raise SetupError(
-            f"channel {channel.name}: no steps; an encoder has a whole number of steps a turn; "
-            "add steps = 48 or what it has"
+            f"channel {channel.name}: no steps",
+            allowed="an encoder has a whole number of steps a turn",
+            do="add steps = 48 or what it has",
         )
     found = probe(channel.read, channel.size)
     if quantity == "angle" or found.form == "counter":
@@ -116,7 +117,7 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
             extra + teeth.extra,
         )
     if passages < 4 * steps:
-        raise DataLoss(_too_few(channel, passages, steps))
+        raise _too_few(channel, passages, steps)
     placings = learner.placings(ways_of(learner.stretches, vehicle))
     pitch = learner.table(placings)
     knots = builder.knots()
@@ -147,7 +148,7 @@ def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
     Stretches are numbered 0, 1, ..., and gaps in the time axis end one.
     """
     if found.form == "dead":
-        raise DataLoss(_too_few(channel, 0, steps))
+        raise _too_few(channel, 0, steps)
     rate, holes = channel.axis.rate_Hz, channel.axis.first[1:]
     last, number = -1, -1
     for teeth in count_teeth(
@@ -164,15 +165,18 @@ def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
             yield replace(teeth, stretch=order)
 
 
-def _too_few(channel: Channel, passages: int, steps: int) -> str:
+def _too_few(channel: Channel, passages: int, steps: int) -> DataLoss:
     """What is said of a channel with fewer than two turns."""
     if passages:
-        few = f"channel {channel.name}: {passages} tooth passages, fewer than two turns"
-        return f"{few}; a wheel angle needs two turns of {steps} steps; give a longer log"
-    return (
-        f"channel {channel.name}: no teeth; an encoder's signal swings {2 * steps} times a turn "
-        "through its middle; "
-        "check the wiring, the source, and that encoder and accelerometer are not swapped"
+        return DataLoss(
+            f"channel {channel.name}: {passages} tooth passages, fewer than two turns",
+            allowed=f"a wheel angle needs two turns of {steps} steps",
+            do="give a longer log",
+        )
+    return DataLoss(
+        f"channel {channel.name}: no teeth",
+        allowed=f"an encoder's signal swings {2 * steps} times a turn through its middle",
+        do="check the wiring, the source, and that encoder and accelerometer are not swapped",
     )
 
 
@@ -182,8 +186,9 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     time, turns, backward = counter_knots(channel, size, is_angle)
     if time.size < 16:
         raise DataLoss(
-            f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a "
-            "turn; check the source"
+            f"channel {channel.name}: the count hardly changes",
+            allowed=f"a counter climbs by {size:g} a turn",
+            do="check the source",
         )
     steps = steps or 360
     rate = np.gradient(2 * np.pi * turns, time)
@@ -313,8 +318,9 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
         strange = doubt_of_radius(measured[0], tire.unloaded_radius_m)
         if strange:
             raise UsageError(
-                f"against {speeds[0].name} {strange}; check unit and source of {speeds[0].name} "
-                "in the setup, or give rolling_radius_m",
+                f"against {speeds[0].name} {strange}",
+                do=f"check unit and source of {speeds[0].name} in the setup, or give "
+                "rolling_radius_m",
                 file=recording.log,
             )
         return Radius(

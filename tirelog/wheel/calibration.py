@@ -157,8 +157,9 @@ def calibrate(logs: Sequence[EdgeTimes], forces: bool = False) -> Calibration:
     zeros = [p.zero_speed_m_s for p in logs if np.isfinite(p.zero_speed_m_s)]
     if not zeros:
         raise UsageError(
-            "no log has a zero stretch; a calibration refers to one; add a log with a low, "
-            "constant speed, or give --zero"
+            "no log has a zero stretch",
+            allowed="a calibration refers to one",
+            do="add a log with a low, constant speed, or give --zero",
         )
     reference = float(np.mean(zeros))
     shift = _speed_map(logs, "shift", reference)
@@ -242,8 +243,9 @@ def _speed_map(logs: Sequence[EdgeTimes], what: str, reference: float) -> SpeedM
     if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
         found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
         raise UsageError(
-            f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2; a speed map needs "
-            f"{LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; add a slow drive-up or coast-down"
+            f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2",
+            allowed=f"a speed map needs {LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s",
+            do="add a slow drive-up or coast-down",
         )
     dv = v - reference
     columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]
@@ -358,6 +360,7 @@ def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
     if vertical is None and longitudinal is None:
         raise UsageError(
             "--fit-forces, and no log has a vertical_load or longitudinal_force channel with a "
-            "zero stretch; add one to the setup"
+            "zero stretch",
+            do="add one to the setup",
         )
     return Calibration(**{**c.__dict__, "vertical": vertical, "longitudinal": longitudinal})

@@ -101,16 +101,18 @@ def read_calibration(path: Path) -> Calibration:
     data = _parsed(path)
     if data.get("version") != VERSION:
         raise SetupError(
-            f"version {data.get('version')!r}; allowed is {VERSION}; write the file anew with "
-            "--calibrate",
+            f"version {data.get('version')!r}",
+            allowed=f"allowed is {VERSION}",
+            do="write the file anew with --calibrate",
             file=path,
         )
     allowed = ("version", "reference_speed_m_s", *_TABLES)
     for key in data:
         if key not in allowed:
             raise SetupError(
-                f"unknown key {key!r}{nearest(key, allowed)}; allowed are {', '.join(allowed)}; "
-                "remove it",
+                f"unknown key {key!r}{nearest(key, allowed)}",
+                allowed=f"allowed are {', '.join(allowed)}",
+                do="remove it",
                 file=path,
             )
     take = _Taker(path, data)
@@ -138,8 +140,9 @@ class _Taker:
     def error(self, name: str, key: str, value: Any, allowed: str) -> SetupError:
         where = f"[{name}] {key}" if name else key
         return SetupError(
-            f"{where} = {str(value)[:60]}; allowed is {allowed}; write the file anew with "
-            "--calibrate",
+            f"{where} = {str(value)[:60]}",
+            allowed=f"allowed is {allowed}",
+            do="write the file anew with --calibrate",
             file=self.path,
         )
 

@@ -31,9 +31,10 @@ def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channe
     """
     if _evenness(accelerometer) > EVEN > _evenness(encoder):
         raise SetupError(
-            f"{accelerometer.name} swings like an encoder and {encoder.name} does not: "
-            "the channels look swapped; "
-            "an encoder swings evenly, `steps` times a turn; exchange their sources in the setup",
+            f"{accelerometer.name} swings like an encoder and {encoder.name} does not: the "
+            "channels look swapped",
+            allowed="an encoder swings evenly, `steps` times a turn",
+            do="exchange their sources in the setup",
             file=recording.log,
         )
 
@@ -78,8 +79,9 @@ def doubts(
         )
         raise SetupError(
             f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every "
-            f"{wheel.steps}{table}; "
-            f"the setup's steps must be those of a whole turn; write steps = {round(steps)}",
+            f"{wheel.steps}{table}",
+            allowed="the setup's steps must be those of a whole turn",
+            do=f"write steps = {round(steps)}",
             file=recording.log,
         )
     ratio = fronts.level_m / radius.radius_m

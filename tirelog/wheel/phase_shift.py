@@ -111,9 +111,9 @@ def measure_phase_shift(
             refuse_swapped(recording, channel, encoder)
             raise DataLoss(
                 f"channel {channel.name} shows no patch: its signal does not fall below half of "
-                "its level once a turn; "
-                "check that it is a radial in-tire acceleration and that the wheel turned faster "
-                "than 2 m/s",
+                "its level once a turn",
+                do="check that it is a radial in-tire acceleration and that the wheel turned "
+                "faster than 2 m/s",
                 file=recording.log,
             )
         said += doubts(recording, channel, wheel, fronts, radius, share)
@@ -303,8 +303,9 @@ def _numbers(texts: list[str], zero: str) -> list[float]:
         return [float(t) for t in texts]
     except ValueError:
         raise UsageError(
-            f"--zero {zero}; allowed are auto, none, a speed in m/s, or START:STOP in seconds; "
-            "e.g. --zero 10 or --zero 2:8"
+            f"--zero {zero}",
+            allowed="allowed are auto, none, a speed in m/s, or START:STOP in seconds",
+            do="e.g. --zero 10 or --zero 2:8",
         ) from None
 
 

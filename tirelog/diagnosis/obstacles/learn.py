@@ -78,8 +78,9 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> Learned:
     names = motion_names(model)
     if not names:
         raise UsageError(
-            f"no free parameter that a motion tells; allowed are {', '.join(MOTION)}; "
-            "free one in the model file"
+            "no free parameter that a motion tells",
+            allowed=f"allowed are {', '.join(MOTION)}",
+            do="free one in the model file",
         )
     problem = _Hits(model, names, *_events(logs, model))
     theta = problem.start

@@ -67,6 +67,7 @@ class Cells:
                    and random effects in it
     speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's
                                      mean speed [m/s], [m^2/s^2]
+    speed_angle    (C, m)  covariance of a bin's samples' speed and angle [rad m/s]
     moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does
                    that)
     cell           (n,) the cell of each revolution of the stack, empty if only the pieces are
@@ -95,6 +96,7 @@ class Cells:
     within: FloatArray
     speed_mean: FloatArray
     speed_square: FloatArray
+    speed_angle: FloatArray
     moved: FloatArray
     cell: IntArray
     logs: tuple[str, ...]
@@ -178,6 +180,7 @@ def cells_of(pieces: Pieces) -> Cells:
         else (sd**2 * number[:, None]),
         speed_mean=pieces.speed_mean,
         speed_square=pieces.speed_square,
+        speed_angle=pieces.speed_angle,
         moved=np.zeros(len(pieces)),
         cell=pieces.cell,
         logs=pieces.logs,
@@ -349,6 +352,8 @@ def with_nuisances(cells: Cells, free: Sequence[str]) -> Cells:
     for name in free:
         if name not in NUISANCES:
             raise ModelError(
-                f"unknown nuisance {name!r}; allowed are {', '.join(NUISANCES)}; choose among them"
+                f"unknown nuisance {name!r}",
+                allowed=f"allowed are {', '.join(NUISANCES)}",
+                do="choose among them",
             )
     return replace(cells, free=tuple(name for name in NUISANCES if name in free))

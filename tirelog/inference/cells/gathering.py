@@ -253,6 +253,7 @@ def _together(pieces: Pieces, rows: IntArray, coefficients: Sequence[FloatArray]
         pieces.conditions.speed_m_s[rows],
         weight,
     )
+    apart = np.where(count > 0, pieces.phi[rows] - part.phi, 0.0)
     between = _without_trend(part.coefficients, pieces.conditions.speed_m_s[rows])
     changed: dict[str, Any] = {
         "residual_ss": part.residual_ss + pieces.residual_ss[rows].sum(axis=0),
@@ -260,6 +261,7 @@ def _together(pieces: Pieces, rows: IntArray, coefficients: Sequence[FloatArray]
         "still": (share * pieces.still[rows]).sum(axis=0),
         "speed_mean": (share * (mean + about)).sum(axis=0),
         "speed_square": (share * (square + 2.0 * about * mean + about**2)).sum(axis=0),
+        "speed_angle": (share * (pieces.speed_angle[rows] + (mean + about) * apart)).sum(axis=0),
     }
     names = ("mean", "phi", "variance", "count", "random", "shift", "scatter")
     whole = {name: getattr(part, name) for name in names} | changed

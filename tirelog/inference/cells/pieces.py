@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions, Stack
+from tirelog.inference.stacks.align import knots_of, nearest_curve
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 ComplexArray = NDArray[np.complex128]
@@ -78,6 +79,7 @@ class Pieces:
                                  deviation, with one angle only
     speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the
                                      piece's mean speed [m/s], [m^2/s^2]
+    speed_angle    (P, m)  covariance of a bin's samples' speed and angle [rad m/s]
     step           (P,)  in which the channel's values come, 0 if it is not seen
     still          (P, m)  mean of exp(2 pi i y) over the samples, y their values without noise in
                    steps: of size 1 if all of them are rounded at one place between two steps, so
@@ -103,6 +105,7 @@ class Pieces:
     scatter: FloatArray
     speed_mean: FloatArray
     speed_square: FloatArray
+    speed_angle: FloatArray
     still: ComplexArray
     step: FloatArray
     number: IntArray
@@ -256,17 +259,34 @@ class _Part:
     scatter: FloatArray
     speed_mean: FloatArray
     speed_square: FloatArray
+    speed_angle: FloatArray
     still: ComplexArray
 
 
-def _curve(phi: FloatArray, values: FloatArray, count: FloatArray) -> CubicSpline:
-    """Periodic spline through a cell's bins, those that lie too close taken together.
+def _knots(count: FloatArray, weight: IntArray | None) -> int | None:
+    """How many knots the curve of revolutions with `count` (k, m) samples may have; None: any.
 
-    Samples that lock to fixed angles give neighbouring bins mean angles far closer than a bin; a
-    spline that goes through both turns their noise into a slope.
+    Fewer than the samples of one of them, if these leave bins without a sample: then revolutions
+    whose samples lock to fixed angles fill bins of their own between those of others, and a curve
+    that bends from bin to bin follows whatever the ones have more of than the others.
+    """
+    samples = float(np.median(count.sum(axis=1) / (1 if weight is None else weight)))
+    return None if samples >= count.shape[1] else knots_of(samples)
+
+
+def _curve(
+    phi: FloatArray, values: FloatArray, count: FloatArray, knots: int | None
+) -> CubicSpline:
+    """Periodic spline of a cell's bins: the nearest with so many `knots`, or through all of them.
+
+    Through all, those that lie too close are taken together: samples that lock to fixed angles
+    give neighbouring bins mean angles far closer than a bin, and a spline that goes through both
+    turns their noise into a slope.
     """
     full = np.isfinite(values) & (count > 0)
     x, y, n = phi[full], values[full], count[full]
+    if knots is not None:
+        return nearest_curve(x, y, n, knots)
     few = LEAST_COUNT * np.median(n)
     width = 2.0 * np.pi / phi.size
     while x.size > _FEWEST_KNOTS:
@@ -349,10 +369,11 @@ def one_waveform(
     `step` is not 0.
     """
     count = np.where(np.isfinite(values), count, 0).astype(float)
+    knots = _knots(count, weight)
     corrected = values
     for _ in range(_ROUNDS):
         mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
-        curve = _curve(angle, mean, total)
+        curve = _curve(angle, mean, total, knots)
         columns = _columns(curve, np.where(count > 0, phi, 0.0))
         expected = columns[..., 0] + 0.5 * variance * curve(np.where(count > 0, phi, 0.0), 2)
         excess = np.where(count > 0, values - expected, 0.0)
@@ -391,6 +412,7 @@ def one_waveform(
         np.zeros(0),
         (share * about).sum(axis=0),
         (share * about**2).sum(axis=0),
+        (share * about * np.where(count > 0, phi - angle, 0.0)).sum(axis=0),
         still,
     )
 
@@ -453,7 +475,8 @@ def _one_number(values: FloatArray) -> _Part:
     zero = np.zeros(1)
     return _Part(
         mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero,
-        np.zeros((len(values), 3)), zero, zero, scatter, zero, zero, np.zeros(1, np.complex128),
+        np.zeros((len(values), 3)), zero, zero, scatter, zero, zero, zero,
+        np.zeros(1, np.complex128),
     )  # fmt: skip
 
 

@@ -298,8 +298,9 @@ def fit_channels(
             refused = problem_of_start
     if not results:
         raise refused or ModelError(
-            "the model could not be fitted; a model that predicts these speeds is allowed; "
-            "change its start values"
+            "the model could not be fitted",
+            allowed="a model that predicts these speeds is allowed",
+            do="change its start values",
         )
     best, _, settled = min(results, key=lambda result: result[1])
     fits = finish(problems, best, names, settled)
@@ -363,7 +364,8 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
     names = (
         "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions",
-        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square", "rounding",
+        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square",
+        "speed_angle", "rounding",
     )  # fmt: skip
     return replace(
         cells,

@@ -15,10 +15,13 @@ is learnt from absolute position.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline
+from scipy.linalg import cho_factor, cho_solve
 
 from tirelog.inference.stacks.samples import Samples, TurnChunk
 from tirelog.vocabulary.arrays import FloatArray
@@ -113,29 +116,38 @@ class TemplateSums:
         full = self._count > 0
         angle, mean = self._angle[full] / self._count[full], self._value[full] / self._count[full]
         if knots < _TEMPLATE_POINTS:
-            return _nearest_curve(angle, mean, self._count[full], knots)
+            return nearest_curve(angle, mean, self._count[full], knots)
         return CubicSpline(
             np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic"
         )
 
 
-def _nearest_curve(
-    angle: FloatArray, mean: FloatArray, count: NDArray[np.int64], knots: int
+def nearest_curve(
+    angle: FloatArray, mean: FloatArray, count: NDArray[Any], knots: int
 ) -> CubicSpline:
     """The periodic spline with even `knots` nearest to bin means (k,), angles (k,) in [-pi, pi)."""
     width = 2.0 * np.pi / knots
     grid = -np.pi + width * np.arange(-3, knots + 4)
-    columns = BSpline.design_matrix(angle, grid, 3).toarray()
-    columns[:, :3] += columns[:, knots:]  # once round
-    columns = columns[:, :knots]
-    weighted = columns * (count / count.mean())[:, None]
-    bend = np.diff(np.eye(knots), 3, axis=0, append=np.eye(knots)[:3])
-    gram = weighted.T @ columns
-    gram += _STIFFNESS * np.trace(gram) / knots * (bend.T @ bend)
-    coefficients = np.linalg.solve(gram, weighted.T @ mean)
+    columns = BSpline.design_matrix(angle, grid, 3)  # four in a row
+    place, value = columns.indices.reshape(-1, 4) % knots, columns.data.reshape(-1, 4)  # once round
+    weighted = value * (count / count.mean())[:, None]
+    pair, product = place[:, :, None] * knots + place[:, None, :], weighted[:, :, None]
+    gram = np.bincount(
+        pair.ravel(), (product * value[:, None, :]).ravel(), minlength=knots**2
+    ).reshape(knots, knots)
+    right = np.bincount(place.ravel(), (weighted * mean[:, None]).ravel(), minlength=knots)
+    gram += _STIFFNESS * np.trace(gram) / knots * _bending(knots)
+    coefficients = cho_solve(cho_factor(gram, overwrite_a=True), right)
     at_knots = BSpline(grid, np.append(coefficients, coefficients[:3]), 3)(grid[3:-3])
     at_knots[-1] = at_knots[0]
     return CubicSpline(grid[3:-3], at_knots, bc_type="periodic")
+
+
+@lru_cache(maxsize=4)
+def _bending(knots: int) -> FloatArray:
+    """Sum of squared third differences round the turn as a form (knots, knots)."""
+    third = np.diff(np.eye(knots), 3, axis=0, append=np.eye(knots)[:3])
+    return np.asarray(third.T @ third, dtype=np.float64)
 
 
 def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
@@ -150,7 +162,11 @@ def knots_for(centre_s: FloatArray, rate_Hz: float) -> int:
 
     No more than the samples of one of them can follow.
     """
-    samples = rate_Hz * float(np.quantile(np.diff(centre_s), _SHORTER_TURNS))
+    return knots_of(rate_Hz * float(np.quantile(np.diff(centre_s), _SHORTER_TURNS)))
+
+
+def knots_of(samples: float) -> int:
+    """How many knots a mean waveform of turns with so many `samples` may have."""
     return int(np.clip(_KNOTS_PER_SAMPLE * samples, _FEWEST_KNOTS, _TEMPLATE_POINTS))
 
 

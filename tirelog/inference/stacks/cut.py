@@ -77,17 +77,18 @@ def observe_channel(recording: Recording, observable: str, name: str | None = No
             return channel
         fits = ", ".join(c.name for c in found) or "none of this log"
         raise UsageError(
-            f"channel {name} is of the kind {channel.kind}, the model predicts {observable}; "
-            f"channels of the kind {' or '.join(kinds)} are "
-            f"allowed: {fits}; name one of them, or take a model for {channel.kind}",
+            f"channel {name} is of the kind {channel.kind}, the model predicts {observable}",
+            allowed=f"channels of the kind {' or '.join(kinds)} are allowed: {fits}",
+            do=f"name one of them, or take a model for {channel.kind}",
             file=recording.log,
         )
     if name is not None or not found:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         wanted = name or f"of the observable {observable} ({' or '.join(kinds)})"
         raise UsageError(
-            f"no channel {wanted}; the log has {have}; take a model for what is measured, or "
-            "another log",
+            f"no channel {wanted}",
+            allowed=f"the log has {have}",
+            do="take a model for what is measured, or another log",
             file=recording.log,
         )
     return found[0]
@@ -144,8 +145,9 @@ def stretches_of(
         if passages.doubt:
             raise UsageError(passages.doubt, file=recording.log)
         raise UsageError(
-            f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see "
-            "what repeats; give a longer log",
+            f"{n} whole revolutions in channel {channel.name}",
+            allowed="at least ten are needed to see what repeats",
+            do="give a longer log",
             file=recording.log,
         )
     course = _course(recording, channel, observable, runs, passages.noise, angles)

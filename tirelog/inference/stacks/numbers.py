@@ -39,8 +39,9 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     n = ordinal.size
     if n < 10:
         raise UsageError(
-            f"{n} revolutions with a {observable} in channel {channel.name}; at least ten are "
-            "needed; give a longer log",
+            f"{n} revolutions with a {observable} in channel {channel.name}",
+            allowed="at least ten are needed",
+            do="give a longer log",
             file=recording.log,
         )
     time_s, speed, value = time_s[ordinal], speed[ordinal], value[ordinal]
@@ -132,8 +133,9 @@ def _of_fronts(recording: Recording, channel: Channel, field: str) -> Numbers:
             unclear = np.zeros(value.size, bool)
             return found.time_s, found.speed_m_s, value, found.radius_m, unclear
     raise UsageError(
-        f"no fronts in channel {channel.name}; an accelerometer with a patch is needed; "
-        "give another",
+        f"no fronts in channel {channel.name}",
+        allowed="an accelerometer with a patch is needed",
+        do="give another",
         file=recording.log,
     )
 

@@ -77,10 +77,9 @@ def _check_level(stack: Stack, log: str) -> None:
         return
     raise UsageError(
         f"channel {stack.channel} reads {off - usual:.4g} m/s^2 outside the patch (median) and a "
-        "turning sensor reads -v^2/R = "
-        f"{-usual:.4g} m/s^2; allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed "
-        "(AC coupling, a piezo element), or the unit "
-        "is wrong; mend unit, scale or offset, or compare patch_width or phase_shift, which "
-        "need no level",
+        f"turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
+        allowed=f"allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed (AC coupling, "
+        "a piezo element), or the unit is wrong",
+        do="mend unit, scale or offset, or compare patch_width or phase_shift, which need no level",
         file=log,
     )

@@ -118,10 +118,10 @@ class Stacks(Sequence[Stack]):
             self._file.flush()
         except OSError as problem:
             raise OutputError(
-                "the revolutions of long logs cannot be put aside "
-                f"({problem.strerror or problem}); the folder for temporary files has to "
-                f"hold them, {_bytes(stack) / len(stack) / 1e3:.0f} kB each; make room or set "
-                "TMPDIR to another folder",
+                f"the revolutions of long logs cannot be put aside ({problem.strerror or problem})",
+                allowed="the folder for temporary files has to hold them, "
+                f"{_bytes(stack) / len(stack) / 1000.0:.0f} kB each",
+                do="make room or set TMPDIR to another folder",
                 file=tempfile.tempdir or os.environ.get("TMPDIR"),
             ) from problem
         return place

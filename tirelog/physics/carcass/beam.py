@@ -51,9 +51,10 @@ def refuse_supercritical(
         limit = np.sqrt((2.0 * np.sqrt(EJ * k) + tension) / mu).min()
         raise ModelError(
             f"speed {float(speed_m_s.max()):.4g} m/s reaches the beam's critical speed "
-            f"{float(limit):.4g} m/s; below it a "
-            "steady wave exists; take a stiffer or lighter beam (EJ, k, mu), the effect "
-            'belt_tension, or carcass = "ring"'
+            f"{float(limit):.4g} m/s",
+            allowed="below it a steady wave exists",
+            do="take a stiffer or lighter beam (EJ, k, mu), the effect belt_tension, or carcass = "
+            '"ring"',
         )
 
 
@@ -95,8 +96,9 @@ def exact_displacement(
     roots = np.roots([EJ, 0.0, mu * c**2, 2.0 * mu * damping_rate_1_s * c, k])
     if derivative > 3:
         raise ModelError(
-            f"derivative {derivative} of the displacement jumps at the edges; "
-            "0 to 3 are allowed; ask for one of them"
+            f"derivative {derivative} of the displacement jumps at the edges",
+            allowed="0 to 3 are allowed",
+            do="ask for one of them",
         )
     gamma, L = 0.75 * load_N / half_length_m**3, half_length_m
     total = np.zeros(xi_m.shape, dtype=np.complex128)

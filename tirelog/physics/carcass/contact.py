@@ -76,8 +76,9 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
     """
     if not load_N > 0.0:
         raise ModelError(
-            f"load {load_N:g} N does not press the tire on the road; a load above zero is "
-            "allowed; correct load_N"
+            f"load {load_N:g} N does not press the tire on the road",
+            allowed="a load above zero is allowed",
+            do="correct load_N",
         )
     A, h = _yield_matrix(carcass), carcass.R * STEP
     shape = carcass.R * (1.0 - np.cos(_PHI))
@@ -96,15 +97,16 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
             pressing[np.argmax(depth)] = True
         if pressing[0] or pressing[-1]:
             raise ModelError(
-                f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side; "
-                "a shorter one is allowed; give a stiffer foundation or a lower load"
+                f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side",
+                allowed="a shorter one is allowed",
+                do="give a stiffer foundation or a lower load",
             )
         if np.array_equal(pressing, active):
             return _contact(on, p, depth, drop, carcass.R)
         active = pressing
     raise ModelError(
-        "the contact with the flat road found no balance; give a smaller stiffness contrast or "
-        "patch_half_length_m"
+        "the contact with the flat road found no balance",
+        do="give a smaller stiffness contrast or patch_half_length_m",
     )
 
 

@@ -53,8 +53,9 @@ def hardened_load(
         w = _hurried(new, change, past)
         past = [*past[1 - _DEPTH :], (new, change)]
     raise ModelError(
-        "the hardened foundation found no balance; k3 w^2 up to about 10 is allowed; "
-        "lower stiffening.cubic_1_m2"
+        "the hardened foundation found no balance",
+        allowed="k3 w^2 up to about 10 is allowed",
+        do="lower stiffening.cubic_1_m2",
     )
 
 

@@ -55,4 +55,31 @@ CATALOGUE: tuple[Effect, ...] = (
 )
 BY_ID = {effect.id: effect for effect in CATALOGUE}
 
-__all__ = ["BY_ID", "CATALOGUE", "Drive", "Effect", "Site", "Structure"]
+
+def readers(effect: Effect, observable: str) -> list[Effect]:
+    """The effects of the catalogue beside which `effect` acts on an observable.
+
+    None for an observable on which it acts by itself, or not at all.
+    """
+    if effect.acts_in(observable, ()):
+        return []
+    return [
+        other
+        for other in CATALOGUE
+        if observable in other.observables and effect.acts_in(observable, [other])
+    ]
+
+
+def serves(effect: Effect) -> dict[str, str]:
+    """The observables that an effect acts on, and how they are said.
+
+    With the effects that it needs beside it there, if it does not act by itself.
+    """
+    said = {name: name for name in effect.reaches}
+    for name in effect.observables:
+        if beside := [other.id for other in readers(effect, name)]:
+            said[name] = f"{name} (beside {' or '.join(beside)})"
+    return said
+
+
+__all__ = ["BY_ID", "CATALOGUE", "Drive", "Effect", "Site", "Structure", "readers", "serves"]

@@ -8,7 +8,7 @@ for all revolutions; modes (n or 1, K).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -60,6 +60,14 @@ REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
 def acting_on(observable: str) -> list[str]:
     """The stages by which an effect can act on an observable, in the words of a model file."""
     return list(dict.fromkeys(stage for stage, reached in REACH.values() if observable in reached))
+
+
+def stages_read(observable: str, effects: Iterable[Effect]) -> frozenset[str]:
+    """The stages that an observable is computed from in a model with these effects.
+
+    Its own, and those that what the effects add to it reads.
+    """
+    return frozenset(OBSERVABLES[observable].reads).union(*(effect.reads for effect in effects))
 
 
 @dataclass(frozen=True)
@@ -157,6 +165,8 @@ class Effect:
     follows                    the conditions by which it grows, each (field, power of it), ()
                                for none; a text ("speed^2, water depth") is read as such
     acts_on                    the stages it enters
+    reads                      stages that its regressor reads ("load"): where nothing else reads
+                               them, an effect on them acts through this one alone
     parameters                 numbers with unit, bounds, start; `strength` names those that are all
                                zero when it is off
     needs                      fields of Conditions without which it cannot be computed
@@ -186,6 +196,7 @@ class Effect:
     valid: str
     signature: str
     valid_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    reads: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     also_at_zero: tuple[str, ...] = ()
     instead: Mapping[str, str] = field(default_factory=dict)
@@ -236,10 +247,22 @@ class Effect:
     def reaches(self) -> tuple[str, ...]:
         """Those of its `observables` that are computed from a stage which it enters.
 
-        On the others it would act on nothing.
+        On the others it acts on nothing, unless another effect reads that stage (`acts_in`).
         """
-        hooks = [reached for hook, (_, reached) in REACH.items() if getattr(self, hook) is not None]
-        return tuple(name for name in self.observables if any(name in reached for reached in hooks))
+        return tuple(name for name in self.observables if self.acts_in(name, ()))
+
+    @property
+    def enters(self) -> frozenset[str]:
+        """The stages that its hooks enter, as observables and effects read them."""
+        return frozenset(
+            stage for hook, (_, stage) in ENTERS.items() if getattr(self, hook) is not None
+        )
+
+    def acts_in(self, observable: str, beside: Iterable[Effect]) -> bool:
+        """Does it act on an observable in a model with the effects `beside` it?"""
+        return observable in self.observables and bool(
+            self.enters & stages_read(observable, beside)
+        )
 
     def is_on(self, values: Values, carcass: str = "beam") -> bool:
         """False if its strength is zero.
@@ -271,8 +294,17 @@ class Effect:
         ):
             raise ModelError(
                 f"effect {self.id}: parameters {names}, strength {list(self.strength)}, acts on "
-                f"{list(self.acts_on)}; allowed are distinct "
-                f"parameters, a strength among them, and {', '.join(ACTS_ON)}; correct the effect"
+                f"{list(self.acts_on)}",
+                allowed="allowed are distinct parameters, a strength among them, and "
+                f"{', '.join(ACTS_ON)}",
+                do="correct the effect",
+            )
+        stages = dict.fromkeys(stage for _, stage in ENTERS.values())
+        if not set(self.reads) <= set(stages):
+            raise ModelError(
+                f"effect {self.id}: reads {', '.join(map(str, self.reads))}",
+                allowed=f"allowed are {', '.join(stages)}",
+                do="correct the effect",
             )
         for parameter in self.parameters:
             parameter.checked(f"{self.id}.{parameter.name}")
@@ -288,9 +320,10 @@ class Effect:
             }
         except (AttributeError, TypeError, ValueError):
             raise ModelError(
-                f"effect {self.id}: follows {self.follows!r}, valid_range {self.valid_range!r}; "
-                'allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a pair '
-                '(lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}; correct the effect'
+                f"effect {self.id}: follows {self.follows!r}, valid_range {self.valid_range!r}",
+                allowed='allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a '
+                'pair (lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}',
+                do="correct the effect",
             ) from None
         for names, known, what in (
             (followed, [*CONDITIONS], "condition"),
@@ -299,19 +332,22 @@ class Effect:
             for name in names:
                 if name not in known:
                     raise ModelError(
-                        f"effect {self.id}: {name!r} is no {what}{nearest(str(name), known)}; "
-                        f"allowed are {', '.join(known)}; correct the effect"
+                        f"effect {self.id}: {name!r} is no {what}{nearest(str(name), known)}",
+                        allowed=f"allowed are {', '.join(known)}",
+                        do="correct the effect",
                     )
         if not np.isfinite(list(followed.values())).all():
             raise ModelError(
-                f"effect {self.id}: follows {self.follows!r}; allowed are finite powers; "
-                "correct the effect"
+                f"effect {self.id}: follows {self.follows!r}",
+                allowed="allowed are finite powers",
+                do="correct the effect",
             )
         for name, (low, high) in ranges.items():
             if not low <= high:
                 raise ModelError(
-                    f"effect {self.id}: valid_range of {name} is from {low:g} to {high:g}; "
-                    "allowed is (lowest, highest); correct the effect"
+                    f"effect {self.id}: valid_range of {name} is from {low:g} to {high:g}",
+                    allowed="allowed is (lowest, highest)",
+                    do="correct the effect",
                 )
 
 

@@ -80,6 +80,7 @@ LOAD_CROSSTALK = Effect(
     source="P4 IV (1)-(3)",
     valid="small changes of load; needs a load that varies (measured, or by load_transfer)",
     signature="a phase shift on a wheel that carries no longitudinal force",
+    reads=("load",),
     observables=_PHASE,
     regressor=_crosstalk,
 )

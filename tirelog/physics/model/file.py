@@ -122,6 +122,7 @@ def parse_model(
     model = Model(observable, carcass, contact, base, nuisances=nuisances, document=text)
     catalogue = catalogue if catalogue is not None else catalogue_with()
     after = 0
+    entries: list[tuple[ModelEffect, int]] = []
     for table in effects:
         if not isinstance(table, dict) or not isinstance(table.get("name"), str):
             raise source.error(
@@ -131,11 +132,12 @@ def parse_model(
                 do="name it",
             )
         after = source.line(table["name"], after) or after
-        effect = _effect(table, catalogue, source, after)
+        entries.append((_effect(table, catalogue, source, after), after))
+    for effect, after in entries:
         try:
-            model = model.with_effect(effect)
+            model = model.with_entry(effect, [entry for entry, _ in entries])
         except ModelError as problem:
-            raise source.here(problem, table["name"], after - 1) from None
+            raise source.here(problem, effect.id, after - 1) from None
     return model
 
 

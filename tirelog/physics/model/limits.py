@@ -32,9 +32,9 @@ def check_pressure(pressure_Pa: float | None) -> None:
     """ModelError for an inflation pressure that is none in Pa; nothing at all (0) is allowed."""
     if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
         raise ModelError(
-            f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa; "
-            f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed; "
-            f"write it in Pa (2.2 bar is 2.2e5)"
+            f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa",
+            allowed=f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed",
+            do="write it in Pa (2.2 bar is 2.2e5)",
         )
 
 
@@ -52,8 +52,9 @@ def check_conditions(conditions: Conditions, called: Mapping[str, str] | None = 
     if backwards.any():
         raise UsageError(
             f"{(called or {}).get('speed_m_s', 'speed_m_s')} "
-            f"{float(conditions.speed_m_s[backwards][0]):g}; allowed is a speed of 0 m/s or more, "
-            "forwards; give that"
+            f"{float(conditions.speed_m_s[backwards][0]):g}",
+            allowed="allowed is a speed of 0 m/s or more, forwards",
+            do="give that",
         )
     for name, (low, high, unit) in _DRIVEN.items():
         values = np.asarray(getattr(conditions, name))
@@ -61,8 +62,9 @@ def check_conditions(conditions: Conditions, called: Mapping[str, str] | None = 
         if outside.any():
             name = (called or {}).get(name, name)
             raise UsageError(
-                f"{name} {float(values[outside][0]):g}; {low:g} to {high:g} {unit} is allowed; "
-                "correct it"
+                f"{name} {float(values[outside][0]):g}",
+                allowed=f"{low:g} to {high:g} {unit} is allowed",
+                do="correct it",
             )
     for pressure in np.unique(conditions.inflation_pressure_Pa):
         check_pressure(None if np.isnan(pressure) else float(pressure))

@@ -19,7 +19,7 @@ from tirelog.physics.carcass.numbers import (
     carcass_parameters,
     steady_carcass,
 )
-from tirelog.physics.effects import BY_ID, Effect
+from tirelog.physics.effects import BY_ID, Effect, readers, serves
 from tirelog.physics.effects.base import acting_on
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
@@ -129,8 +129,7 @@ class Model(Predicting):
                 )
             effect = BY_ID[effect]
         added = effect if isinstance(effect, ModelEffect) else ModelEffect.of(effect)
-        self._accept(added)
-        model = replace(self, effects=(*self.effects, added))
+        model = self.with_entry(added)
         return model.with_values({f"{added.id}.{name}": value for name, value in values.items()})
 
     def with_nuisance(self, name: str, use: str) -> Model:
@@ -141,34 +140,52 @@ class Model(Predicting):
         changed = tuple(n.used(use) if n.name == name else n for n in self.nuisances)
         return replace(self, nuisances=changed)
 
-    def without_effect(self, effect: str) -> Model:
-        """The model without an effect."""
-        if effect not in [e.id for e in self.effects]:
-            held = ", ".join(e.id for e in self.effects) or "none"
-            raise ModelError(
-                f"the model has no effect {effect!r}"
-                f"{nearest(effect, [e.id for e in self.effects])}",
-                allowed=f"it has: {held}",
-                do="name one of them",
-            )
-        return replace(self, effects=tuple(e for e in self.effects if e.id != effect))
+    def with_entry(self, added: ModelEffect, beside: Sequence[ModelEffect] = ()) -> Model:
+        """The model with one effect more.
 
-    def _accept(self, added: ModelEffect) -> None:
+        `beside` are effects that will be in the model too: what acts on the load of a phase shift
+        acts through load_crosstalk, whichever of the two comes first.
+
+        ModelError if it is in the model already, or not for this model.
+        """
+        self._accept(added, [e.effect for e in (*self.effects, *beside)])
+        return replace(self, effects=(*self.effects, added))
+
+    def without_effect(self, *effects: str) -> Model:
+        """The model without one or several effects.
+
+        ModelError if it has no such effect, or if one that stays acts through one that goes.
+        """
+        held = [e.id for e in self.effects]
+        for effect in effects:
+            if effect not in held:
+                raise ModelError(
+                    f"the model has no effect {effect!r}{nearest(effect, held)}",
+                    allowed=f"it has: {', '.join(held) or 'none'}",
+                    do="name one of them",
+                )
+        kept = tuple(e for e in self.effects if e.id not in effects)
+        idle = [
+            e.id for e in kept if not e.effect.acts_in(self.observable, [k.effect for k in kept])
+        ]
+        if idle:
+            raise ModelError(
+                f"without {', '.join(effects)}, {', '.join(idle)} would act on nothing in a model "
+                f"of {self.observable}",
+                allowed="effects that act on something are allowed",
+                do=f"remove {', '.join(idle)} first",
+            )
+        return replace(self, effects=kept)
+
+    def _accept(self, added: ModelEffect, beside: Sequence[Effect]) -> None:
         if added.id in [e.id for e in self.effects]:
             raise ModelError(
                 f"the model has the effect {added.id!r} already",
                 allowed="each effect once is allowed",
                 do="change its parameters instead",
             )
-        effect = added.effect
-        if self.observable not in effect.reaches:
-            own = f"acts on {', '.join(effect.acts_on)} and does nothing to {self.observable}"
-            serves = f"for {', '.join(effect.reaches)}" if effect.reaches else "for no observable"
-            raise ModelError(
-                f"effect {added.id!r} {own}, it is {serves}",
-                allowed=f"what acts on {self.observable}: {', '.join(acting_on(self.observable))}",
-                do="choose one of them, or another effect",
-            )
+        if not added.effect.acts_in(self.observable, beside):
+            raise idle_effect(added.effect, self.observable)
         if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
             raise ModelError(
                 "the carcass is a ring already",
@@ -215,6 +232,29 @@ class Model(Predicting):
                     allowed=f"it has {', '.join(self.parameters)}",
                     do="use one of them",
                 )
+
+
+def idle_effect(effect: Effect, observable: str) -> ModelError:
+    """The refusal of an effect that acts on nothing in a model of an observable."""
+    stages = f"what acts on {observable}: {', '.join(acting_on(observable))}"
+    what = f"effect {effect.id!r} {why_idle(effect, observable)}"
+    beside = " or ".join(other.id for other in readers(effect, observable))
+    if beside:
+        return ModelError(
+            what,
+            allowed=f"{stages}; and {', '.join(effect.acts_on)} beside {beside}",
+            do=f"add {beside} as well, or leave {effect.id} out",
+        )
+    return ModelError(what, allowed=stages, do="choose one of them, or another effect")
+
+
+def why_idle(effect: Effect, observable: str) -> str:
+    """Why an effect acts on nothing in a model of an observable, as said of the effect."""
+    on = ", ".join(effect.acts_on)
+    if readers(effect, observable):
+        return f"acts on {on}, which nothing in this model of {observable} reads"
+    serving = ", ".join(serves(effect).values()) or "no observable"
+    return f"acts on {on} and does nothing to {observable}, it is for {serving}"
 
 
 def _one_of(what: str, word: str, allowed: Sequence[str]) -> None:

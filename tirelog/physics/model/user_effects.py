@@ -268,8 +268,9 @@ def effect_called(name: str, path: Path | None = None) -> Effect:
     catalogue = catalogue_with(path)
     if name not in catalogue:
         raise ModelError(
-            f"unknown effect {name!r}{nearest(name, catalogue)}; "
-            f"allowed are {', '.join(catalogue)}; see `tirelog effects`"
+            f"unknown effect {name!r}{nearest(name, catalogue)}",
+            allowed=f"allowed are {', '.join(catalogue)}",
+            do="see `tirelog effects`",
         )
     return catalogue[name]
 

@@ -238,8 +238,9 @@ class Tread:
         self.lost += self._pitch * lost
         if phi.size and ((phi[0] <= -FAR and f_z[0] != 0.0) or (phi[-1] >= FAR and f_z[-1] != 0.0)):
             raise ModelError(
-                f"the road reaches the tire beyond {FAR:g} rad to either side; a shorter patch "
-                "is allowed; lower the load or the obstacle"
+                f"the road reaches the tire beyond {FAR:g} rad to either side",
+                allowed="a shorter patch is allowed",
+                do="lower the load or the obstacle",
             )
         f_r, f_t = f_s * sin - f_z * cos, f_s * cos + f_z * sin
         real, imag = modes_of(self._cos, self._sin, start, f_t, f_r, n, self.nodes)

@@ -50,8 +50,9 @@ def course_of(
         duration_s = max(reached, load.time_s[-1], speed.time_s[-1]) + _AFTER_S
     if not 0.0 < duration_s <= 100.0:
         raise UsageError(
-            f"{duration_s:g} s to drive; above zero and up to 100 s is allowed; give --duration "
-            "or a nearer obstacle"
+            f"{duration_s:g} s to drive",
+            allowed="above zero and up to 100 s is allowed",
+            do="give --duration or a nearer obstacle",
         )
     return Course(speed, load, road_of(road, at, folder=folder), duration_s)
 

@@ -94,7 +94,9 @@ def natural_modes(
     """
     if not to_Hz > 0.0:
         raise ModelError(
-            f"modes up to {to_Hz:g} Hz; above zero is allowed; give the highest frequency"
+            f"modes up to {to_Hz:g} Hz",
+            allowed="above zero is allowed",
+            do="give the highest frequency",
         )
     tire.check_speed(speed_m_s)
     tire = enough_modes(tire, to_Hz, speed_m_s)
@@ -125,8 +127,9 @@ def modes_of_model(
     """
     if steady_carcass(model.carcass) != "ring":
         raise ModelError(
-            f'a {model.carcass} has no natural modes here; carcass = "ring" or "coupled_ring" is '
-            "allowed; make one with --carcass ring",
+            f"a {model.carcass} has no natural modes here",
+            allowed='carcass = "ring" or "coupled_ring" is allowed',
+            do="make one with --carcass ring",
             file=model.path,
         )
     tire = of_model(model.values, hub_mass_kg=hub_mass_kg, hub_inertia_kg_m2=hub_inertia_kg_m2)
@@ -135,8 +138,9 @@ def modes_of_model(
         supports["road"] = model.values["load_N"] if load_N is None else load_N
     elif load_N is not None:
         raise ModelError(
-            '--load needs a tread to stand on; contact = "flat_road" is allowed; '
-            "leave it out, or make such a model",
+            "--load needs a tread to stand on",
+            allowed='contact = "flat_road" is allowed',
+            do="leave it out, or make such a model",
             file=model.path,
         )
     return [

@@ -172,9 +172,9 @@ class Stepper:
         check_climbable(self.tread.road, tire.R)
         if not 0.0 < step_s <= tire.largest_step_s(speed):
             raise ModelError(
-                f"step of {step_s:g} s is not stable for this tire; above zero and up to "
-                f"{tire.largest_step_s(speed):.3g} s is allowed; "
-                "give a shorter step or fewer modes"
+                f"step of {step_s:g} s is not stable for this tire",
+                allowed=f"above zero and up to {tire.largest_step_s(speed):.3g} s is allowed",
+                do="give a shorter step or fewer modes",
             )
         self._belt_at = np.nan
         self._before = self._after = np.zeros_like(state.V)
@@ -333,8 +333,9 @@ def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> R
         s, force, spindle = stepper.state, stepper.road_forces.force, stepper.spindle()
         if not (np.isfinite(s.omega) and abs(s.centre - s.hub) < 0.5 * stepper.tire.R):
             raise ModelError(
-                f"the ring left its sidewall at {stepper.time_s:.4g} s; displacements below half "
-                "of the radius are allowed; lower the load, the obstacle or the step"
+                f"the ring left its sidewall at {stepper.time_s:.4g} s",
+                allowed="displacements below half of the radius are allowed",
+                do="lower the load, the obstacle or the step",
             )
         hub = (s.omega, s.psi, s.hub.imag, stepper.energy())
         rows.append([stepper.time_s, force.real, force.imag, spindle.real, spindle.imag, *hub])

@@ -110,13 +110,16 @@ class CoupledRing:
             may_vanish = field.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c", "c_h")
             if not (np.isfinite(value) and (value > 0.0 or (may_vanish and value == 0.0))):
                 raise ModelError(
-                    f"coupled ring with {field.name} = {value:g}; a finite number "
-                    f"{'of at least' if may_vanish else 'above'} zero is allowed; correct it"
+                    f"coupled ring with {field.name} = {value:g}",
+                    allowed=f"a finite number {'of at least' if may_vanish else 'above'} zero is "
+                    "allowed",
+                    do="correct it",
                 )
         if self.modes < 2:
             raise ModelError(
-                f"coupled ring with {self.modes} modes; 2 or more are allowed; give the flexible "
-                "ring some"
+                f"coupled ring with {self.modes} modes",
+                allowed="2 or more are allowed",
+                do="give the flexible ring some",
             )
 
     # ---- constants -------------------------------------------------------------------------------
@@ -192,8 +195,9 @@ class CoupledRing:
         if not abs(speed_m_s) < self.critical_speed_m_s:
             raise ModelError(
                 f"speed {speed_m_s:g} m/s is beyond the critical one, "
-                f"{self.critical_speed_m_s:.1f} m/s, where the ring whirls in its "
-                "sidewall; a lower one is allowed; lower the speed or give a stiffer sidewall"
+                f"{self.critical_speed_m_s:.1f} m/s, where the ring whirls in its sidewall",
+                allowed="a lower one is allowed",
+                do="lower the speed or give a stiffer sidewall",
             )
 
     def largest_step_s(self, speed_m_s: float = 0.0) -> float:

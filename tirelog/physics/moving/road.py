@@ -60,8 +60,9 @@ class SineRoad:
     def __post_init__(self) -> None:
         if not (self.wavelength_m > 0.0 and np.isfinite(self.amplitude_m)):
             raise ModelError(
-                f"sine road of wavelength {self.wavelength_m:g} m; above zero is allowed; "
-                "correct wavelength_m"
+                f"sine road of wavelength {self.wavelength_m:g} m",
+                allowed="above zero is allowed",
+                do="correct wavelength_m",
             )
         _climbable(abs(self.amplitude_m) * 2.0 * np.pi / self.wavelength_m)
 
@@ -90,13 +91,15 @@ class MeasuredRoad:
             or not (np.isfinite(x).all() and np.isfinite(h).all())
         ):
             raise ModelError(
-                "road profile without two columns of finite numbers; two points or more are "
-                "allowed; give distance and height"
+                "road profile without two columns of finite numbers",
+                allowed="two points or more are allowed",
+                do="give distance and height",
             )
         if np.any(np.diff(x) <= 0.0):
             raise ModelError(
-                "road profile whose distance does not grow; growing distances are allowed; "
-                "sort the rows, one height each"
+                "road profile whose distance does not grow",
+                allowed="growing distances are allowed",
+                do="sort the rows, one height each",
             )
         _climbable(float(np.max(np.abs(self._slopes))))
 
@@ -139,8 +142,9 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
     if words.kind == "profile":
         if words.file is None:
             raise ModelError(
-                'road profile without a file; file = "PATH" is allowed (distance and height, a '
-                "point a line); name it"
+                "road profile without a file",
+                allowed='file = "PATH" is allowed (distance and height, a point a line)',
+                do="name it",
             )
         road = load_road((folder or Path()) / words.file)
         return Placed(road, at_m, _spaced(words, road.distance_m[-1]))
@@ -162,8 +166,9 @@ def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
     lacking = [name for name, value in zip(names, values) if value is None]
     if lacking:
         raise ModelError(
-            f"road of kind {words.kind} without {' and '.join(lacking)}; a number in m is "
-            "allowed; give it"
+            f"road of kind {words.kind} without {' and '.join(lacking)}",
+            allowed="a number in m is allowed",
+            do="give it",
         )
     return tuple(cast(list[float], values))
 
@@ -172,8 +177,9 @@ def _spaced(words: RoadSetup, length_m: float) -> float:
     spacing = words.spacing_m or 0.0
     if 0.0 < spacing <= length_m:
         raise ModelError(
-            f"road that comes again after {spacing:g} m although it is {length_m:g} m long; "
-            "a longer spacing is allowed; correct spacing_m"
+            f"road that comes again after {spacing:g} m although it is {length_m:g} m long",
+            allowed="a longer spacing is allowed",
+            do="correct spacing_m",
         )
     return spacing
 
@@ -187,8 +193,9 @@ def cleat(at_m: float, height_m: float, width_m: float, ramp_m: float = 0.01) ->
     """A bar that begins at `at_m`: `width_m` at its foot, a ramp on either side."""
     if not 0.0 < ramp_m < 0.5 * width_m:
         raise ModelError(
-            f"cleat with ramps of {ramp_m:g} m; above zero and below half of its width is "
-            "allowed; correct ramp_m"
+            f"cleat with ramps of {ramp_m:g} m",
+            allowed="above zero and below half of its width is allowed",
+            do="correct ramp_m",
         )
     return MeasuredRoad(
         (at_m, at_m + ramp_m, at_m + width_m - ramp_m, at_m + width_m),
@@ -213,15 +220,18 @@ def load_road(path: str | Path) -> MeasuredRoad:
                     distance, height = (float(word) for word in words)
                 except ValueError:
                     raise ModelError(
-                        f"{line.strip()!r} is no point of a road profile; distance and height in "
-                        "m are allowed; correct it",
+                        f"{line.strip()!r} is no point of a road profile",
+                        allowed="distance and height in m are allowed",
+                        do="correct it",
                         file=path,
                         line=number,
                     ) from None
                 rows.append((distance, height))
     except (OSError, UnicodeDecodeError) as problem:
         raise ModelError(
-            f"road profile cannot be read ({problem}); a text file is allowed; check the path",
+            f"road profile cannot be read ({problem})",
+            allowed="a text file is allowed",
+            do="check the path",
             file=path,
         ) from None
     try:
@@ -255,15 +265,17 @@ def check_climbable(road: RoadProfile, radius_m: float) -> None:
 
 def _too_high(rise_m: float, radius_m: float) -> None:
     raise ModelError(
-        f"road that rises {rise_m:.3g} m within one tire diameter; "
-        f"up to {HIGHEST * radius_m:.3g} m is allowed for a radius of "
-        f"{radius_m:.3g} m (small displacements of the ring); give a lower obstacle"
+        f"road that rises {rise_m:.3g} m within one tire diameter",
+        allowed=f"up to {HIGHEST * radius_m:.3g} m is allowed for a radius of {radius_m:.3g} m "
+        "(small displacements of the ring)",
+        do="give a lower obstacle",
     )
 
 
 def _climbable(slope: float) -> None:
     if slope > STEEPEST:
         raise ModelError(
-            f"road with a slope of {slope:.3g}; up to {STEEPEST:g} is allowed (the tread presses "
-            "along the road's normal); give the step a longer ramp"
+            f"road with a slope of {slope:.3g}",
+            allowed=f"up to {STEEPEST:g} is allowed (the tread presses along the road's normal)",
+            do="give the step a longer ramp",
         )

@@ -54,8 +54,9 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
     """
     if not load_N > 0.0:
         raise ModelError(
-            f"load {load_N:g} N does not press the tire on the road; a load above zero is "
-            "allowed; correct load_N"
+            f"load {load_N:g} N does not press the tire on the road",
+            allowed="a load above zero is allowed",
+            do="correct load_N",
         )
     omega = speed_m_s / tire.R
     for _ in range(2 if speed_m_s else 1):
@@ -106,7 +107,9 @@ def _balance(
             break
     raise ModelError(
         f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or finds "
-        "no balance; a shorter one is allowed; give a stiffer foundation or a lower load"
+        "no balance",
+        allowed="a shorter one is allowed",
+        do="give a stiffer foundation or a lower load",
     )
 
 

@@ -262,8 +262,9 @@ def driven(
     """
     if model.carcass != "coupled_ring":
         raise ModelError(
-            f'a {model.carcass} does not move in time; carcass = "coupled_ring" is allowed; '
-            "make one with `tirelog model new --carcass coupled_ring`"
+            f"a {model.carcass} does not move in time",
+            allowed='carcass = "coupled_ring" is allowed',
+            do="make one with `tirelog model new --carcass coupled_ring`",
         )
     if values is not None:
         model = model.with_values(values)
@@ -290,8 +291,9 @@ def driven(
     tire.check_speed(max(course.speed_m_s.value, key=abs))
     if not min(course.load_N.value) >= 0.0:
         raise ModelError(
-            f"load of {min(course.load_N.value):g} N on the axle; zero and above is allowed; "
-            "correct the load"
+            f"load of {min(course.load_N.value):g} N on the axle",
+            allowed="zero and above is allowed",
+            do="correct the load",
         )
     motion = stepped_motion(stepper, course.duration_s, every=max(round(KEEP_S / step), 1))
     remarks = tuple(
@@ -316,9 +318,10 @@ def tire_of(task: Task) -> CoupledRing:
         done = own()
         if np.any(done.loss) or np.any(done.cubic):
             raise ModelError(
-                f"effect {effect!r} has no linear motion in time; viscous_damping and "
-                "stiffness that does not follow the "
-                "deflection are allowed for transients; leave it out with `tirelog model remove`"
+                f"effect {effect!r} has no linear motion in time",
+                allowed="viscous_damping and stiffness that does not follow the deflection are "
+                "allowed for transients",
+                do="leave it out with `tirelog model remove`",
             )
     b, R = dict(task.base), task.base["radius_m"]
     soft = 1.0 + float(np.mean(s.stiffening))
@@ -339,6 +342,7 @@ def _begins_level(road: RoadProfile, radius_m: float) -> None:
     height, _ = road.profile(np.linspace(-_CLEAR, _CLEAR, 101) * radius_m)
     if np.any(height != 0.0):
         raise ModelError(
-            f"road that begins under the standing tire; {_CLEAR * radius_m:.3g} m ahead of its "
-            "centre or farther is allowed; give a larger position_m"
+            "road that begins under the standing tire",
+            allowed=f"{_CLEAR * radius_m:.3g} m ahead of its centre or farther is allowed",
+            do="give a larger position_m",
         )

@@ -79,7 +79,9 @@ def find_columns(file: h5py.File, source: str) -> SourceColumn:
         return column(path, item, field, index)
     if not isinstance(item, h5py.Group):
         raise ReadError(
-            f"{path} is a type, no dataset; a source is a dataset path of the file; mend source"
+            f"{path} is a type, no dataset",
+            allowed="a source is a dataset path of the file",
+            do="mend source",
         )
     attributes = Attributes(item)
     kind = attributes.text("pandas_type") or ""
@@ -95,15 +97,18 @@ def find_columns(file: h5py.File, source: str) -> SourceColumn:
         )
     near = nearest(path, names(file))
     raise ReadError(
-        f"{path} is a group{near}; a source is a dataset, or a group of pandas or NeXus; "
-        "mend source"
+        f"{path} is a group{near}",
+        allowed="a source is a dataset, or a group of pandas or NeXus",
+        do="mend source",
     )
 
 
 def _dataset(item: h5py.Group | h5py.Dataset, path: str) -> h5py.Dataset:
     if not isinstance(item, h5py.Dataset):
         raise ReadError(
-            f"{path} leads to a group; a source is a dataset path of the file; mend source"
+            f"{path} leads to a group",
+            allowed="a source is a dataset path of the file",
+            do="mend source",
         )
     return item
 
@@ -140,8 +145,9 @@ def _fixed_frame(
             at = labels.index(field)
             return column(values, dataset, None, (None, at) if turned else (at, None))
     raise ReadError(
-        f"{path} is a pandas frame without {field!r}{nearest(field or '', known)}; "
-        f"it has {', '.join(known[:20])}; mend source"
+        f"{path} is a pandas frame without {field!r}{nearest(field or '', known)}",
+        allowed=f"it has {', '.join(known[:20])}",
+        do="mend source",
     )
 
 
@@ -170,8 +176,9 @@ def _table_frame(
         if field in labels:
             return column(where, table, block, (labels.index(field),))
     raise ReadError(
-        f"{path} is a pandas table without {field!r}{nearest(field or '', known)}; "
-        f"it has {', '.join(known[:20])}; mend source"
+        f"{path} is a pandas table without {field!r}{nearest(field or '', known)}",
+        allowed=f"it has {', '.join(known[:20])}",
+        do="mend source",
     )
 
 
@@ -229,8 +236,9 @@ def _named_time(file: h5py.File, found: SourceColumn, name: str) -> SourceColumn
             continue
         if len(stamps) != len(found):
             raise ReadError(
-                f"time {name!r} has {len(stamps)} stamps and {found.path} {len(found)} samples; "
-                "allowed is one stamp a sample; mend [log] time or give sampling_rate_Hz"
+                f"time {name!r} has {len(stamps)} stamps and {found.path} {len(found)} samples",
+                allowed="allowed is one stamp a sample",
+                do="mend [log] time or give sampling_rate_Hz",
             )
         return stamps
     raise ReadError(f"time {name!r} of the setup: {problem.message if problem else 'not found'}")

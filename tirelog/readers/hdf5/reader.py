@@ -92,38 +92,41 @@ class Hdf5Log:
             self.clocks = self._clocks(self._channels())
         except LIBRARY_ERRORS as problem:
             raise self._error(
-                f"cannot be read ({problem}); the file is damaged; record it again"
+                f"cannot be read ({problem}); the file is damaged", do="record it again"
             ) from None
         self.setup, said = with_stated_units(setup, self.stated)
         self.report.remarks += said
         self.groups = tuple(clock.group for clock in self.clocks)
 
-    def _error(self, message: str) -> ReadError:
-        return ReadError(message, file=self.log_name)
+    def _error(self, what: str, *, allowed: str = "", do: str = "") -> ReadError:
+        return ReadError(what, allowed=allowed, do=do, file=self.log_name)
 
     def _open(self, path: Path) -> h5py.File:
         try:
             size = path.stat().st_size
         except OSError as problem:
             raise self._error(
-                f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path"
+                f"cannot be opened ({problem.strerror})",
+                allowed="a log is a readable file",
+                do="mend the path",
             ) from None
         if size == 0:
-            raise self._error("is empty; allowed is an HDF5 file; record it again")
+            raise self._error("is empty", allowed="allowed is an HDF5 file", do="record it again")
         try:
             return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
         except LIBRARY_ERRORS as problem:
             declared = declared_size(problem)
             if declared is None or declared <= size:
                 raise self._error(
-                    f"is no readable HDF5 file ({problem}); allowed is HDF5; repair it or record "
-                    "it again"
+                    f"is no readable HDF5 file ({problem})",
+                    allowed="allowed is HDF5",
+                    do="repair it or record it again",
                 ) from None
         try:
             file = h5py.File(Padded(path, declared), "r", rdcc_nbytes=CACHE_BYTES)
         except LIBRARY_ERRORS:
             raise self._error(
-                f"is cut off at {size} of {declared} bytes, before its index; copy it again"
+                f"is cut off at {size} of {declared} bytes, before its index", do="copy it again"
             ) from None
         self.end = size
         self.report.losses.append(

@@ -154,7 +154,7 @@ class SourceColumn:
 
 
 def refuse(path: str, what: str, allowed: str, action: str) -> ReadError:
-    return ReadError(f"{path} {what}; allowed is {allowed}; {action}")
+    return ReadError(f"{path} {what}", allowed=f"allowed is {allowed}", do=action)
 
 
 def walk(file: h5py.File, path: str, links: int = MOST_LINKS) -> h5py.Group | h5py.Dataset:
@@ -170,8 +170,9 @@ def walk(file: h5py.File, path: str, links: int = MOST_LINKS) -> h5py.Group | h5
         link = at.get(name, getlink=True) if isinstance(at, h5py.Group) else None
         if link is None:
             raise ReadError(
-                f"no dataset {path!r}{nearest(path, names(file))}; a source is a dataset path of "
-                "the file; mend source"
+                f"no dataset {path!r}{nearest(path, names(file))}",
+                allowed="a source is a dataset path of the file",
+                do="mend source",
             )
         if isinstance(link, h5py.ExternalLink):
             raise refuse(
@@ -229,15 +230,17 @@ def split_source(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
     )
     if match is None:
         raise ReadError(
-            f'source {source!r} does not parse; allowed is "/path", "/path[3]", "/path[:, 3]" or '
-            '"/table:column"; mend source'
+            f"source {source!r} does not parse",
+            allowed='allowed is "/path", "/path[3]", "/path[:, 3]" or "/table:column"',
+            do="mend source",
         )
     index: list[int | None] = []
     for part in (match["index"] or "").split(",") if match["index"] else ():
         if part.strip() != ":" and not part.strip().isdigit():
             raise ReadError(
-                f"source {source!r} has the index {part!r}; allowed are whole numbers from 0, "
-                "and ':' for time; mend source"
+                f"source {source!r} has the index {part!r}",
+                allowed="allowed are whole numbers from 0, and ':' for time",
+                do="mend source",
             )
         index.append(None if part.strip() == ":" else int(part))
     return match["path"], match["field"], tuple(index)
@@ -259,8 +262,9 @@ def column(
         if field not in dtype.names:
             near = nearest(field or "", dtype.names)
             raise ReadError(
-                f"{path} is a table without a column {field!r}{near}; "
-                f"it has {', '.join(dtype.names[:20])}; add :COLUMN to source"
+                f"{path} is a table without a column {field!r}{near}",
+                allowed=f"it has {', '.join(dtype.names[:20])}",
+                do="add :COLUMN to source",
             )
         dtype = dtype[field]
         if dtype.shape and math.prod(dtype.shape) > 1:
@@ -269,8 +273,9 @@ def column(
                 i >= n for i, n in zip(element, dtype.shape, strict=True)
             ):
                 raise ReadError(
-                    f"{path}:{field} holds arrays of shape {dtype.shape}; allowed is one element "
-                    "[i]; mend the index in source"
+                    f"{path}:{field} holds arrays of shape {dtype.shape}",
+                    allowed="allowed is one element [i]",
+                    do="mend the index in source",
                 )
             index = ()
         elif dtype.shape:
@@ -278,8 +283,9 @@ def column(
             index = ()
     elif field is not None:
         raise ReadError(
-            f"{path} is no table, so it has no column {field!r}; allowed is a path or an index; "
-            "mend source"
+            f"{path} is no table, so it has no column {field!r}",
+            allowed="allowed is a path or an index",
+            do="mend source",
         )
     elif dtype.shape:
         raise refuse(

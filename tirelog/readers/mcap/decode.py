@@ -73,16 +73,17 @@ class ChannelDecoder:
         except DECODE_ERRORS as problem:
             what = f"{type(problem).__name__}: {problem}".splitlines()[0][:160]
             raise ReadError(
-                f"the schema of topic {topic!r} does not parse ({what}); allowed is a whole "
-                "schema; record it again"
+                f"the schema of topic {topic!r} does not parse ({what})",
+                allowed="allowed is a whole schema",
+                do="record it again",
             ) from None
         if decode is None:
             name = schema.encoding if schema is not None else "none"
             raise ReadError(
                 f"topic {topic!r} has the message encoding {encoding!r} with the schema encoding "
-                f"{name!r}; "
-                "allowed are json, protobuf with protobuf, cdr with ros2msg; record it in one of "
-                "them"
+                f"{name!r}",
+                allowed="allowed are json, protobuf with protobuf, cdr with ros2msg",
+                do="record it in one of them",
             )
         self.decode: Callable[[bytes], Any] = decode
         self.plans: list[FrozenPlan] = []

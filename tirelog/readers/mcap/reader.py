@@ -53,7 +53,9 @@ def open_mcap(
                 raise
         except OSError as problem:
             raise ReadError(
-                f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path",
+                f"cannot be opened ({problem.strerror})",
+                allowed="a log is a readable file",
+                do="mend the path",
                 file=log_name,
             ) from None
         log.owned = stream

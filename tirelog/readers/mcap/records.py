@@ -83,7 +83,9 @@ class Records:
         magic = self._take(len(MAGIC))
         if magic != MAGIC:
             what = "is empty" if not magic else "does not begin as an MCAP file"
-            raise ReadError(f"{what}; allowed is MCAP; record it again", file=log_name)
+            raise ReadError(
+                f"{what}", allowed="allowed is MCAP", do="record it again", file=log_name
+            )
 
     def _take(self, size: int) -> bytes:
         """The next `size` bytes, fewer at the end."""

@@ -46,7 +46,9 @@ def split_source(source: str) -> tuple[str, str]:
     match = re.fullmatch(r"(.+):((?:[^:\[\]]|\[[^\[\]]*\])+)", source.strip())
     if match is None:
         raise ReadError(
-            f'source {source!r} names no field; allowed is "topic:field.path[index]"; mend source'
+            f"source {source!r} names no field",
+            allowed='allowed is "topic:field.path[index]"',
+            do="mend source",
         )
     return match[1], match[2]
 
@@ -74,7 +76,9 @@ def parse_path(path: str) -> Want:
         if end == len(path) and tokens:
             return Want(path, tuple(tokens))
     raise ReadError(
-        f"field path {path!r} does not parse; allowed are names, [3], [3::16] and [:]; mend source"
+        f"field path {path!r} does not parse",
+        allowed="allowed are names, [3], [3::16] and [:]",
+        do="mend source",
     )
 
 

@@ -267,7 +267,8 @@ def _time(
         column = find_column(layout, setup.log.time)
         if column is None:
             raise SetupError(
-                f"[log] time: {_absent(layout, setup.log.time)}; mend time in the setup",
+                f"[log] time: {_absent(layout, setup.log.time)}",
+                do="mend time in the setup",
                 file=setup.file,
             )
         return _with_clock(layout, setup, column)

@@ -90,7 +90,10 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
     if not full:
         raise ReadError(
-            "holds no rows; a text log has one row per sample; check the recording", file=name
+            "holds no rows",
+            allowed="a text log has one row per sample",
+            do="check the recording",
+            file=name,
         )
     first = None
     for tail in (
@@ -109,8 +112,9 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
             break
     if first is None:
         raise ReadError(
-            "holds no rows of numbers (only a header, or another format); a text log has one row "
-            "a sample; check the recording",
+            "holds no rows of numbers (only a header, or another format)",
+            allowed="a text log has one row a sample",
+            do="check the recording",
             file=name,
         )
     rows = [cells[i] for i in full if i >= first]
@@ -120,9 +124,10 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     if given.columns is not None:
         if len(given.columns) > max(map(len, rows)):
             raise SetupError(
-                f"[log] columns names {len(given.columns)}, the rows have {max(map(len, rows))} "
-                f"cells ({separator!r} between them); allowed is a name per cell; "
-                "name fewer, or give the separator",
+                f"[log] columns names {len(given.columns)}, the rows have {max(map(len, rows))}"
+                f" cells ({separator!r} between them)",
+                allowed="allowed is a name per cell",
+                do="name fewer, or give the separator",
                 file=name,
             )
         names, unit_row = given.columns, tuple("" for _ in given.columns)
@@ -158,15 +163,18 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
 def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
     """(text, encoding, bytes of a byte-order mark).  The encoding is `given`, or found."""
     if not head.strip():
-        raise ReadError("is empty; a log has one row per sample; check the recording", file=name)
+        raise ReadError(
+            "is empty", allowed="a log has one row per sample", do="check the recording", file=name
+        )
     pairs = head[:4096]
     even, odd = pairs[::2].count(0), pairs[1::2].count(0)
     if head[:2] in (b"\xff\xfe", b"\xfe\xff") or (
         max(even, odd) > len(pairs) // 5 and min(even, odd) * 9 < max(even, odd)
     ):
         raise ReadError(
-            "is UTF-16 text; allowed are UTF-8 and cp1252; convert it first: iconv -f UTF-16 -t "
-            "UTF-8 LOG",
+            "is UTF-16 text",
+            allowed="allowed are UTF-8 and cp1252",
+            do="convert it first: iconv -f UTF-16 -t UTF-8 LOG",
             file=name,
         )
     strange = sum(
@@ -176,8 +184,9 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
     if (first_nul >= 0 and _mostly_nul(head)) or strange > len(head[:65536]) // 200:
         where = f"a NUL byte at {first_nul}" if first_nul >= 0 else "control characters"
         raise ReadError(
-            f"is not text ({where}); allowed are text, MCAP and HDF5 logs; check which file this "
-            "is",
+            f"is not text ({where})",
+            allowed="allowed are text, MCAP and HDF5 logs",
+            do="check which file this is",
             file=name,
         )
     start = 3 if head.startswith(b"\xef\xbb\xbf") else 0

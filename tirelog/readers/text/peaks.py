@@ -220,10 +220,9 @@ def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, Channel
         low, high = max(one.low, other.low), min(one.high, other.high)
         if low < high and not apart:
             raise SetupError(
-                f"window_nm of {one.name} and of {other.name} overlap between {low:g} and "
-                f"{high:g}; a peak there may be of either; "
-                "allowed are windows apart on one fibre; make one of them end where the other "
-                "begins"
+                f"window_nm of {one.name} and of {other.name} overlap between {low:g} and {high:g}",
+                allowed="a peak there may be of either; allowed are windows apart on one fibre",
+                do="make one of them end where the other begins",
             )
 
 

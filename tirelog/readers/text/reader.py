@@ -76,7 +76,8 @@ class TextReader:
         head = source.head()
         if source.problem and not head.strip():
             raise ReadError(
-                f"{source.problem}; nothing before that could be unpacked; copy the log again",
+                f"{source.problem}; nothing before that could be unpacked",
+                do="copy the log again",
                 file=name,
             )
         self.layout = placed(sniff(head, name, setup.log))

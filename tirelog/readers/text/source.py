@@ -82,8 +82,9 @@ class ByteSource:
             start = self._file.read(_PIECE_BYTES)
         except OSError as problem:
             raise ReadError(
-                f"cannot be read ({problem.strerror}); a log is a readable file or -; "
-                "check the path",
+                f"cannot be read ({problem.strerror})",
+                allowed="a log is a readable file or -",
+                do="check the path",
                 file=name,
             ) from None
         self.kind = next(

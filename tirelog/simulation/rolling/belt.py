@@ -57,7 +57,9 @@ class Belt:
     def __post_init__(self) -> None:
         if not self.tire.line_mass_kg_m > 0.0:
             raise UsageError(
-                "line_mass_kg_m = 0 in [tire]; a belt that moves has a mass above zero; give one"
+                "line_mass_kg_m = 0 in [tire]",
+                allowed="a belt that moves has a mass above zero",
+                do="give one",
             )
 
     # ---- stencils, shape (11,), per integral over theta ------------------------------------------
@@ -215,9 +217,9 @@ class Belt:
             middle = 0.5 * (low + high)
             low, high = (low, middle) if grows(middle) else (middle, high)
         raise UsageError(
-            f"the belt whirls in its sidewall at {speed_m_s:.1f} m/s; allowed is a drive below "
-            f"the critical speed of about {low:.1f} m/s; "
-            "drive slower, or give a stiffer sidewall or less damping"
+            f"the belt whirls in its sidewall at {speed_m_s:.1f} m/s",
+            allowed=f"allowed is a drive below the critical speed of about {low:.1f} m/s",
+            do="drive slower, or give a stiffer sidewall or less damping",
         )
 
 

@@ -65,8 +65,9 @@ def profile_of(road: Road, radius_m: float, distance_m: float) -> Profile:
     corner, height = (starts[:, None] + corner).ravel(), np.tile(height, starts.size)
     if np.any(np.diff(corner) <= 0.0):
         raise UsageError(
-            f"spacing_m = {road.spacing_m} of the [road] is shorter than what comes again; "
-            "allowed is more; mend it"
+            f"spacing_m = {road.spacing_m} of the [road] is shorter than what comes again",
+            allowed="allowed is more",
+            do="mend it",
         )
     _check(corner, height, radius_m)
     return Profile(corner, height)
@@ -87,8 +88,9 @@ def _needed(road: Road, *names: str) -> tuple[float, ...]:
     lacking = [name for name, value in zip(names, values, strict=True) if value is None]
     if lacking:
         raise UsageError(
-            f'[road] kind = "{road.kind}" without {" and ".join(lacking)}; allowed is a number '
-            "in m; give it"
+            f'[road] kind = "{road.kind}" without {" and ".join(lacking)}',
+            allowed="allowed is a number in m",
+            do="give it",
         )
     return tuple(values)
 
@@ -98,8 +100,9 @@ def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
     if road.kind == "profile":
         if not road.file:
             raise UsageError(
-                '[road] kind = "profile" without a file; allowed is file = "PATH" (distance and '
-                "height, a point a line); name it"
+                '[road] kind = "profile" without a file',
+                allowed='allowed is file = "PATH" (distance and height, a point a line)',
+                do="name it",
             )
         return _read(Path(road.file))
     height = _needed(road, "height_m")[0]
@@ -110,8 +113,9 @@ def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
     ramp = road.ramp_m or min(ramp, 0.49 * length)
     if not 0.0 < ramp < 0.5 * length:
         raise UsageError(
-            f"ramp_m = {ramp:g} of a cleat {length:g} m long; allowed is above zero and below "
-            "half of its length_m; mend it"
+            f"ramp_m = {ramp:g} of a cleat {length:g} m long",
+            allowed="allowed is above zero and below half of its length_m",
+            do="mend it",
         )
     return np.array([0.0, ramp, length - ramp, length]), np.array([0.0, height, height, 0.0])
 
@@ -123,8 +127,9 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
         raise UsageError(
-            f"the road's profile cannot be read ({problem}); allowed is a text file; "
-            "mend the [road]'s file",
+            f"the road's profile cannot be read ({problem})",
+            allowed="allowed is a text file",
+            do="mend the [road]'s file",
             file=path,
         ) from None
     points = []
@@ -139,18 +144,22 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray]:
         if not (np.isfinite(distance) and np.isfinite(height)):
             advice = "allowed are a distance and a height in m; mend it"
             raise UsageError(
-                f"{line.strip()!r} is no point of a road; {advice}", file=path, line=number
+                f"{line.strip()!r} is no point of a road", do=f"{advice}", file=path, line=number
             )
         points.append((distance, height))
     if len(points) < 2:
         raise UsageError(
-            "a road of fewer than two points; allowed are two or more; add some", file=path
+            "a road of fewer than two points",
+            allowed="allowed are two or more",
+            do="add some",
+            file=path,
         )
     corner, height = np.array(points).T
     if np.any(np.diff(corner) <= 0.0):
         raise UsageError(
-            "distances of the road do not grow; allowed are growing ones, one height each; "
-            "sort the rows",
+            "distances of the road do not grow",
+            allowed="allowed are growing ones, one height each",
+            do="sort the rows",
             file=path,
         )
     return corner, height
@@ -160,8 +169,9 @@ def _check(corner: FloatArray, height: FloatArray, radius_m: float) -> None:
     slope = float(np.abs(np.diff(height) / np.diff(corner)).max())
     if slope > STEEPEST:
         raise UsageError(
-            f"a road with a slope of {slope:.3g}; allowed is up to {STEEPEST:g}; "
-            "give it a longer ramp"
+            f"a road with a slope of {slope:.3g}",
+            allowed=f"allowed is up to {STEEPEST:g}",
+            do="give it a longer ramp",
         )
     # the highest rise within a window stands in one that begins or ends at a corner
     for begin in (corner, corner - 2.0 * radius_m):
@@ -179,19 +189,24 @@ def _check(corner: FloatArray, height: FloatArray, radius_m: float) -> None:
 def _check_rise(rise_m: float, radius_m: float) -> None:
     if rise_m > HIGHEST * radius_m:
         raise UsageError(
-            f"a road that rises {rise_m:.3g} m within one diameter of the tire; allowed is up to "
-            f"{HIGHEST * radius_m:.3g} m for a radius of {radius_m:.3g} m; give a lower obstacle"
+            f"a road that rises {rise_m:.3g} m within one diameter of the tire",
+            allowed=f"allowed is up to {HIGHEST * radius_m:.3g} m for a radius of {radius_m:.3g} m",
+            do="give a lower obstacle",
         )
 
 
 def _wave(road: Road, radius_m: float, begin_m: float) -> Profile:
     amplitude, wavelength = _needed(road, "amplitude_m", "wavelength_m")
     if not wavelength > 0.0:
-        raise UsageError("wavelength_m = 0 in [road]; allowed is a length above zero; give one")
+        raise UsageError(
+            "wavelength_m = 0 in [road]", allowed="allowed is a length above zero", do="give one"
+        )
     slope = abs(amplitude) * 2.0 * np.pi / wavelength
     if slope > STEEPEST:
         raise UsageError(
-            f"a road with a slope of {slope:.3g}; allowed is up to {STEEPEST:g}; give a longer wave"
+            f"a road with a slope of {slope:.3g}",
+            allowed=f"allowed is up to {STEEPEST:g}",
+            do="give a longer wave",
         )
     if wavelength < 4.0 * radius_m:
         _check_rise(2.0 * abs(amplitude), radius_m)

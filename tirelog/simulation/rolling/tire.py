@@ -130,15 +130,17 @@ def standing(belt: Belt, load_N: float) -> Standing:
         q = np.linalg.solve(held + stiffness * springs.T @ springs, right)
     else:
         raise UsageError(
-            f"the tire does not settle under {load_N:.0f} N; allowed is a load that it can "
-            "carry; lower it"
+            f"the tire does not settle under {load_N:.0f} N",
+            allowed="allowed is a load that it can carry",
+            do="lower it",
         )
     place = angle[near[pressed]]
     place = np.where(place > np.pi, place - 2.0 * np.pi, place)
     if np.abs(place).max() > 0.95 * kernel.FAR:
         raise UsageError(
-            f"at {load_N:.0f} N the contact is wider than +-{np.degrees(kernel.FAR):.0f} "
-            "degrees; allowed is a load that the tire can carry; lower it, or give a stiffer tire"
+            f"at {load_N:.0f} N the contact is wider than +-{np.degrees(kernel.FAR):.0f} degrees",
+            allowed="allowed is a load that the tire can carry",
+            do="lower it, or give a stiffer tire",
         )
     return Standing(q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing))
 
@@ -159,8 +161,9 @@ class RollingTire:
         longest = longest_step_s(belt)
         if not 0.0 < step_s <= longest:
             raise UsageError(
-                f"step_s = {step_s:g} is unstable for this tread and line mass; allowed is up to "
-                f"{longest:.2g} s; give a shorter step"
+                f"step_s = {step_s:g} is unstable for this tread and line mass",
+                allowed=f"allowed is up to {longest:.2g} s",
+                do="give a shorter step",
             )
         self.belt, self.profile, self.step_s = belt, profile, step_s
         splines, tire, points = belt.splines, belt.tire, belt.splines.elements * POINTS
@@ -274,9 +277,9 @@ class RollingTire:
                 else "leaves its sidewall"
             )
             raise UsageError(
-                f"the belt {what} near {self.state['hub_x_m']:.1f} m of the drive; "
-                "allowed are loads and obstacles of small "
-                "displacements; lower them, or give a stiffer tire"
+                f"the belt {what} near {self.state['hub_x_m']:.1f} m of the drive",
+                allowed="allowed are loads and obstacles of small displacements",
+                do="lower them, or give a stiffer tire",
             )
         return moments, read
 

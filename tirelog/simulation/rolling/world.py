@@ -118,9 +118,9 @@ class RolledWorld(World):
         if np.any(np.abs(force) > _GRIP * tire.friction * load):
             worst = float(np.abs(force).max())
             raise UsageError(
-                f"the drive asks the wheel for {worst:.0f} N along the road; allowed is up to "
-                f"{_GRIP * tire.friction:.2f} of its load; "
-                "brake or drive more gently, or raise friction"
+                f"the drive asks the wheel for {worst:.0f} N along the road",
+                allowed=f"allowed is up to {_GRIP * tire.friction:.2f} of its load",
+                do="brake or drive more gently, or raise friction",
             )
         spun = tire.hub_inertia_kg_m2 + self.belt.mass_kg * self.belt.radius_m**2
         torque = force * self.belt.radius_m + spun * acceleration / self.belt.radius_m

@@ -67,7 +67,9 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
             _number(v) and v >= 0 and (v == int(v) or not whole) for v in value
         ):
             raise UsageError(
-                f"{at}; allowed is a list of {'whole ' if whole else ''}numbers from 0; mend it",
+                f"{at}",
+                allowed=f"allowed is a list of {'whole ' if whole else ''}numbers from 0",
+                do="mend it",
                 file=file,
             )
         return tuple(int(v) if whole else float(v) for v in value)
@@ -79,19 +81,25 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
             or ("int" in wanted and value != int(value))
         ):
             raise UsageError(
-                f"{at}; allowed is a number from {low:g} to {high:g}; mend it", file=file
+                f"{at}",
+                allowed=f"allowed is a number from {low:g} to {high:g}",
+                do="mend it",
+                file=file,
             )
         return int(value) if "int" in wanted else float(value)
     if not isinstance(value, bool if "bool" in wanted else str):
         raise UsageError(
-            f"{at}; allowed is {'true or false' if 'bool' in wanted else 'text in quotes'}; "
-            "mend it",
+            f"{at}",
+            allowed=f"allowed is {'true or false' if 'bool' in wanted else 'text in quotes'}",
+            do="mend it",
             file=file,
         )
     allowed = spec.metadata.get("allowed")
     if allowed and value not in allowed:
         raise UsageError(
-            f"{at}{nearest(str(value), allowed)}; allowed are {', '.join(allowed)}; mend it",
+            f"{at}{nearest(str(value), allowed)}",
+            allowed=f"allowed are {', '.join(allowed)}",
+            do="mend it",
             file=file,
         )
     return value
@@ -101,15 +109,19 @@ def _table(cls: type[T], data: Any, table: str, file: str | None) -> T:
     """A TOML table as the dataclass `cls`."""
     if not isinstance(data, Mapping):
         raise UsageError(
-            f"{table} is not a table; allowed is [{table}] with keys under it; mend it", file=file
+            f"{table} is not a table",
+            allowed=f"allowed is [{table}] with keys under it",
+            do="mend it",
+            file=file,
         )
     specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
     for key in data:
         if key not in specs:
             allowed = ", ".join(specs)
             raise UsageError(
-                f"unknown key {key!r} in [{table}]{nearest(key, specs)}; allowed are {allowed}; "
-                "mend it",
+                f"unknown key {key!r} in [{table}]{nearest(key, specs)}",
+                allowed=f"allowed are {allowed}",
+                do="mend it",
                 file=file,
             )
     return cls(**{key: _value(specs[key], value, table, file) for key, value in data.items()})
@@ -143,26 +155,32 @@ def _planted(data: Any, file: str | None) -> Planted:
     """One [[effects]] table."""
     if not isinstance(data, Mapping) or not isinstance(data.get("name"), str):
         raise UsageError(
-            'an [[effects]] table without a name; allowed is name = "..."; add one', file=file
+            "an [[effects]] table without a name",
+            allowed='allowed is name = "..."',
+            do="add one",
+            file=file,
         )
     name, form = data["name"], data.get("form", "exact")
     if name == "ring_curvature":
         raise UsageError(
-            'ring_curvature is the carcass itself; allowed is truth = "ring"; set it (contact = '
-            '"parabola")',
+            "ring_curvature is the carcass itself",
+            allowed='allowed is truth = "ring"',
+            do='set it (contact = "parabola")',
             file=file,
         )
     if name not in PLANTABLE:
         raise UsageError(
-            f"unknown effect {name!r}{nearest(name, PLANTABLE)}; "
-            f"allowed are {', '.join(PLANTABLE)}; mend it",
+            f"unknown effect {name!r}{nearest(name, PLANTABLE)}",
+            allowed=f"allowed are {', '.join(PLANTABLE)}",
+            do="mend it",
             file=file,
         )
     forms = PLANTABLE[name].forms
     if form not in forms:
         raise UsageError(
-            f"form = {form!r} of {name}{nearest(str(form), forms)}; "
-            f"allowed are {', '.join(forms)}; mend it",
+            f"form = {form!r} of {name}{nearest(str(form), forms)}",
+            allowed=f"allowed are {', '.join(forms)}",
+            do="mend it",
             file=file,
         )
     given = {key: value for key, value in data.items() if key not in ("name", "form")}
@@ -171,13 +189,17 @@ def _planted(data: Any, file: str | None) -> Planted:
         if key not in allowed:
             known = ", ".join(allowed)
             raise UsageError(
-                f"unknown parameter {key!r} of {name}{nearest(key, allowed)}; "
-                f"allowed are {known}; mend it",
+                f"unknown parameter {key!r} of {name}{nearest(key, allowed)}",
+                allowed=f"allowed are {known}",
+                do="mend it",
                 file=file,
             )
         if not _number(value):
             raise UsageError(
-                f"{key} = {value!r} of {name}; allowed is a finite number; mend it", file=file
+                f"{key} = {value!r} of {name}",
+                allowed="allowed is a finite number",
+                do="mend it",
+                file=file,
             )
     return Planted(name, form, {**allowed, **{k: float(v) for k, v in given.items()}})
 
@@ -199,8 +221,9 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
     if key == "truth":
         if value not in TRUTHS:
             raise UsageError(
-                f"truth = {value!r}{nearest(str(value), TRUTHS)}; "
-                f"allowed are {', '.join(TRUTHS)}; mend it",
+                f"truth = {value!r}{nearest(str(value), TRUTHS)}",
+                allowed=f"allowed are {', '.join(TRUTHS)}",
+                do="mend it",
                 file=file,
             )
         return value
@@ -214,7 +237,9 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
     ):
         even = ", even" if key == "grid_points" else ""
         raise UsageError(
-            f"{key} = {value!r}; allowed is a number from {low:g} to {high:g}{even}; mend it",
+            f"{key} = {value!r}",
+            allowed=f"allowed is a number from {low:g} to {high:g}{even}",
+            do="mend it",
             file=file,
         )
     return int(value) if whole else float(value)
@@ -227,8 +252,9 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     for key in data:
         if key not in known:
             raise UsageError(
-                f"unknown key {key!r}{nearest(key, known)}; allowed are {', '.join(known)}; "
-                "mend it",
+                f"unknown key {key!r}{nearest(key, known)}",
+                allowed=f"allowed are {', '.join(known)}",
+                do="mend it",
                 file=file,
             )
     values: dict[str, Any] = {key: _plain(key, data[key], file) for key in _PLAIN if key in data}
@@ -238,13 +264,16 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     channels = data.get("channels", {})
     if not isinstance(manoeuvres, list) or not manoeuvres:
         raise UsageError(
-            "no manoeuvres; a drive is a list of [[manoeuvres]] with duration_s and speed_m_s; "
-            "add one",
+            "no manoeuvres",
+            allowed="a drive is a list of [[manoeuvres]] with duration_s and speed_m_s",
+            do="add one",
             file=file,
         )
     if not isinstance(channels, Mapping) or not channels:
         raise UsageError(
-            'no channels; a log has at least one [channels.NAME] with kind = "..."; add one',
+            "no channels",
+            allowed='a log has at least one [channels.NAME] with kind = "..."',
+            do="add one",
             file=file,
         )
     values["manoeuvres"] = tuple(_table(Manoeuvre, m, "manoeuvres", file) for m in manoeuvres)
@@ -254,7 +283,10 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     effects = data.get("effects", [])
     if not isinstance(effects, list):
         raise UsageError(
-            "effects is not a list; allowed are [[effects]] with a name; mend it", file=file
+            "effects is not a list",
+            allowed="allowed are [[effects]] with a name",
+            do="mend it",
+            file=file,
         )
     values["effects"] = tuple(_planted(e, file) for e in effects)
     if "ramp" in data:
@@ -262,7 +294,9 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     steps = data.get("load_steps", [])
     if not isinstance(steps, list):
         raise UsageError(
-            "load_steps is not a list; allowed are [[load_steps]] with time_s and load_N; mend it",
+            "load_steps is not a list",
+            allowed="allowed are [[load_steps]] with time_s and load_N",
+            do="mend it",
             file=file,
         )
     values["load_steps"] = tuple(
@@ -286,7 +320,10 @@ def _check(scenario: Scenario, file: str | None) -> None:
     for name in names:
         if names.count(name) > 1:
             raise UsageError(
-                f"effect {name!r} is planted twice; allowed is once; remove one", file=file
+                f"effect {name!r} is planted twice",
+                allowed="allowed is once",
+                do="remove one",
+                file=file,
             )
     ramp = scenario.ramp
     if ramp is not None:
@@ -294,8 +331,9 @@ def _check(scenario: Scenario, file: str | None) -> None:
         ends = [ramp.begin_s, *(s + ramp.stop_length_s for s in stops)]
         if any(a >= b for a, b in zip(ends, [*stops, ramp.end_s], strict=True)):
             raise UsageError(
-                "stops of the [ramp] overlap or lie outside; allowed are stops between begin_s "
-                "and end_s; mend them",
+                "stops of the [ramp] overlap or lie outside",
+                allowed="allowed are stops between begin_s and end_s",
+                do="mend them",
                 file=file,
             )
     _check_nuisances(scenario, file)
@@ -304,14 +342,18 @@ def _check(scenario: Scenario, file: str | None) -> None:
     elif scenario.load_steps or scenario.road.kind != "flat":
         what = "[[load_steps]]" if scenario.load_steps else f'[road] kind = "{scenario.road.kind}"'
         raise UsageError(
-            f'{what} needs a tire that moves; allowed is truth = "coupled_ring"; set it', file=file
+            f"{what} needs a tire that moves",
+            allowed='allowed is truth = "coupled_ring"',
+            do="set it",
+            file=file,
         )
     for name, sensor in scenario.channels.items():
         if sensor.kind not in SOURCE_UNITS:
             known = ", ".join(SOURCE_UNITS)
             raise UsageError(
-                f"kind {sensor.kind!r} of {name}{nearest(sensor.kind, SOURCE_UNITS)}; "
-                f"allowed are {known}; mend it",
+                f"kind {sensor.kind!r} of {name}{nearest(sensor.kind, SOURCE_UNITS)}",
+                allowed=f"allowed are {known}",
+                do="mend it",
                 file=file,
             )
         twin = sensor.temperature_channel
@@ -319,8 +361,9 @@ def _check(scenario: Scenario, file: str | None) -> None:
             twin not in scenario.channels or scenario.channels[twin].kind != "fbg_temperature"
         ):
             raise UsageError(
-                f"temperature_channel {twin!r} of {name}; allowed is a channel of kind "
-                "fbg_temperature; mend it",
+                f"temperature_channel {twin!r} of {name}",
+                allowed="allowed is a channel of kind fbg_temperature",
+                do="mend it",
                 file=file,
             )
 
@@ -389,20 +432,24 @@ def _check_coupled(scenario: Scenario, file: str | None) -> None:
             what = f"effect {effect.name!r} in its form {effect.form!r}"
             known = ", ".join(_MOVING)
             raise UsageError(
-                f'{what} with truth = "coupled_ring"; allowed are {known} as the catalogue has '
-                "them; remove it",
+                f'{what} with truth = "coupled_ring"',
+                allowed=f"allowed are {known} as the catalogue has them",
+                do="remove it",
                 file=file,
             )
     if scenario.tire.contact == "parabola" or scenario.ramp is not None:
         what = "a [ramp]" if scenario.ramp is not None else 'contact = "parabola"'
         raise UsageError(
-            f'{what} with truth = "coupled_ring"; allowed is truth = "ring" or "beam"; remove it',
+            f'{what} with truth = "coupled_ring"',
+            allowed='allowed is truth = "ring" or "beam"',
+            do="remove it",
             file=file,
         )
     if scenario.grid_points % 8:
         raise UsageError(
-            f'grid_points = {scenario.grid_points} with truth = "coupled_ring"; '
-            "allowed are multiples of 8; mend it",
+            f'grid_points = {scenario.grid_points} with truth = "coupled_ring"',
+            allowed="allowed are multiples of 8",
+            do="mend it",
             file=file,
         )
 

@@ -36,8 +36,9 @@ def suffix_of(path: Path) -> str:
     if suffix not in SUFFIXES or (path.suffix == ".gz" and suffix not in (".csv", ".txt")):
         allowed = ", ".join(SUFFIXES)
         raise UsageError(
-            f"the suffix decides the format; allowed are {allowed} and .csv.gz; give -o another "
-            "name",
+            "the suffix decides the format",
+            allowed=f"allowed are {allowed} and .csv.gz",
+            do="give -o another name",
             file=path,
         )
     return suffix
@@ -103,8 +104,9 @@ def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
     rates = {sensor.sampling_rate_Hz for sensor in scenario.channels.values()}
     if len(rates) > 1:
         raise UsageError(
-            "text holds one sampling rate; allowed are .mcap and .h5 for several; "
-            "give -o another suffix"
+            "text holds one sampling rate",
+            allowed="allowed are .mcap and .h5 for several",
+            do="give -o another suffix",
         )
     sources = _sources(simulated)
     stamp = next(iter(simulated.stamp_s.values()))

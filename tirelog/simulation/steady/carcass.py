@@ -85,8 +85,9 @@ class Carcass:
                 w = image - np.clip(share, -2.0, 2.0)[:, None] * (image - before[0])
             before = image, residual
         raise UsageError(
-            "the stiffening foundation did not settle; allowed is a hardening of up to about its "
-            "own stiffness; plant less"
+            "the stiffening foundation did not settle",
+            allowed="allowed is a hardening of up to about its own stiffness",
+            do="plant less",
         )
 
     def shape(self, w: FloatArray, derivative: int) -> ComplexArray:
@@ -192,8 +193,9 @@ def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     if (operator.real.min(axis=1) <= 0.02 * stiffness[:, 0]).any():
         top = float(at.speed.max())
         raise UsageError(
-            f"the beam is near or above its critical speed at {top:.1f} m/s; allowed is a drive "
-            "below about 0.95 of it; drive slower, or give a stiffer tire"
+            f"the beam is near or above its critical speed at {top:.1f} m/s",
+            allowed="allowed is a drive below about 0.95 of it",
+            do="drive slower, or give a stiffer tire",
         )
     hardening, linearly = _hardening(scenario, stiffness)
     return Carcass(ring, 1.0 / operator, np.zeros_like(operator), hardening, linearly)

@@ -89,9 +89,10 @@ class FlatRoadContact:
             with suppress(_TooNarrow):
                 return self._touch(at)
         raise UsageError(
-            f"at {at.load.max():.0f} N the contact is wider than "
-            f"+-{np.degrees(self.angle_rad):.0f} degrees; "
-            "allowed is a load that the ring can carry; lower it, or give a stiffer ring"
+            f"at {at.load.max():.0f} N the contact is wider than +-"
+            f"{np.degrees(self.angle_rad):.0f} degrees",
+            allowed="allowed is a load that the ring can carry",
+            do="lower it, or give a stiffer ring",
         )
 
     def _touch(self, at: Instants) -> Touch:
@@ -178,8 +179,9 @@ class FlatRoadContact:
                 return force, pressed
             active = again
         raise UsageError(
-            f"the contact at {load:.0f} N did not settle; allowed is a load that the ring can "
-            "carry; lower it"
+            f"the contact at {load:.0f} N did not settle",
+            allowed="allowed is a load that the ring can carry",
+            do="lower it",
         )
 
     def _edges(self, pressed: FloatArray) -> tuple[float, float]:

@@ -46,10 +46,10 @@ def footprint_of_channel(
     """
     if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
         raise UsageError(
-            f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} "
-            "Hz and holds nothing above "
-            f"{0.5 * channel.axis.rate_Hz:g} Hz; allowed is less than that; give a lower one, or "
-            "auto",
+            f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} Hz "
+            f"and holds nothing above {0.5 * channel.axis.rate_Hz:g} Hz",
+            allowed="allowed is less than that",
+            do="give a lower one, or auto",
             file=recording.log,
         )
     found = footprint(channel, passages, cutoff, block_samples, learnt)

@@ -40,7 +40,8 @@ def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float
     )
     raise UsageError(
         f"channel {channel.name} shows {extremum} does in the patch, and its setup says "
-        f"{channel.surface}; the two must agree; "
-        f'write surface = "{other}"',
+        f"{channel.surface}",
+        allowed="the two must agree",
+        do=f'write surface = "{other}"',
         file=recording.log,
     )
