@@ -274,7 +274,7 @@ class _Fits:
         kernels.fit_rows(source, *self._known, rows, spans, found, self._scratch)
 
     def found(self, outside: NDArray[np.bool_]) -> PassageFit:
-        made = {name: self._found[name].copy() for name in FOUND.names or ()}
+        made = {name.removeprefix("holds_"): self._found[name].copy() for name in FOUND.names or ()}
         return PassageFit(
             omega=made.pop("omega_rad_s"),
             omega_se=made.pop("omega_se_rad_s"),

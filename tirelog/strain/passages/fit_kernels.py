@@ -35,8 +35,8 @@ POINT = np.dtype([("value", "f8"), ("slope", "f8"), ("scatter", "f8")])
 #: holds
 FOUND = np.dtype(
     [("time_s", "f8"), ("time_se_s", "f8"), ("omega_rad_s", "f8"), ("omega_se_rad_s", "f8"),
-     ("height", "f8"), ("offset", "f8"), ("misfit", "f8"), ("used", "i8"), ("lost", "?"),
-     ("spike", "?"), ("clipped", "?")],
+     ("height", "f8"), ("offset", "f8"), ("misfit", "f8"), ("used", "i8"), ("holds_lost", "?"),
+     ("holds_spike", "?"), ("holds_clipped", "?")],
     align=True,
 )  # fmt: skip
 
@@ -207,7 +207,7 @@ def fit_rows(
     for k in range(rows.shape[0]):
         count, lost = read_window(source, spans[k], scratch)
         row, made = rows[k], found[k]
-        made["lost"], made["spike"] = lost > 0, False
+        made["holds_lost"], made["holds_spike"] = lost > 0, False
         time_s, omega, alpha = row["time_s"], row["omega_rad_s"], row["alpha_rad_s2"]
         height = row["height"]
         for iteration in range(ITERATIONS):
@@ -215,7 +215,7 @@ def fit_rows(
             _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
             step = _step(count, hold, scratch)
             if iteration == 0 and _wild(count, abs(height), noise, scratch):
-                made["spike"] = True
+                made["holds_spike"] = True
                 step = _step(count, hold, scratch)
             guess = step.height if abs(step.height) > 0.05 * height else height
             shift = min(max(-step.shift / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
@@ -231,7 +231,7 @@ def fit_rows(
                 stuck += 1.0
                 off += abs(scratch.residual[i])
         made["used"] = used
-        made["clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
+        made["holds_clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
         made["time_s"] = time_s
         made["time_se_s"] = noise * np.sqrt(step.shift_variance) / (height * omega)
         made["omega_rad_s"] = omega
