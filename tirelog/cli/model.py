@@ -191,6 +191,20 @@ def remove(
 
 
 @app.command()
+def nuisance(
+    model: Model_,
+    name: Annotated[str, typer.Argument(help="wheel, drift, rolling or patch_law.")],
+    use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],
+    output: Target,
+) -> None:
+    """Say whether a nuisance of wheel, road or day stands beside the model."""
+    from tirelog.api.models import load_model
+    from tirelog.physics.model.file import save_model
+
+    save_model(load_model(model).with_nuisance(name, use), output)
+
+
+@app.command()
 def fit(
     logs: Logs,
     model: ModelFile,

@@ -21,6 +21,7 @@ from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.projection import per_manoeuvre
 from tirelog.inference.nuisances import shared_by, shared_effects
+from tirelog.physics.model.model import Model
 
 #: alarming nuisances that are fitted in full, the best first
 _MOST_REFITTED = 2
@@ -133,12 +134,9 @@ def _beside(base: Base, shared: SharedEffects | None) -> Base:
     return refit(replace(base, cells=replace(base.cells, shared=shared), raw=raw), base.model)
 
 
-def amplitudes(base: Base, group: str) -> dict[str, float]:
-    """Fitted amplitudes of a nuisance by name, in their own units."""
-    shared = base.cells.shared
-    if shared is None:
-        return {}
-    pairs: Sequence[tuple[str, str, float]] = list(
-        zip(shared.group, shared.names, base.fit.amplitudes.tolist(), strict=True)
-    )
-    return {name: value for own, name, value in pairs if own == group}
+def with_nuisances_on(base: Base) -> Model:
+    """The base's model, which asks for its nuisances from now on."""
+    model = base.model
+    for group in groups_of(base):
+        model = model.with_nuisance(group, "on")
+    return model

@@ -33,6 +33,7 @@ from tirelog.diagnosis.beside import (
     groups_of,
     needed_nuisances,
     with_nuisances,
+    with_nuisances_on,
 )
 from tirelog.diagnosis.checks import (
     Check,
@@ -146,7 +147,7 @@ class Diagnosis:
     @property
     def model(self) -> Model:
         """The model with what was selected, refitted."""
-        return self.found.after.model if self.selected else self.found.before.model
+        return with_nuisances_on(self.found.after if self.selected else self.found.before)
 
     @cached_property
     def before(self) -> Comparison:
@@ -397,7 +398,17 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         revolutions=int(before.cells.revolutions.sum()),
         manoeuvres=before.cells.manoeuvres,
         notes=tuple(notes),
-        next_command=next_command(verdict, selected, model=before.model, logs=before.cells.logs),
+        next_command=next_command(
+            verdict,
+            selected,
+            model=before.model,
+            logs=before.cells.logs,
+            beside=[
+                n.name
+                for n in before.model.nuisances
+                if n.name in groups_of(result) and n.use != "on"
+            ],
+        ),
         found=found,
         stacks=stacks,
     )

@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.diagnosis.beside import groups_of, with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.diagnose import Found, Progress, search_effects
 from tirelog.diagnosis.naming import Step
+from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.validity import out_of_range
@@ -29,6 +31,7 @@ from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.cells import Problem, centred
 from tirelog.inference.floor import Plain, at_mean_speed
 from tirelog.inference.metric.projection import Normal, solve_scaled
+from tirelog.inference.nuisances import shared_by
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES
@@ -61,7 +64,7 @@ def ladder(
         observable=model.observable,
         unit=OBSERVABLES[model.observable].unit,
         steps=tuple(_steps(found)),
-        model=after.model,
+        model=with_nuisances_on(after),
         verdict=_verdict(found),
         rmse_untouched=untouched[0],
         floor_untouched=untouched[1],
@@ -75,6 +78,7 @@ def ladder(
         remarks=(
             *remarks_of(found.before),
             *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
+            *nuisance_sentences(nuisances_found(after), after),
             *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),
         ),
     )
@@ -121,7 +125,9 @@ def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
                 for log in cells.log
             ]
         )
-    left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None]))
+    beside = shared_by(cells, fit, groups_of(after), after.cells)
+    nuisances = 0.0 if beside is None else beside.columns @ after.fit.amplitudes
+    left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None] - nuisances))
     share = plain.weights**2
     within = float((share * np.where(share > 0, cells.within, 0.0)).sum() / plain.weight)
     rmse = float(np.sqrt(max(within + plain.mean_square((left**2).sum()), 0.0)))

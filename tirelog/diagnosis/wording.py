@@ -286,18 +286,25 @@ def _or_those(along: Sequence[str]) -> str:
 
 
 def next_command(
-    verdict: str, selected: Sequence[str], *, model: Model, logs: Sequence[str]
+    verdict: str,
+    selected: Sequence[str],
+    *,
+    model: Model,
+    logs: Sequence[str],
+    beside: Sequence[str] = (),
 ) -> str:
-    """The command to type next."""
+    """The command to type next; `beside`: nuisances that the model does not ask for yet."""
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
     given = " ".join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
-    if verdict in ("missing", "partial", "ambiguous") and selected:
+    if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
-        for effect in selected:
-            longer = f"{stem}+{effect}.toml"
-            adds.append(f"tirelog model add {file} {effect} -o {longer}")
-            file, stem = longer, f"{stem}+{effect}"
+        parts = [("add", name, "") for name in selected]
+        parts += [("nuisance", name, " on") for name in beside]
+        for word, name, use in parts:
+            longer = f"{stem}+{name}.toml"
+            adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
+            file, stem = longer, f"{stem}+{name}"
         return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
     if verdict in ("unknown", "scatter"):
         return f"tirelog compare {given} --model {file} --plot residual.png"

@@ -29,7 +29,7 @@ from tirelog.inference.fit.cells import Fit
 from tirelog.inference.floor import load_derivative
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import Nuisance
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show
@@ -57,7 +57,7 @@ _DRIFTING = {
 }
 
 
-def wheel(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
     """Run-out and force variation at the first harmonics of the wheel's angle."""
     phi = np.nan_to_num(cells.phi)[..., None] * np.array(_HARMONICS)
     waves = np.concatenate([np.cos(phi), np.sin(phi)], axis=-1)
@@ -65,7 +65,7 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     strain = cells.observable == STRAIN
     runout = known.size("run_out") if strain else _RUNOUT_SHARE * _rms(fit)
     names = [f"{wave} {k}" for wave in ("cos", "sin") for k in _HARMONICS]
-    parts = _parts(cells, np.unique(cells.log), 2 * len(names))
+    parts = _parts(cells, whole, 2 * len(names))
     columns = np.concatenate([waves, load[..., None] * waves], axis=-1)
     return SharedEffects(
         np.concatenate([columns * rows[:, None, None] for rows in parts.values()], axis=-1),
@@ -80,20 +80,19 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     )
 
 
-def drift(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+def drift(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
     """Patch length, stiffnesses and baseline along each log, or along all logs alike if many."""
-    along = _along_log(cells)
-    if not np.any(along):
+    along, driven = _along_log(cells, whole)
+    if not driven:
         return None
     names = [name for name in _DRIFTING if name in fit.model.parameters]
     slopes = _relative_slopes(cells, fit.model, names)
     shapes = np.concatenate([slopes, np.ones_like(cells.phi)[..., None]], axis=-1)
     sizes = np.r_[np.full(len(names), known.size("relative")), known.size("baseline") * _rms(fit)]
     words = [*(_DRIFTING[name] for name in names), "baseline"]
-    logs = [log for log in np.unique(cells.log) if np.any(along[cells.log == log])]
-    parts = _parts(cells, np.array(logs), 2 * len(words))
+    parts = _parts(cells, whole, 2 * len(words))
     # warming slows down: a straight line and a bend about it
-    factors = {"along": along, "bend along": np.where(along == 0.0, 0.0, 4.0 * along**2 - 0.5)}
+    factors = {"along": along, "bend along": 4.0 * along**2 - 0.5}
     columns, labels = [], []
     for part, rows in parts.items():
         for word, factor in factors.items():
@@ -107,18 +106,17 @@ def drift(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     )
 
 
-def rolling(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+def rolling(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
     """A rolling radius that is not the setup's: a level, with speed squared, with load."""
     slope = _radius_slope(cells, fit.model)
     if slope is None:
         return None
     factors = {"level": np.ones(len(cells))}
-    square = (cells.conditions.speed_m_s / _RADIUS_SPEED) ** 2
-    if np.ptp(square) > 1e-3:
-        factors["with speed"] = square
-    load = cells.conditions.load_N
-    if np.isfinite(load).all() and np.ptp(load) > 0.02 * load.mean():
-        factors["with load"] = load / load.mean() - 1.0
+    if np.ptp(whole.conditions.speed_m_s) > 0.03 * _RADIUS_SPEED:
+        factors["with speed"] = (cells.conditions.speed_m_s / _RADIUS_SPEED) ** 2
+    mean = _varied_load(whole)
+    if mean is not None:
+        factors["with load"] = cells.conditions.load_N / mean - 1.0
     return SharedEffects(
         slope[..., None] * np.stack(list(factors.values()), axis=-1)[:, None, :],
         np.full(len(factors), known.size("radius")),
@@ -127,12 +125,12 @@ def rolling(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     )
 
 
-def patch_law(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+def patch_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
     """Another exponent of the patch's load law, if loads differ."""
-    load = cells.conditions.load_N
-    if not np.isfinite(load).all() or np.ptp(load) <= 0.02 * load.mean():
+    mean = _varied_load(whole)
+    if mean is None:
         return None
-    power = np.log(load / load.mean())[:, None]
+    power = np.log(cells.conditions.load_N / mean)[:, None]
     if "patch_load_exponent" not in fit.model.parameters:
         columns, size = [load_derivative(cells, fit) * power], [1.0]
     else:
@@ -147,7 +145,7 @@ def patch_law(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
 
 
 #: every nuisance, by the word of the model file
-_COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance], SharedEffects | None]] = {
+_COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance, Cells], SharedEffects | None]] = {
     "wheel": wheel,
     "drift": drift,
     "rolling": rolling,
@@ -155,33 +153,48 @@ _COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance], SharedEffects | None]] =
 }
 
 
-def shared_effects(cells: Cells, fit: Fit, name: str) -> SharedEffects | None:
-    """What a nuisance of the fitted model does to cells; None if these cannot show it."""
+def shared_effects(
+    cells: Cells, fit: Fit, name: str, whole: Cells | None = None
+) -> SharedEffects | None:
+    """What a nuisance of the fitted model does to cells; None if these cannot show it.
+
+    `whole`: the cells that it is known from, if these are others of the same logs.
+    """
     known = next((n for n in fit.model.nuisances if n.name == name), None)
     if known is None or cells.phi.shape[1] == 1:
         return None
     try:
-        found = _COLUMNS[name](cells, fit, known)
+        found = _COLUMNS[name](cells, fit, known, cells if whole is None else whole)
     except ModelError:
         return None
     return found if found is not None and np.isfinite(found.columns).all() else None
 
 
-def shared_by(cells: Cells, fit: Fit, names: Sequence[str]) -> SharedEffects | None:
+def shared_by(
+    cells: Cells, fit: Fit, names: Sequence[str], whole: Cells | None = None
+) -> SharedEffects | None:
     """Several nuisances at once; None if these cells can show none of them."""
-    found = [shared_effects(cells, fit, name) for name in names]
+    found = [shared_effects(cells, fit, name, whole) for name in names]
     effects = [x for x in found if x is not None]
     return SharedEffects.joined(effects) if effects else None
 
 
-def _parts(cells: Cells, logs: IntArray, columns: int) -> dict[str, NDArray[np.bool_]]:
+def _parts(cells: Cells, whole: Cells, columns: int) -> dict[str, NDArray[np.bool_]]:
     """The cells of each log, by its name; all of them together, without one, if that is too much.
 
     Between two logs a tire may have been mounted anew, and a day has passed.
     """
-    if logs.size == 1 or logs.size * columns * cells.phi.size > _MOST_VALUES:
+    logs = np.unique(whole.log)
+    if logs.size == 1 or logs.size * columns * whole.phi.size > _MOST_VALUES:
         return {"": np.ones(len(cells), bool)}
     return {f"log {log + 1}": cells.log == log for log in logs}
+
+
+def _varied_load(whole: Cells) -> float | None:
+    """The mean load [N], if loads are known and differ."""
+    load = whole.conditions.load_N
+    varied = np.isfinite(load).all() and np.ptp(load) > 0.02 * load.mean()
+    return float(load.mean()) if varied else None
 
 
 def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
@@ -210,20 +223,24 @@ def _rms(fit: Fit) -> float:
     return float(np.sqrt(np.mean(fit.prediction**2)))
 
 
-def _along_log(cells: Cells) -> FloatArray:
-    """Place of each cell along its log, (C,), of span one, zero in the middle.
+def _along_log(cells: Cells, whole: Cells) -> tuple[FloatArray, bool]:
+    """Place of each cell along its log, (C,), and whether any log has a way.
 
-    By temperature if it varies there, else by time; zero if the log is one cell.
+    Of span one over the `whole` log, zero in its middle: by temperature if it varies there, else by
+    time.
     """
-    along = np.zeros(len(cells))
-    for log in np.unique(cells.log):
-        rows = cells.log == log
-        driver = cells.conditions.temperature_K[rows]
+    along, driven = np.zeros(len(cells)), False
+    for log in np.unique(whole.log):
+        own, rows = whole.log == log, cells.log == log
+        name = "temperature_K"
+        driver = getattr(whole.conditions, name)[own]
         if not np.isfinite(driver).all() or np.ptp(driver) < _WARMS_K:
-            driver = cells.conditions.time_s[rows]
+            name = "time_s"
+            driver = whole.conditions.time_s[own]
         if np.isfinite(driver).all() and np.ptp(driver) > 0.0:
-            along[rows] = (driver - driver.mean()) / np.ptp(driver)
-    return along
+            along[rows] = (getattr(cells.conditions, name)[rows] - driver.mean()) / np.ptp(driver)
+            driven = True
+    return along, driven
 
 
 def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
