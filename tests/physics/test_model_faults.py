@@ -1,9 +1,12 @@
 """Hostile and mistaken models: refused with what is wrong, what is allowed, what to do."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tests.physics.test_model_file_property import CONTRACT
+from tirelog.cli import run
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
@@ -328,3 +331,12 @@ def test_nuisances_are_kept_as_they_are_written() -> None:
     assert again.nuisances[1].size("relative") == 0.05
     with pytest.raises(ModelError, match="wheel"):
         model.with_nuisance("weel", "on")
+
+
+def test_model_nuisance_writes_the_use(tmp_path: Path) -> None:
+    model, better = tmp_path / "m.toml", tmp_path / "better.toml"
+    save_model(Model.new("beam"), model)
+    assert run(["model", "nuisance", str(model), "wheel", "on", "-o", str(better)]) == 0
+    assert [n.use for n in load_model(better).nuisances] == ["on", "auto", "auto", "auto"]
+    assert run(["model", "nuisance", str(model), "whel", "on", "-o", str(better)]) == 2
+    assert run(["model", "nuisance", str(model), "wheel", "maybe", "-o", str(better)]) == 2
