@@ -56,6 +56,7 @@ Counts = NDArray[np.int32]
 Pattern = NDArray[np.uint8]
 
 _ALL = np.uint64(2**64 - 1)
+#: counts are int32, the lowest of them a lost sample
 _LARGEST_COUNT = (1 << 31) - 2
 LARGEST = np.iinfo(np.int64).max
 
