@@ -58,7 +58,13 @@ def test_nothing_is_wider_than_the_window(opened: Any, width: int) -> None:
     page, _, _ = opened
     page.set_viewport_size({"width": width, "height": 900})
     draw_all(page)
-    page.wait_for_timeout(300)
+    page.wait_for_function(
+        "w => document.documentElement.scrollWidth <= w && "
+        "[...document.querySelectorAll('.plot .main-svg')]"
+        ".every(e => e.getBoundingClientRect().width <= w)",
+        arg=width,
+        timeout=240_000,
+    )
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     for figure in page.query_selector_all(".plot .main-svg"):
         box = figure.bounding_box()
@@ -76,9 +82,11 @@ def test_zoom_changes_the_axis(opened: Any) -> None:
     page.mouse.down()
     page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.7 * box["height"], steps=5)
     page.mouse.up()
-    page.wait_for_timeout(500)
-    after = page.evaluate("e => e.layout.xaxis.range.slice()", figure)
-    assert after[1] - after[0] < 0.5 * (before[1] - before[0])
+    page.wait_for_function(
+        "([e, most]) => e.layout.xaxis.range[1] - e.layout.xaxis.range[0] < most",
+        arg=[figure, 0.5 * (before[1] - before[0])],
+        timeout=240_000,
+    )
 
 
 def test_print_hides_navigation_and_keeps_the_figures(opened: Any, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 
 from tirelog.errors import ExitStatus, OutputError, TirelogError, printable
 
+#: exit status of an interrupt, as a shell tells it: 128 + SIGINT
 _INTERRUPTED = 130
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.results import Candidate, Comparison
 
+#: letters in a line of a page that no terminal shows
 _WIDTH = 110
 
 

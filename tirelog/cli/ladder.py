@@ -31,6 +31,7 @@ from tirelog.errors import printable
 if TYPE_CHECKING:
     from tirelog.diagnosis.results import Ladder
 
+#: letters in the longest bar
 _BAR = 40
 
 

@@ -23,7 +23,7 @@ ORDER = 6
 DIFFERENCE_GAIN = comb(2 * ORDER, ORDER) ** 0.5
 #: median of |x| of a normal variable, in standard deviations
 NORMAL_MEDIAN = 0.6744897501960817
-#: pieces that are looked at, and samples a piece; a piece starts at a multiple of its length
+#: pieces that are looked at, and samples per piece; a piece starts at a multiple of its length
 PIECES, PIECE_SAMPLES = 64, 4096
 
 

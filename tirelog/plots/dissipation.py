@@ -38,6 +38,7 @@ from tirelog.vocabulary.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+#: channels that are drawn
 MOST = 8
 #: revolutions in the magnification of the strain
 MAGNIFIED = 4

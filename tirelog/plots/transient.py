@@ -16,6 +16,7 @@ from tirelog.vocabulary.observables import drawn
 if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.compare import HitResult, TransientComparison
 
+#: hits that are drawn, and how long [s] of each
 _MOST = 4
 _SHOWN_S = 0.25
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _DASHES = {"dash": "--", "dot": ":", "solid": "-"}
 _SYMBOLS = {"circle": "o", "square": "s", "diamond": "D", "line-ew-open": "_"}
+#: dots per inch of a picture
 _DPI = 150
 #: letters of a title in one line
 _TITLE = 90

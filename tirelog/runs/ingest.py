@@ -34,6 +34,7 @@ from tirelog.version import __version__
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
+#: bytes by which a format is told: magic numbers stand at the start
 _HEAD_BYTES = 4096
 
 

@@ -57,6 +57,7 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.quality import Doubt, Quality
 
+#: of the run's layout; another one is refused
 FORMAT_VERSION = 2
 #: of a foreign run's words for its doubts at most so many are named, and so many letters of each
 MOST_WORDS, MOST_LETTERS = 5, 40

@@ -38,6 +38,7 @@ class Observable:
 
 
 STRAIN, ACCELERATION = "strain", "radial_acceleration"
+#: degrees in a radian
 _DEGREES = 57.29577951308232
 _WAVE = ("load", "contact_pressure", "structure", "sensor")
 _ALL = (

@@ -13,13 +13,16 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.vocabulary.arrays import FloatArray
 
-#: so many equal samples in a row do not happen under noise
+#: so many equal samples in a row do not happen under noise: with EQUAL_SHARE of equal neighbours
+#: once in 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
 HELD = 6
-#: a channel with more equal neighbours than this has no noise to tell by
+#: a channel with more equal neighbours than this has no noise to tell by; with twice as many equal
+#: ones HELD of them would happen by chance once in 1e7 samples
 EQUAL_SHARE = 0.02
-#: samples read at once
+#: samples read at once (1 MB)
 PIECE = 1 << 17
-#: samples at the extreme of a log that clips, at least
+#: samples at the extreme of a log that clips, at least; twice as many miss clips of up to
+#: eleven
 PILED_UP = 6
 
 

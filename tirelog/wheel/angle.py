@@ -33,9 +33,11 @@ from tirelog.wheel.direction import untold_stretches, ways_of
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
 SPEED_WINDOW_S = 0.443 / 20.0
-#: slower than this, in turns per second, the wheel counts as standing
+#: slower than this, in turns per second, the wheel counts as standing: 0.2 m/s on a car; doubled,
+#: what creeps at 0.4 m/s stands
 STANDSTILL_TURNS_S = 0.1
-#: third differences [turns] below this are the arithmetic's, not the sensor's
+#: third differences [turns] below this are the arithmetic's, not the sensor's: at a million turns
+#: a double is known to 1e-10
 ROUNDING = 1e-9
 #: a table that explains more than this share of the deviations repeats; another number of steps
 #: must explain so much more than the setup's

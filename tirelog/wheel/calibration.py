@@ -32,7 +32,8 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.forces import ForceMap, fit_force
 from tirelog.wheel.phase_shift import EdgeTimes
 
-#: below this the car's acceleration [m/s^2] counts as quasi-static
+#: below this the car's acceleration [m/s^2] counts as quasi-static: a force of
+#: 6 % of the weight at most; doubled, 12 %
 QUASI_STATIC_M_S2 = 0.6
 #: driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
 #: longitudinal force, and load transfer moves its width
@@ -45,7 +46,9 @@ FORCE = "longitudinal_force"
 #: share of a log's quasi-static passages at which it has to be known, to be used; the others are
 #: then left out of the map
 FORCE_KNOWN = 0.8
-#: passages and range of speed that a map needs
+#: passages and range of speed [m/s] that a map needs: the mean of so many is known to a fifth of
+#: one's scatter, a slope to as much per m/s; half the passages make it 1.4 times that, half the
+#: range twice
 LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
 

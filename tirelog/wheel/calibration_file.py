@@ -20,6 +20,7 @@ from tirelog.storage.whole import whole_file
 from tirelog.wheel.calibration import Calibration, SpeedMap
 from tirelog.wheel.forces import ForceMap
 
+#: of the file's layout; another one is refused
 VERSION = 1
 _MAP = (
     "linear_deg_s_m",

@@ -20,9 +20,10 @@ from tirelog.dsp.encoder.pitch import Placing, StretchSums
 from tirelog.dsp.encoder.teeth import FASTEST_BACK_Hz
 
 #: a wheel that turns this fast, in turns per second, on both sides of a hole in its signal did not
-#: stand in it
+#: stand in it: 1 m/s on a car; doubled, more holes count as standstills and cost a direction
 ROLLING_TURNS_S = 0.5
-#: a mean speed below this tells no direction
+#: a mean speed below this [m/s] tells no direction; doubled, a car that creeps at 0.3 m/s
+#: has none
 CREEP_M_S = 0.15
 #: samples of the vehicle's speed read at once
 PIECE = 1 << 17

@@ -26,7 +26,8 @@ from tirelog.wheel.doubts import doubts, refuse_swapped
 from tirelog.wheel.fronts.fronts import Fronts, find_fronts
 
 DEG = 180 / np.pi
-#: the zero is sought in stretches below this speed (P4: about 10 m/s)
+#: the zero is sought in stretches below this speed [m/s] (P4: about 10): drag, which moves it, goes
+#: with the square; doubled, it is four times as large
 LOW_SPEED_M_S = 13.0
 #: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
 #: passages, within this range

@@ -19,7 +19,8 @@ from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages, quas
 from tirelog.wheel.forces import predict_force
 from tirelog.wheel.phase_shift import EdgeTimes, measure_phase_shift
 
-#: quasi-static passages that a zero needs, within the calibration's range of speed
+#: quasi-static passages that a zero needs, within the calibration's range of speed: their mean is
+#: known to 0.35 of one's scatter, that of twice as many to 0.25
 LEAST_ZERO = 8
 
 

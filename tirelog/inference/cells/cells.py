@@ -31,7 +31,7 @@ ComplexArray = NDArray[np.complex128]
 #: harmonics of the staircase: the others are 2 % of a step's variance without noise, and nothing
 #: with 0.1 steps of it
 _HARMONICS = np.arange(1.0, 9.0)
-#: a wave of this size [steps] is none
+#: a wave of this size [steps] is none: its mean square is 1e-7 of a single rounding's 1/12
 _LEAST_WAVE = 1e-4
 #: variance of noise [step^2] from which on a mean moves with its value by half of it everywhere,
 #: and so tells its place between two steps: 0.26 steps of noise.  Doubling it takes the mean square

@@ -30,11 +30,14 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 ComplexArray = NDArray[np.complex128]
 
-#: width [m/s] of a cell's band of speed
+#: width [m/s] of a cell's band of speed: what the waveform does over it is taken to second order
+#: (`floor.at_mean_speed`); twice as wide leaves eight times the third order
 BAND_M_S = 1.6
-#: fewest revolutions in a band, most bands in a manoeuvre
+#: fewest revolutions in a band (two would tell a scatter by one difference), most bands in a
+#: manoeuvre: what later steps take grows with the bands
 FEWEST = 3
 MOST_BANDS = 6
+#: rounds of coefficients out, mean anew: the second round's mean is free of the first's
 _ROUNDS = 2
 #: neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a gap is
 #: a slope, and 0.3 makes it three times what a whole bin does; doubling it begins to blur edges

@@ -17,7 +17,7 @@ from tirelog.vocabulary.arrays import FloatArray
 #: eigenvalues of the normal matrix (columns of length one) below this share of the largest are
 #: directions that change nothing
 NULL = 1e-10
-#: a parameter with more than this share in a blind direction is not determined
+#: a parameter with more than this share (a cosine) in a blind direction is not determined
 _SHARE = 0.1
 
 

@@ -18,6 +18,8 @@ import numpy as np
 
 from tirelog.errors import ModelError, nearest
 
+#: letters of a formula, and how deep it may be nested: far above what a person writes, far below
+#: what the parser's own recursion takes
 LONGEST, DEEPEST = 1000, 40
 _ELEMENTARY: tuple[Callable[..., Any], ...] = (
     np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh,

@@ -18,6 +18,7 @@ from scipy.interpolate import BSpline
 
 from tirelog.vocabulary.arrays import FloatArray
 
+#: degree of the belt's splines: bending and its shear are continuous
 DEGREE = 5
 _BASIS = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
 

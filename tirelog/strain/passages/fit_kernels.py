@@ -178,7 +178,7 @@ MOST_SAMPLES = 400
 #: Gauss-Newton steps of a fit; in the first one wild samples lose their weight
 ITERATIONS = 2
 #: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
-#: of the height
+#: of the height: noise does the first once in 1e10, and half of it once in 1000
 WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
 #: and by this many times the scatter between turns at its angle: the ringing of an edge is no
 #: spike.  Half as much would take a third of the passages of a real accelerometer for spiked; twice

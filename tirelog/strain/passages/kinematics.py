@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 TURN_RAD = 2 * np.pi
-#: a change of acceleration counts beyond this many times its noise variance
+#: a change of acceleration counts beyond this many times its noise variance: noise does that once
+#: in 22; doubled, once in 210
 SIGNIFICANT = 4.0
 #: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink at
 #: random places between passages

@@ -38,7 +38,7 @@ DOUBTFUL = 3.0
 #: this wheel
 FOREIGN_HEIGHTS = (0.3, 2.5)
 #: passages of a stretch that are tried the other way round, and the log likelihood ratio from which
-#: they ran backwards
+#: they ran backwards: odds of 3e6 to one; half of it, 1800 to one
 TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 

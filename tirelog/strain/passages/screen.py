@@ -24,7 +24,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: width of a passage (half level) as a share of a turn, if the log is too short to tell
 USUAL_WIDTH_TURNS = 0.06
-#: two passages are one turn apart if the turn that the speeds beside them give lies in this range
+#: two passages are one turn apart if the turn that the speeds beside them give lies in this range:
+#: nearer to one turn than to a half or to two, as ratios.  Wider, a missed passage goes unseen
 ONE_TURN = (0.7, 1.4)
 #: pulses closer than this share of a turn cannot both be passages
 TOO_CLOSE_TURNS = 0.25

@@ -25,9 +25,11 @@ from tirelog.strain.passages.decimate import AT_ONCE, Decimated, decimate
 from tirelog.strain.passages.search_kernels import PULSE, half_level, turning_points
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3
+#: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3, and half
+#: of it would take them for pulses
 LEAST_HEIGHT = 0.45
-#: and by this many times the noise of a sample
+#: and by this many times the noise of a sample; half of it, one sample's noise does by chance once
+#: in 3e4
 LEAST_SIGMAS = 8.0
 #: a pulse whose top lies this share of its height below both neighbours' is the stretch between two
 #: patches, seen from its deep shoulders

@@ -19,7 +19,7 @@ from tirelog.wheel.fronts.samples import Flanks, groups, normalised, ranges
 
 #: samples are read so much wider, for a place that was a little off [deg]
 MARGIN = 1.0
-#: samples that a flank has at least
+#: samples that a flank has at least: a cubic takes four, and three are left to tell the noise
 LEAST_SAMPLES = 7
 
 

@@ -33,7 +33,8 @@ LEAST, MOST = 40, 400
 OUTER, INNER = 1.0, 0.8
 #: knots of the spline lie so far apart, in level over the flank's slope
 KNOTS = 0.35
-#: a matched place farther from the crossing than so many standard errors is not taken
+#: a matched place farther from the crossing than so many standard errors is not taken: noise does
+#: it once in 2e6; half of it would drop one in 80
 FAR = 5.0
 #: steps of the least squares, and the longest of them [deg]
 STEPS, LONGEST = 3, 1.0

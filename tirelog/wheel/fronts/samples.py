@@ -21,7 +21,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.fronts.dips import DEGREE, Dips
 
-#: samples read at once
+#: samples read at once (1 MB)
 PIECE = 1 << 17
 
 
