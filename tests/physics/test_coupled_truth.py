@@ -59,13 +59,13 @@ def truth(what: str, seconds: float):
         of, speed=SPEED, load=LOAD, profile=CLEAT if what == "cleat" else LEVEL, step=STEP
     )
     start = -SPEED * STEP * SETTLING
-    rolled.state[5] = start
+    rolled.state["hub_x_m"] = start
     rolled.damp_hub(3000.0)
     rolled.run(orders(SETTLING, speed=SPEED, load=LOAD, start_m=start))
     rolled.damp_hub(0.0)
     drive = orders(round(seconds / STEP), speed=SPEED, load=LOAD)
     if what == "load step":
-        drive[:, 2] = [loads(STEP * i) for i in range(drive.shape[0])]
+        drive["load_N"] = [loads(STEP * i) for i in range(drive.size)]
     return moved(
         rolled, rolled.run(drive, riders=(strain_rider(of, THETA - rolled.angle_rad, LEVER),))
     )

@@ -196,7 +196,10 @@ class Session:
         given = {name: value for name, value in options.items() if value is not None}
         wanted = checked({table: given})
         return self.parts_of(
-            logs, lambda recording: tables_of(recording, wanted, refused_first=self._streams)
+            logs,
+            lambda recording: tables_of(
+                recording, wanted, refused_first=self._streams or len(logs) > 1
+            ),
         )
 
     def parts_of(

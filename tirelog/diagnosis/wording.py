@@ -151,9 +151,8 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
 
 def _first_check(facts: Mapping[str, Any]) -> str:
     """What to look at before physics: the conditions that would explain much, or all of them."""
-    if not facts["suspects"]:
-        return FIRST_CHECK
-    return f"Or the conditions are wrong: {'; or '.join(facts['suspects'])}."
+    suspected = facts.get("suspects")
+    return f"Or the conditions are wrong: {'; or '.join(suspected)}." if suspected else FIRST_CHECK
 
 
 def _beside(facts: Mapping[str, Any]) -> str:

@@ -308,8 +308,10 @@ def check_open(dataset: h5py.Dataset) -> None:
     """ReadError if the run that holds the dataset has been closed."""
     if not dataset:
         raise ReadError(
-            "the recording is closed; its samples can be read while `open_recording` is open, and "
-            "in a session until the next log is taken; read them there, or open it again"
+            "the recording is closed",
+            allowed="its samples can be read while `open_recording` is open, and in a session "
+            "until the next log is taken",
+            do="read them there, or open it again",
         )
 
 

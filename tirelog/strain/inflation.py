@@ -51,8 +51,9 @@ def refuse_one_end(from_Pa: float | None = None, to_Pa: float | None = None) -> 
     """UsageError for one end of a ramp without the other, or two that are the same."""
     if (from_Pa, to_Pa) != (None, None) and (None in (from_Pa, to_Pa) or from_Pa == to_Pa):
         raise UsageError(
-            "--from and --to (from_Pa and to_Pa) go together and differ; allowed are two "
-            "pressures in Pa; e.g. --from 1.7e5 --to 2.3e5"
+            "--from and --to (from_Pa and to_Pa) go together and differ",
+            allowed="allowed are two pressures in Pa",
+            do="e.g. --from 1.7e5 --to 2.3e5",
         )
 
 

@@ -56,8 +56,9 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
             or not all(_number(v) and low <= v <= high for v in value)
         ):
             raise UsageError(
-                f"{at}; allowed is a list of at most {most} numbers from {low:g} to {high:g}; "
-                "mend it",
+                at,
+                allowed=f"allowed is a list of at most {most} numbers from {low:g} to {high:g}",
+                do="mend it",
                 file=file,
             )
         return tuple(float(v) for v in value)
@@ -133,14 +134,17 @@ def _nuisances(data: Any, file: str | None) -> Nuisances:
     known = [f.name for f in fields(Nuisances)]
     if not isinstance(data, Mapping):
         raise UsageError(
-            f"nuisances is not a table; allowed are [nuisances.{known[0]}] and the like; mend it",
+            "nuisances is not a table",
+            allowed=f"allowed are [nuisances.{known[0]}] and the like",
+            do="mend it",
             file=file,
         )
     for key in data:
         if key not in known:
             raise UsageError(
-                f"unknown key {key!r} in [nuisances]{nearest(key, known)}; "
-                f"allowed are {', '.join(known)}; mend it",
+                f"unknown key {key!r} in [nuisances]{nearest(key, known)}",
+                allowed=f"allowed are {', '.join(known)}",
+                do="mend it",
                 file=file,
             )
     return Nuisances(
@@ -374,8 +378,9 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
     if nuisances != Nuisances() and (scenario.truth == "coupled_ring" or scenario.ramp is not None):
         what = "a [ramp]" if scenario.ramp is not None else 'truth = "coupled_ring"'
         raise UsageError(
-            f'[nuisances] with {what}; allowed is a drive with truth = "beam" or "ring"; '
-            "remove one",
+            f"[nuisances] with {what}",
+            allowed='allowed is a drive with truth = "beam" or "ring"',
+            do="remove one",
             file=file,
         )
     run_out, force = nuisances.run_out, nuisances.force_variation
@@ -385,8 +390,9 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
     ):
         if len(phases) > len(sizes):
             raise UsageError(
-                f"{len(phases)} phases_deg for {len(sizes)} harmonics in [nuisances.{name}]; "
-                "allowed is one for each; remove some",
+                f"{len(phases)} phases_deg for {len(sizes)} harmonics in [nuisances.{name}]",
+                allowed="allowed is one for each",
+                do="remove some",
                 file=file,
             )
     warming = nuisances.warming
@@ -397,8 +403,9 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
     ):
         raise UsageError(
             f"patch_length_per_K = {warming.patch_length_per_K!r} in [nuisances.warming] of a ring "
-            "on a flat road, whose patch follows from pressure and stiffness; allowed is 0, or "
-            'contact = "parabola"; mend it',
+            "on a flat road, whose patch follows from pressure and stiffness",
+            allowed='allowed is 0, or contact = "parabola"',
+            do="mend it",
             file=file,
         )
     for key in ("stiffness_per_K", "bending_per_K", "patch_length_per_K", "pressure_per_K"):
@@ -406,8 +413,9 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
         if least < LEAST_WHEN_WARM:
             raise UsageError(
                 f"{key} = {getattr(warming, key)!r} in [nuisances.warming] leaves {least:g} of it "
-                f"after warm_up_K = {scenario.conditions.warm_up_K:g}; "
-                f"allowed is {LEAST_WHEN_WARM:g} at least; lower one",
+                f"after warm_up_K = {scenario.conditions.warm_up_K:g}",
+                allowed=f"allowed is {LEAST_WHEN_WARM:g} at least",
+                do="lower one",
                 file=file,
             )
 
