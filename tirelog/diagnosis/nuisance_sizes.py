@@ -164,7 +164,9 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
         does = "balance the wheel or mount the tire anew" if much else "within what wheels do"
         return f"Beside the model stands the wheel: {said}; {does}."
     if found.nuisance == "drift":
-        return f"Beside the model stands a drift: {said}; it warmed, or its pressure changed."
+        return (
+            f"Beside the model stands a drift: {said}; as of a tire that warms or loses pressure."
+        )
     if found.nuisance == "rolling":
         return (
             f"Beside the model stands the rolling radius, against the setup's: {said}; "
@@ -172,7 +174,10 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
         )
     exponent = base.model.values.get("patch_load_exponent")
     against = "" if exponent is None else f" than the {exponent:g} of patch_load_exponent"
-    return f"Beside the model stands another patch law{against}: {said}."
+    return (
+        f"Beside the model stands another patch law{against}: {_said(found.parts[0], base)}; or "
+        "what went along with the load, such as the pressure."
+    )
 
 
 def _said(part: NuisancePart, base: Base) -> str:

@@ -31,11 +31,6 @@ class SharedEffects:
     group: tuple[str, ...]
 
     @classmethod
-    def none(cls, cells: int, angles: int) -> SharedEffects:
-        """No effect at all on so many cells and angles."""
-        return cls(np.zeros((cells, angles, 0)), np.zeros(0), (), ())
-
-    @classmethod
     def joined(cls, parts: Sequence[SharedEffects]) -> SharedEffects:
         """All effects of the parts, which are on the same cells."""
         return cls(
