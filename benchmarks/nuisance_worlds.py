@@ -3,11 +3,13 @@
     world, seed, carcass --drawn--> one scenario per log (tables, and the TOML of them)
 
 What a seed draws is the same in every world, so that worlds differ by their nuisance alone. Seeds
-below 1000 are for choosing thresholds, from 20000 on for reporting, and the two are of differing
+below 1000 are for choosing thresholds, from 20000 on for reporting, and they are of differing
 kinds:
 
     tuning     a car's tire (215/45 R17) within 20 %, grating outside, 2.5 kHz, 0.8 pm; speeds up
                and down in turn, gentle
+    small      from 500 on, for choosing too: a small tire (165/65 R14), grating inside, 1 or 5 kHz,
+               0.4 to 1.6 pm; speeds down a staircase, or short stretches with hard changes
     reporting  a heavier, larger tire (255/55 R19), grating inside, 2 or 4 kHz, 0.5 to 1.2 pm;
                speeds up a staircase, hard braking, a long way down, pulses of the throttle
 """
@@ -29,6 +31,7 @@ from tirelog.simulation import Scenario, scenario_of
 Tables = dict[str, Any]
 Range = tuple[float, float]
 
+FIRST_SMALL = 500
 FIRST_REPORTING = 20000
 #: a tire warms by so much within its log [K], so that pressure, k, EJ and L drift together
 WARMED_K = 20.0
@@ -84,6 +87,52 @@ TUNING = Kind(
     plans=(
         PLANS["mixed"],
         ((5, 10), (3, 16), (5, 16), (4, 11), (5, 11), (4, 21), (5, 21), (3, 14), (5, 14), (3, 9)),
+    ),
+)
+SMALL = Kind(
+    "small",
+    radius_m=(0.265, 0.285),
+    bending_N_m2=(2.0, 3.2),
+    foundation_N_m2=(1.2e6, 1.8e6),
+    mass_kg_m=(3.0, 3.8),
+    half_length_m=(0.046, 0.054),
+    load_N=(2300.0, 2900.0),
+    lever_m=(2.0e-4, 3.0e-4),
+    ring_bending_N_m2=(1.2, 1.8),
+    ring_stiffness_N_m2=(4.5e5, 6.0e5),
+    width_belt_m=(0.10, 0.13),
+    surface="inner",
+    rates_Hz=(1000.0, 5000.0),
+    noise_nm=(0.0004, 0.0016),
+    roughness=(0.003, 0.007),
+    loads=(0.9, 1.25),
+    plans=(
+        (
+            (4, 22),
+            (2.5, 17),
+            (6, 17),
+            (2, 12.5),
+            (6, 12.5),
+            (1.5, 8.5),
+            (5, 8.5),
+            (4, 19),
+            (4, 19),
+            (3, 10),
+        ),
+        (
+            (3, 12),
+            (2, 18),
+            (3, 18),
+            (2, 9),
+            (4, 9),
+            (3, 20),
+            (3, 20),
+            (2, 14),
+            (4, 14),
+            (1.5, 10),
+            (3, 10),
+            (6, 22),
+        ),
     ),
 )
 REPORTING = Kind(
@@ -264,7 +313,9 @@ AT_ONCE = {"two": 2, "four": 4}
 
 def kind_of(seed: int) -> Kind:
     """What a seed draws from."""
-    return TUNING if seed < FIRST_REPORTING else REPORTING
+    if seed < FIRST_SMALL:
+        return TUNING
+    return SMALL if seed < FIRST_REPORTING else REPORTING
 
 
 def several(count: int, seed: int) -> str:

@@ -97,6 +97,6 @@ def test_a_load_that_wanders_is_in_the_floor():
         start(measured(Nuisances(load_wander=LoadWander(share, 2.0)), how=how), MODEL)
         for share in (0.0, 0.03)
     )
-    assert quiet.floor.wander_sd < 0.005 < 0.012 < restless.floor.wander_sd < 0.05
+    assert quiet.floor.scatter.wander_sd < 0.005 < 0.012 < restless.floor.scatter.wander_sd < 0.05
     assert restless.reduced_chi2 < 1.2
     np.testing.assert_array_less(quiet.floor.between, restless.floor.between)

@@ -20,7 +20,7 @@ from tirelog.inference.base import Base, refit
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.projection import per_manoeuvre
-from tirelog.inference.nuisances import shared_by, shared_effects
+from tirelog.inference.nuisances import freed, frees, shared_by, shared_effects
 from tirelog.physics.model.model import Model
 
 #: alarming nuisances that are fitted in full, the best first
@@ -52,7 +52,16 @@ class AssessedNuisance:
 
 def groups_of(base: Base) -> tuple[str, ...]:
     """The nuisances that a base holds already."""
-    return () if base.cells.shared is None else base.cells.shared.groups
+    linear = () if base.cells.shared is None else base.cells.shared.groups
+    given = base.given or base.model
+    made_free = [
+        n.name
+        for n in base.model.nuisances
+        if (name := frees(base.model, n.name)) is not None
+        and base.model.parameters[name].free
+        and (n.use == "on" or not given.parameters[name].free)
+    ]
+    return (*linear, *made_free)
 
 
 def allowed_nuisances(base: Base) -> tuple[str, ...]:
@@ -108,13 +117,16 @@ def with_nuisance(base: Base, effects: SharedEffects) -> Base:
 
     ModelError if the model cannot be computed where the fit leads.
     """
+    (name,) = effects.groups
+    if frees(base.model, name) is not None:
+        return refit(base, freed(base.model, [name]))
     held = [] if base.cells.shared is None else [base.cells.shared]
-    return _beside(base, SharedEffects.joined([*held, effects]))
+    return _beside(base, SharedEffects.joined([*held, effects]), base.model)
 
 
 def with_nuisances(base: Base, groups: Sequence[str]) -> Base:
     """The base with these nuisances and no other beside its model, fitted again."""
-    return _beside(base, shared_by(base.cells, base.fit, groups))
+    return _beside(base, shared_by(base.cells, base.fit, groups), _free_of_law(base, groups))
 
 
 def needed_nuisances(base: Base) -> tuple[str, ...]:
@@ -123,15 +135,27 @@ def needed_nuisances(base: Base) -> tuple[str, ...]:
     always = [n.name for n in base.model.nuisances if n.use == "on"]
     for group in [g for g in groups if g not in always]:
         kept = [g for g in groups if g != group]
-        less = _beside(base, base.cells.shared.of_groups(kept) if base.cells.shared else None)
+        shared = base.cells.shared.of_groups(kept) if base.cells.shared else None
+        less = _beside(base, shared, _free_of_law(base, kept))
         if not worth_it(less, base):
             base, groups = less, kept
     return tuple(groups)
 
 
-def _beside(base: Base, shared: SharedEffects | None) -> Base:
+def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
+    """The base's model with the parameters of these nuisances free, of the others as given."""
+    given = base.given or base.model
+    model = base.model
+    for name in groups_of(base):
+        parameter = frees(model, name)
+        if parameter is not None and name not in groups:
+            model = model.with_parameters({parameter: given.parameters[parameter]})
+    return freed(model, groups)
+
+
+def _beside(base: Base, shared: SharedEffects | None, model: Model) -> Base:
     raw = None if base.raw is None else replace(base.raw, shared=shared)
-    return refit(replace(base, cells=replace(base.cells, shared=shared), raw=raw), base.model)
+    return refit(replace(base, cells=replace(base.cells, shared=shared), raw=raw), model)
 
 
 def with_nuisances_on(base: Base) -> Model:

@@ -23,8 +23,9 @@ from tirelog.inference.base import Base, FittedChannel, prepare
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.gathering import pieces_of_logs
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.floor import Plain, scatter_columns
+from tirelog.inference.floor import Plain
 from tirelog.inference.motion import without_motion_parameters
+from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
@@ -196,10 +197,7 @@ def _waveforms(base: Base) -> Waveforms:
         return_index=False,
     )
     chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
-    columns = scatter_columns(c, base.fit)
-    between = (base.floor.load_sd**2 + base.floor.wander_sd**2) * columns[..., 0] ** 2 + (
-        base.floor.baseline_sd * columns[..., 1]
-    ) ** 2
+    between = base.floor.scatter.square(scatter_columns(c, base.fit))
     labels = tuple(
         f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}"
         for i in chosen

@@ -317,7 +317,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         share=share if enough else 0.0,
         rest=rest,
         alike=bool(groups),
-        repeats=left.significant,
+        repeats=left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square,
         quiet=quiet(before, floor.square),
     )
     verdict = verdict_of(evidence)

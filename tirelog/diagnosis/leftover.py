@@ -25,9 +25,10 @@ from tirelog.diagnosis.pressure_shapes import pressure_columns
 from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.inference.base import Base, thinned
-from tirelog.inference.floor import held_out_losses, load_derivative
+from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Nuisance
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
+from tirelog.inference.scatter import load_derivative
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 

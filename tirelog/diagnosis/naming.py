@@ -24,6 +24,7 @@ import numpy as np
 from tirelog.diagnosis.assessment import Assessed, assess
 from tirelog.diagnosis.rules import (
     CONTENDER,
+    ERROR_SIGMAS,
     ESTABLISHED_SIGMAS,
     GAIN_SIGMAS,
     LEAST_SHARE_OF_FLOOR,
@@ -290,8 +291,17 @@ def clearly_worse(one: Base, other: Base, sigmas: float = WORSE_SIGMAS) -> bool:
 
 
 def quiet(base: Base, floor_square: float) -> bool:
-    """Is what the model leaves the noise floor?  By the held-out error and by chi-square."""
-    return base.square_held <= QUIET_FLOORS**2 * floor_square and base.reduced_chi2 <= QUIET_CHI2
+    """Is what the model leaves the noise floor?  By the held-out error and by chi-square.
+
+    Of a held-out error goes what chance adds to it, since few manoeuvres decide the parameters.
+    """
+    if base.reduced_chi2 > QUIET_CHI2:
+        return False
+    above = base.square_held - QUIET_FLOORS**2 * floor_square
+    if above <= 0.0:
+        return True
+    mean, spread = base.of_errors
+    return above <= mean + ERROR_SIGMAS * spread
 
 
 def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:

@@ -12,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.diagnosis.beside import groups_of
 from tirelog.inference.base import Base
 from tirelog.inference.cells.shared import SharedEffects
-from tirelog.inference.metric.offsets import Nuisance, Offsets
-from tirelog.inference.nuisances import shared_effects
+from tirelog.inference.metric.offsets import Nuisance as Projected
+from tirelog.inference.metric.offsets import Offsets
+from tirelog.inference.nuisances import frees, shared_effects
+from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, shown
 
@@ -74,12 +77,13 @@ class NuisanceFound:
 def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
     """Every nuisance that these data can show, with its size beside the base's model."""
     held = base.cells.shared
-    groups = () if held is None else held.groups
-    found = []
+    groups = groups_of(base)
+    found = [_parameter(base, n) for n in base.model.nuisances if _is_free(base, n, groups)]
     if held is not None:
         value, covariance = _amplitudes(replace(base, cells=replace(base.cells, shared=None)), held)
         found += [
-            NuisanceFound(g, True, tuple(_parts(base, held, g, value, covariance))) for g in groups
+            NuisanceFound(g, True, tuple(_parts(base, held, g, value, covariance)))
+            for g in held.groups
         ]
     for nuisance in base.model.nuisances:
         if nuisance.name in groups or nuisance.use == "off":
@@ -92,9 +96,24 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
     return tuple(found)
 
 
+def _is_free(base: Base, nuisance: Nuisance, groups: Sequence[str]) -> bool:
+    return nuisance.name in groups and frees(base.model, nuisance.name) is not None
+
+
+def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
+    """A nuisance that is a parameter of the model: its change from the value given."""
+    name = frees(base.model, nuisance.name)
+    assert name is not None
+    fitted, given = base.model.parameters[name], (base.given or base.model).values[name]
+    size = nuisance.sizes[0]
+    se = fitted.se if fitted.se is not None else 0.0
+    part = NuisancePart(size.name, fitted.value - given, se, "1", size.value)
+    return NuisanceFound(nuisance.name, True, (part,))
+
+
 def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatArray]:
     """Posterior means (K,) and covariance (K, K), base parameters and offsets free."""
-    other = Nuisance.of(Offsets.of(base.cells, base.white), base.white(base.fit.moving))
+    other = Projected.of(Offsets.of(base.cells, base.white), base.white(base.fit.moving))
     columns = other.without(base.white(effects.columns * effects.sd))
     flat = columns.reshape(-1, len(effects))
     residual = other.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
@@ -172,17 +191,20 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
             f"Beside the model stands the rolling radius, against the setup's: {said}; "
             "give the setup's [tire] the radius that a measured way shows."
         )
-    exponent = base.model.values.get("patch_load_exponent")
-    against = "" if exponent is None else f" than the {exponent:g} of patch_load_exponent"
+    (part,) = found.parts
+    parameter = frees(base.model, found.nuisance)
+    if parameter is None:
+        said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
+    else:
+        exponent = base.model.values[parameter]
+        said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
     return (
-        f"Beside the model stands another patch law{against}: {_said(found.parts[0], base)}; or "
-        "what went along with the load, such as the pressure."
+        f"Beside the model stands another patch law: {said}; or what went along with the load, "
+        "such as the pressure."
     )
 
 
 def _said(part: NuisancePart, base: Base) -> str:
-    if part.unit == "1" and part.name.startswith("exponent"):
-        return f"{part.name} {part.value:+.2g} ± {part.se:.1g}"
     if part.unit == "1" and not part.name.startswith(("run-out", "baseline")):
         sign = "" if part.name.startswith("force") else "+"
         return f"{part.name} {100.0 * part.value:{sign}.2g} ± {100.0 * part.se:.1g} %"

@@ -111,6 +111,12 @@ QUIET_FLOORS = _number(
     "held-out error at most of what is the noise floor; twice the margin would let a quarter of "
     "the floor's square pass unsaid",
 )  # fmt: skip
+ERROR_SIGMAS = _number(
+    "ERROR_SIGMAS", 2.0, "standard deviations",
+    "of what the errors of parameters add to a held-out error, by which it may be above that: it "
+    "counts where manoeuvres scatter and are few; doubled, a scatter would hide as much again as "
+    "it is itself",
+)  # fmt: skip
 QUIET_CHI2 = _number("QUIET_CHI2", 1.2, "reduced chi-square", "and its chi-square at most")
 
 
@@ -155,7 +161,8 @@ RULES = (
         "nothing_missing",
         lambda e: not e.named and not e.repeats,
         f"nothing is named, nothing repeats, and what is left is the floor: held out at most "
-        f"{QUIET_FLOORS:g} floors, reduced chi-square at most {QUIET_CHI2:g}",
+        f"{QUIET_FLOORS:g} floors and what chance adds to it, reduced chi-square at most "
+        f"{QUIET_CHI2:g}",
     ),
     Rule(
         "unknown",

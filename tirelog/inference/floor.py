@@ -2,10 +2,7 @@
 
     within    repeatability of revolutions inside a manoeuvre, by angle: noise and the random
               effects of revolutions
-    between   scatter between manoeuvres: load (amplitude and width together) and baseline, as
-              random effects about what follows speed, acceleration and time (which is physics, and
-              for the candidates to explain); and of the load between the cells of a manoeuvre,
-              which is what a grade or wind does to it
+    between   scatter between manoeuvres (`tirelog.inference.scatter`), as it came out in these data
     floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
 
 rmse is that of one revolution's value at one angle. A cell's mean shows it as
@@ -26,20 +23,12 @@ from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.fit.cells import Fit
-from tirelog.inference.metric.offsets import Levelled, Nuisance, Offsets
-from tirelog.inference.metric.projection import Normal, in_blocks, side_by_side, solve_scaled
+from tirelog.inference.metric.offsets import Levelled
+from tirelog.inference.metric.projection import in_blocks, side_by_side, solve_scaled
 from tirelog.inference.metric.whitening import Whitener
+from tirelog.inference.scatter import Scatter
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import STRAIN
 
-#: relative step of the load for its derivative
-_STEP = 0.01
-#: degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
-#: many would leave short logs without it
-FEWEST_WANDERING = 8.0
-#: standard deviations of chi-square by which it must be told: nulls stay below 2, a wander of 3 %
-#: shows with 18 and more; below it, what the model's shape lacks would pass for a wander
-SURE_SIGMAS = 4.0
 #: cells whose columns are worked on at a time, about
 _SOME_CELLS = 64
 
@@ -109,46 +98,18 @@ def _orthonormal_in_cells(columns: FloatArray) -> FloatArray:
 class Floor:
     """The noise floor: mean squares [unit^2] within, between, and by angle (m,).
 
-    `load_sd` relative, `baseline_sd` [unit]: scatter between manoeuvres; `wander_sd` relative: of
-    the load between the cells of a manoeuvre.
+    `scatter`: the random effects that `between` is made of.
     """
 
     within: float
     between: float
     within_by_angle: FloatArray
     between_by_angle: FloatArray
-    load_sd: float
-    baseline_sd: float
-    wander_sd: float = 0.0
+    scatter: Scatter
 
     @property
     def square(self) -> float:
         return self.within + self.between
-
-
-def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
-    """Change of the prediction per relative change of the load, (C, m).
-
-    Its amplitude if the model does not know what a load does.
-    """
-    conditions = cells.conditions
-    load = np.where(
-        np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan)
-    )
-    try:
-        ends = [
-            fit.model.predict(
-                replace(conditions, load_N=load * (1.0 + s * _STEP)),
-                surface=cells.surface,
-                observable=cells.observable,
-                **cells.angles,
-            )
-            for s in (1, -1)
-        ]
-    except ModelError:
-        return fit.prediction
-    slope = (ends[0] - ends[1]) / (2.0 * _STEP)
-    return slope if np.isfinite(slope).all() or cells.phi.shape[1] > 1 else fit.prediction
 
 
 def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
@@ -215,147 +176,18 @@ def _along_the_angle(cells: Cells, values: FloatArray) -> FloatArray:
     return result
 
 
-def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
-    """Columns of the random effects of manoeuvres: relative load, baseline; (C, m, 2)."""
-    return np.stack([load_derivative(cells, fit), np.ones_like(cells.phi)], axis=-1)
-
-
-def trend_columns(cells: Cells) -> FloatArray:
-    """What physics may follow, one row per manoeuvre (M, k).
-
-    Each log's level, acceleration, time, and v, v^2 log by log. What follows speed may follow a
-    log's load, pressure, water or age besides. The last columns come only if enough manoeuvres are
-    left to show scatter.
-    """
-    M = cells.manoeuvres
-    number = np.bincount(cells.manoeuvre, cells.revolutions, M)
-    log = np.zeros(M, np.int64)
-    log[cells.manoeuvre] = cells.log
-    per_log = (log[:, None] == np.unique(cells.log)).astype(float)
-
-    def mean(x: FloatArray) -> FloatArray:
-        level = np.bincount(cells.manoeuvre, cells.revolutions * x, M) / number
-        scaled: FloatArray = (level - level.mean()) / (level.std() + 1e-12)
-        return scaled
-
-    c = cells.conditions
-    v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)
-    columns = [per_log]
-    for more in (
-        v[:, None],
-        a[:, None],
-        np.stack([v**2, t], axis=1),
-        per_log * v[:, None],
-        per_log * (v**2)[:, None],
-    ):
-        if sum(x.shape[1] for x in (*columns, more)) <= 0.6 * M:
-            columns.append(more)
-    return np.hstack(columns)
-
-
-def scatter_between(
-    cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
-) -> tuple[float, float]:
-    """Standard deviations between manoeuvres of the relative load and the baseline.
-
-    By the method of moments.
-    """
-    residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(
-        white(cells.values - fit.prediction)
-    )
-    normal = Normal.of(white(columns), residual, cells.manoeuvre)
-    coefficients = solve_scaled(normal.gram, normal.right)
-    trend = trend_columns(cells)
-    hat = trend @ np.linalg.pinv(trend)
-    freedom = float(trend.shape[0] - np.trace(hat))
-    if freedom < 2.0:
-        return 0.0, 0.0
-    inverse = np.stack(
-        [solve_scaled(normal.gram, np.broadcast_to(e, normal.right.shape)) for e in np.eye(2)],
-        axis=-1,
-    )
-    result = []
-    for i in range(2):
-        left = np.asarray(coefficients[:, i] - hat @ coefficients[:, i], dtype=np.float64)
-        expected = float(((1.0 - np.diag(hat)) * inverse[:, i, i]).sum())
-        result.append(float(np.sqrt(max((float(left @ left) - expected) / freedom, 0.0))))
-    return result[0], result[1]
-
-
-def wander_within(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) -> float:
-    """Standard deviation of the relative load between the cells of a manoeuvre.
-
-    By the method of moments, weighted by what each cell knows (DerSimonian and Laird 1986, with
-    covariates). Each manoeuvre has its own level, and what follows speed is no wander; 0 if too few
-    cells are left to show one, or they do not surely. Only of strain: an acceleration's size
-    follows the speed squared, so that a speed that is 0.3 % off looks like a load.
-    """
-    if cells.phi.shape[1] == 1 or cells.observable != STRAIN:
-        return 0.0
-    residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(
-        white(cells.values - fit.prediction)
-    )
-    own = np.arange(len(cells))
-    normal = Normal.of(white(columns), residual, own)
-    load = solve_scaled(normal.gram, normal.right)[:, 0]
-    variance = solve_scaled(normal.gram, np.broadcast_to([1.0, 0.0], normal.right.shape))[:, 0]
-    known = variance > 0.0
-    variance = variance + _load_of_revolutions(cells, columns[..., 0])
-    speed = cells.conditions.speed_m_s / max(float(np.mean(cells.conditions.speed_m_s)), 1e-9) - 1.0
-    level = (cells.manoeuvre[:, None] == np.arange(cells.manoeuvres)).astype(float)
-    design = np.column_stack([level, speed, speed**2])[known]
-    weight = 1.0 / variance[known]
-    root = np.sqrt(weight)[:, None] * design
-    hat = root @ np.linalg.pinv(root)
-    freedom = float(weight.size - np.trace(hat))
-    if freedom < FEWEST_WANDERING:
-        return 0.0
-    scaled = np.sqrt(weight) * load[known]
-    left = scaled - hat @ scaled
-    spread = float((weight * (1.0 - np.diag(hat))).sum())
-    if float(left @ left) < freedom + SURE_SIGMAS * np.sqrt(2.0 * freedom):
-        return 0.0
-    return float(np.sqrt(max((float(left @ left) - freedom) / max(spread, 1e-300), 0.0)))
-
-
-def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
-    """Variance (C,) of each cell's relative load from the scatter of its revolutions.
-
-    Amplitude, width and baseline scatter together as far as a load does it: their covariance along
-    what a `load` derivative (C, m) is made of.
-    """
-    good = np.isfinite(cells.values)[..., None]
-    columns, slope = np.where(good, cells.random, 0.0), np.where(good[..., 0], load, 0.0)
-    made_of = solve_scaled(
-        np.swapaxes(columns, 1, 2) @ columns, np.einsum("cmk,cm->ck", columns, slope)
-    )
-    along = np.einsum("ck,ckl,cl->c", made_of, cells.random_cov, made_of)
-    return np.asarray(along / np.maximum((made_of**2).sum(axis=1), 1e-300) ** 2, dtype=np.float64)
-
-
-def measure_floor(
-    cells: Cells,
-    plain: Plain,
-    columns: FloatArray,
-    load_sd: float,
-    baseline_sd: float,
-    wander_sd: float = 0.0,
-) -> Floor:
-    """The floor from the cells' repeatability and the scatter between manoeuvres."""
+def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, scatter: Scatter) -> Floor:
+    """The floor from the cells' repeatability and the scatter of manoeuvres as it came out."""
     share = plain.weights**2
     total = np.maximum(share.sum(axis=0), 1e-300)
     within = np.where(share > 0, cells.within, 0.0)
-    load_square = load_sd**2 + wander_sd**2
-    scatter = load_square * columns[..., 0] ** 2 + (baseline_sd * columns[..., 1]) ** 2
-    scatter = np.where(share > 0, scatter, 0.0)
+    between = np.where(share > 0, scatter.square(columns), 0.0)
     return Floor(
         float((share * within).sum() / plain.weight),
-        float((share * scatter).sum() / plain.weight),
+        float((share * between).sum() / plain.weight),
         (share * within).sum(axis=0) / total,
-        (share * scatter).sum(axis=0) / total,
-        load_sd,
-        baseline_sd,
-        wander_sd,
+        (share * between).sum(axis=0) / total,
+        scatter,
     )
 
 
@@ -374,6 +206,15 @@ def held_out_losses(
     of_all, level_of_all = in_white.step_of_all(fit.jacobian.shape[-1] + fit.amplitudes.size)
     theta, offset = theta - of_all, offset - level_of_all
     return in_white.loss(theta, offset), in_plain.loss(theta, offset)
+
+
+def losses_of_errors(cells: Cells, white: Whitener, plain: Plain, fit: Fit) -> FloatArray:
+    """What the errors of the parameters add to held-out losses in the plain metric, (M,).
+
+    In the mean, if nothing is missing: manoeuvres are few, and each scatters.
+    """
+    in_white, in_plain = (_levelled(cells, metric, fit, ()) for metric in (white, plain))
+    return in_white.of_errors(in_plain)
 
 
 def _levelled(

@@ -7,7 +7,8 @@
     drift      patch length, foundation, bending stiffness and baseline move along a log, with its
                temperature if that varies, else with time
     rolling    the rolling radius is not the setup's, and follows speed and load
-    patch_law  the patch grows with another power of the load
+    patch_law  the patch grows with another power of the load; a parameter that becomes free, if the
+               model has it
 
 The shapes are changes of the fitted model's own prediction, so they are known as well as the model
 is. One amplitude serves all manoeuvres (of a log, if it belongs to a log or a mounting): a nuisance
@@ -26,12 +27,14 @@ from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.fit.cells import Fit
-from tirelog.inference.floor import load_derivative
+from tirelog.inference.scatter import load_derivative
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 
+#: the model's parameter that the patch law is, if it has one: bent too much for a linear effect
+PATCH_LAW_PARAMETER = "patch_load_exponent"
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show
 _HARMONICS = (1, 2, 3)
 #: the size of run-out in another unit than strain, as a share of the waveform's rms
@@ -40,13 +43,15 @@ _RUNOUT_SHARE = 0.1
 _WARMS_K = 2.0
 #: speed [m/s] up to which the size of a change of the rolling radius counts
 _RADIUS_SPEED = 25.0
-#: relative step of a derivative, and that of the patch length for its second one
+#: relative step of a derivative
 _STEP = 0.005
-_LENGTH_STEP = 0.02
 #: values that the columns of a nuisance have at most if each log has its own: 64 MB
 _MOST_VALUES = 8_000_000
 #: size of the bend of a drift over that of its slope
 _BEND = 0.3
+#: size of the difference of its mean between logs over that of its slope: logs that warm by 20 K
+#: differ by up to half of that in the mean
+_LEVEL = 0.3
 #: what warms with the tire, of beam and ring
 _DRIFTING = {
     "patch_half_length_m": "patch length",
@@ -90,17 +95,20 @@ def drift(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffect
     shapes = np.concatenate([slopes, np.ones_like(cells.phi)[..., None]], axis=-1)
     sizes = np.r_[np.full(len(names), known.size("relative")), known.size("baseline") * _rms(fit)]
     words = [*(_DRIFTING[name] for name in names), "baseline"]
-    parts = _parts(cells, whole, 2 * len(words))
-    # warming slows down: a straight line and a bend about it
-    factors = {"along": along, "bend along": 4.0 * along**2 - 0.5}
-    columns, labels = [], []
+    parts = _parts(cells, whole, 3 * len(words))
+    # warming slows down: a straight line and a bend about it; and one log is warmer than another
+    factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, _BEND)}
+    if len(parts) > 1:
+        factors["level in"] = (np.ones(len(cells)), _LEVEL)
+    columns, labels, sized = [], [], []
     for part, rows in parts.items():
-        for word, factor in factors.items():
+        for word, (factor, size) in factors.items():
             columns.append(shapes * np.where(rows, factor, 0.0)[:, None, None])
             labels += [f"{name} {word} {part or 'each log'}" for name in words]
+            sized.append(size * sizes)
     return SharedEffects(
         np.concatenate(columns, axis=-1),
-        np.concatenate([sizes, _BEND * sizes] * len(parts)),
+        np.concatenate(sized),
         tuple(labels),
         ("drift",) * len(labels),
     )
@@ -126,21 +134,21 @@ def rolling(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffe
 
 
 def patch_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
-    """Another exponent of the patch's load law, if loads differ."""
+    """Another exponent of the patch's load law, if loads differ and the model's is not free."""
     mean = _varied_load(whole)
-    if mean is None:
+    if mean is None or PATCH_LAW_PARAMETER in fit.names:
         return None
     power = np.log(cells.conditions.load_N / mean)[:, None]
-    if "patch_load_exponent" not in fit.model.parameters:
-        columns, size = [load_derivative(cells, fit) * power], [1.0]
-    else:
-        slope, curve = _length_slopes(cells, fit)
-        columns, size = [slope * power, 0.5 * curve * power**2], [1.0, known.size("exponent")]
+    slope = (
+        _length_slope(cells, fit.model)
+        if PATCH_LAW_PARAMETER in fit.model.parameters
+        else load_derivative(cells, fit)
+    )
     return SharedEffects(
-        np.stack(columns, axis=-1),
-        known.size("exponent") * np.array(size),
-        ("exponent", "exponent squared")[: len(size)],
-        ("patch_law",) * len(size),
+        (slope * power)[..., None],
+        np.array([known.size("exponent")]),
+        ("exponent",),
+        ("patch_law",),
     )
 
 
@@ -167,14 +175,33 @@ def shared_effects(
         found = _COLUMNS[name](cells, fit, known, cells if whole is None else whole)
     except ModelError:
         return None
-    return found if found is not None and np.isfinite(found.columns).all() else None
+    if found is None:
+        return None
+    columns = np.where(np.isfinite(cells.values)[..., None], found.columns, 0.0)
+    return replace(found, columns=columns) if np.isfinite(columns).all() else None
+
+
+def frees(model: Model, name: str) -> str | None:
+    """The parameter of the model that a nuisance makes free; None if it is a linear effect."""
+    parameter = model.parameters.get(PATCH_LAW_PARAMETER)
+    return PATCH_LAW_PARAMETER if name == "patch_law" and parameter is not None else None
+
+
+def freed(model: Model, names: Sequence[str]) -> Model:
+    """The model with the parameters free that these nuisances make so."""
+    found = [parameter for name in names if (parameter := frees(model, name)) is not None]
+    return model.with_parameters(
+        {name: replace(model.parameters[name], free=True) for name in found}
+    )
 
 
 def shared_by(
     cells: Cells, fit: Fit, names: Sequence[str], whole: Cells | None = None
 ) -> SharedEffects | None:
-    """Several nuisances at once; None if these cells can show none of them."""
-    found = [shared_effects(cells, fit, name, whole) for name in names]
+    """Several nuisances at once, as far as they are linear; None if these cells can show none."""
+    found = [
+        shared_effects(cells, fit, name, whole) for name in names if frees(fit.model, name) is None
+    ]
     effects = [x for x in found if x is not None]
     return SharedEffects.joined(effects) if effects else None
 
@@ -220,7 +247,7 @@ def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
 
 
 def _rms(fit: Fit) -> float:
-    return float(np.sqrt(np.mean(fit.prediction**2)))
+    return float(np.sqrt(np.nanmean(fit.prediction**2)))
 
 
 def _along_log(cells: Cells, whole: Cells) -> tuple[FloatArray, bool]:
@@ -256,20 +283,9 @@ def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatA
     return np.asarray(np.moveaxis(slopes, 0, -1) * values, dtype=np.float64)
 
 
-def _length_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """First and second change of the prediction per relative change of the patch length, (C, m)."""
-    length = fit.model.values["patch_half_length_m"]
-    less, more = (
-        fit.model.with_values({"patch_half_length_m": length * (1.0 + step)}).predict(
-            cells.conditions,
-            surface=cells.surface,
-            observable=cells.observable,
-            **cells.angles,
-        )
-        for step in (-_LENGTH_STEP, _LENGTH_STEP)
-    )
-    curve = (more + less - 2.0 * fit.prediction) / _LENGTH_STEP**2
-    return (more - less) / (2.0 * _LENGTH_STEP), curve
+def _length_slope(cells: Cells, model: Model) -> FloatArray:
+    """Change of the prediction per relative change of the patch length, (C, m)."""
+    return np.asarray(_relative_slopes(cells, model, ["patch_half_length_m"])[..., 0])
 
 
 def _radius_slope(cells: Cells, model: Model) -> FloatArray | None:

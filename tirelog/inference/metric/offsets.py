@@ -13,8 +13,9 @@ amplitudes can leave, their own squares in standard deviations counted with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -235,11 +236,36 @@ class Levelled:
         If no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
         with the rest held.
         """
+        theta, offset = np.empty_like(self.cross), np.empty_like(self.size)
+        for rows, gram, right, own, others, alone in self._without_each():
+            theta[rows] = solve_scaled(gram, right)
+            cross = np.where(alone[:, None], own[2], others[2])
+            size, level = (
+                np.where(alone, own[3], others[3]),
+                np.where(alone, own[4], others[4]) - (cross * theta[rows]).sum(axis=1),
+            )
+            offset[rows] = np.divide(level, size, out=np.zeros_like(level), where=size > 0)
+        return theta, offset
+
+    def of_errors(self, of: Levelled) -> FloatArray:
+        """What errors of the columns' strengths add to the losses of another metric, (M,).
+
+        In the mean, with each manoeuvre left out: the other's sum of squares by the covariance
+        that all the others leave.
+        """
+        added = np.empty_like(self.size)
+        for rows, gram, *_ in self._without_each():
+            spread = solve_scaled(gram[:, None], of.normal.gram[rows])
+            added[rows] = np.einsum("mii->m", spread)
+        return added
+
+    def _without_each(self) -> Iterator[tuple[Any, ...]]:
+        """Some manoeuvres at a time: their numbers, the normal equations (..., p, p), (..., p) of
+        all the others, the sums of each and those of the others of its log, whether it has none."""
         everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
         of_log = [_sums(x, self.log) for x in everything]
         gram_of_log, right_of_log = _without_offset(*of_log)
         whole = (self.normal.gram.sum(axis=0), gram_of_log.sum(axis=0), right_of_log.sum(axis=0))
-        theta, offset = np.empty_like(self.cross), np.empty_like(self.size)
         for start in range(0, self.size.size, _BLOCK):
             rows = slice(start, start + _BLOCK)
             log = self.log[rows]
@@ -254,16 +280,8 @@ class Levelled:
             seen = np.einsum("mii->mi", gram) > RANK * np.einsum(
                 "mii->mi", whole[0] - own[0]
             )  # a column that the offsets take is none
-            theta[rows] = solve_scaled(
-                np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0), np.where(seen, right, 0.0)
-            )
-            cross = np.where(alone[:, None], own[2], others[2])
-            size, level = (
-                np.where(alone, own[3], others[3]),
-                np.where(alone, own[4], others[4]) - (cross * theta[rows]).sum(axis=1),
-            )
-            offset[rows] = np.divide(level, size, out=np.zeros_like(level), where=size > 0)
-        return theta, offset
+            gram = np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0)
+            yield rows, gram, np.where(seen, right, 0.0), own, others, alone
 
     def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
         """(theta (p,), offset (M,)) by which the optimum is missed.
