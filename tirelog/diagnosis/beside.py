@@ -13,7 +13,13 @@ import numpy as np
 
 from tirelog.diagnosis.assessment import nuisance
 from tirelog.diagnosis.naming import worth_it
-from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.rules import (
+    ALARM_P,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    NUISANCE_SHARE,
+    TWINS,
+)
 from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
@@ -101,15 +107,25 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
 
 
 def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
-    """The base with the nuisance that gains most, if one earns its place."""
+    """The base with the nuisance that gains most, if one earns its place.
+
+    A nuisance of fewer amplitudes that does as much comes first: the more there are, the more of
+    anything they imitate. And one that leaves most of the excess imitates what it is not.
+    """
     alarming = [a for a in assess_nuisances(base, allowed) if a.alarms(base.floor.square)]
     tried = []
     for a in alarming[:_MOST_REFITTED]:
         try:
-            tried.append(with_nuisance(base, a.effects))
+            tried.append((len(a.effects), with_nuisance(base, a.effects)))
         except ModelError:
             continue
-    return min(tried, key=lambda b: float(b.held_white.sum()), default=None)
+    tried = [t for t in tried if base.excess - t[1].excess >= NUISANCE_SHARE * base.excess]
+    if not tried:
+        return None
+    _, best = min(tried, key=lambda t: float(t[1].held_white.sum()))
+    as_much = TWINS**2 * (base.excess - best.excess)
+    alike = [t for t in tried if base.excess - t[1].excess >= as_much]
+    return min([*alike, (len(base.cells), best)], key=lambda t: t[0])[1]
 
 
 def with_nuisance(base: Base, effects: SharedEffects) -> Base:

@@ -35,8 +35,10 @@ ALARM_P = _number(
     "twice as many",
 )  # fmt: skip
 GAIN_SIGMAS = _number(
-    "GAIN_SIGMAS", 1.0, "standard errors",
-    "held-out gain at least, by the scatter of manoeuvres",
+    "GAIN_SIGMAS", 2.0, "standard errors",
+    "held-out gain at least, by the scatter of manoeuvres: effects of two squared floors gain by "
+    "three to eight; loads that wander, alike in neighbours, gave an effect that acts through the "
+    "load one and more",
 )  # fmt: skip
 LEAST_SHARE_OF_FLOOR = _number(
     "LEAST_SHARE_OF_FLOOR", 0.05, "squared floors",
@@ -46,6 +48,11 @@ LEAST_SHARE_OF_FLOOR = _number(
 FEWEST_MANOEUVRES = int(
     _number("FEWEST_MANOEUVRES", 8, "manoeuvres", "a two-sided p of ALARM_P needs so many")
 )
+NUISANCE_SHARE = _number(
+    "NUISANCE_SHARE", 0.4, "share of the excess",
+    "that a nuisance must remove to come in: of two at once the larger removes half; those of an "
+    "effect that nothing explains remove a third",
+)  # fmt: skip
 # ---- which one is it? ----------------------------------------------------------------------------
 CONTENDER = _number(
     "CONTENDER", 0.65, "share of the largest statistic",
