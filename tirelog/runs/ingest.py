@@ -329,7 +329,11 @@ def _write(
                 summary.remarks.append(f"channel {name} has no reading at all")
         axes, flags = {}, {}
         for name, clock in clocks.items():
-            axes[name], flags[name] = clock.axis(), clock.flags
+            try:
+                axes[name] = clock.axis()
+            except ReadError as problem:
+                raise problem.at(summary.log) from None
+            flags[name] = clock.flags
             summary.repairs[name] = dict(clock.repairs)
             summary.remarks += clock.remarks
         summary.remarks += _setup_remarks(setup, set(lost))
@@ -354,6 +358,7 @@ def _clock(group: Group, setup: Setup) -> ClockFit:
         setup_rate_Hz=declared,
         resolution_s=group.stamp_resolution_s,
         counted=group.counted,
+        edges=group.edges,
     )
 
 
