@@ -204,6 +204,16 @@ FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
         0.08,
         _log(("packed.csv.gz", "packed.csv.zst", "packed.csv.xz"), damage.damaged_bytes),
     ),
+    "other": (
+        0.1,
+        _log(
+            (
+                *("matlab.mat", "matlabpacked.mat", "columns.parquet", "frames.wav"),
+                *("archive.csv.zip", "labview.lvm"),
+            ),
+            damage.damaged_bytes,
+        ),
+    ),
     "mcap": (0.15, _mcap),
     "hdf5": (0.13, _hdf5(("samples.h5", "encoder.h5"), True)),
     "run": (0.13, _hdf5(("run_text.h5", "run_encoder.h5"), False)),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -404,9 +406,201 @@ def _wandering() -> Iterator[Case]:
         )
 
 
+def _matlab() -> Iterator[Case]:
+    """MATLAB 5 files, as another program writes them."""
+    from scipy.io import savemat
+
+    both = {"a": V[0], "b": V[1]}
+    cells = np.empty(2, dtype=object)
+    cells[:] = [V[0], V[1]]
+
+    def mat(layout: str, variables: dict, *sources: str, **more: object) -> Case:
+        options = {"do_compression": bool(more.pop("packed", False))}
+        return Case(
+            "MATLAB 5", layout, "log.mat", lambda path: savemat(path, variables, **options),
+            setup(*sources, log=str(more.pop("log", ""))), **{"truth": both, **more},  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    yield mat(
+        "row vectors and Fs", {"strain": V[0], "temp": V[1], "Fs": RATE_HZ}, "strain", "/temp"
+    )
+    yield mat(
+        "column vectors, packed, t beside",
+        {"strain": V[0][:, None], "temp": V[1][:, None], "t": T[:, None]},
+        "strain",
+        "temp",
+        packed=True,
+    )
+    yield mat(
+        "a matrix of columns",
+        {"data": np.column_stack([T, V[0], V[1]]), "fs": RATE_HZ},
+        "data[1]",
+        "data[2]",
+        packed=True,
+    )
+    yield mat(
+        "a structure in a structure",
+        {"run": {"tire": {"a": V[0], "b": V[1]}, "dt": 1 / RATE_HZ}},
+        "/run/tire/a",
+        "/run/tire/b",
+    )
+    yield mat(
+        "single precision and whole numbers",
+        {"a": V[0].astype(np.float32), "b": np.round(V[1]).astype(np.int16), "time": T},
+        "a",
+        "b",
+        truth={"a": V[0].astype(np.float32).astype(float), "b": np.round(V[1])},
+    )
+    yield mat(
+        "cells, and text, complex and empty arrays beside",
+        {
+            "a": cells,
+            "note": "run 7",
+            "z": V[0] + 1j,
+            "none": np.zeros((0, 3)),
+            "Fs": RATE_HZ,
+        },
+        "/a{1}",
+        "/a{2}",
+        said="/z is complex",
+        truth=both,
+    )
+    yield mat(
+        "no numbers at all", {"note": "run 7"}, "note", truth={}, refused="no array of numbers"
+    )
+
+
+def _other_formats() -> Iterator[Case]:
+    """Parquet, WAV and zip."""
+    import pandas as pd
+
+    both = {"a": V[0], "b": V[1]}
+    frame = pd.DataFrame({"time_s": T, "strain [K]": V[0], "temp": V[1], "note": ["x"] * ROWS})
+    dated = frame.assign(time_s=pd.date_range("2026-03-04 10:00", periods=ROWS, freq="10ms"))
+    exact = np.random.default_rng(3).standard_normal(ROWS) * 10.0 ** np.arange(-150, 150).repeat(3)
+    holes = np.where(np.arange(ROWS) % 7 == 3, np.nan, V[0])
+
+    def parquet(layout: str, table: pd.DataFrame, use: str, **more: object) -> Case:
+        return Case(
+            "Parquet",
+            layout,
+            "log.parquet",
+            lambda path: table.to_parquet(path),
+            use,
+            **{"truth": both, **more},
+        )  # type: ignore[arg-type]
+
+    use = setup("strain", "temp")
+    yield parquet("columns by name, seconds", frame, use, said="note")
+    yield parquet("dates in a column", dated.rename(columns={"time_s": "stamp"}), use)
+    yield parquet("dates in pandas' index", dated.set_index("time_s"), use)
+    yield parquet(
+        "stamps in ns since 1970, whole numbers",
+        frame.assign(time_s=1_772_600_000_000_000_000 + np.arange(ROWS) * 10_000_000).rename(
+            columns={"time_s": "timestamp"}
+        ),
+        use,
+    )
+    yield parquet(
+        "single precision, whole numbers, categories",
+        pd.DataFrame(
+            {"t": T, "a": V[0].astype(np.float32), "b": pd.Categorical(np.round(V[1]).astype(int))}
+        ),
+        setup("a", "b"),
+        truth={"a": V[0].astype(np.float32).astype(float), "b": np.round(V[1])},
+    )
+    yield parquet(
+        "doubles of any size",
+        pd.DataFrame({"t": T, "a": exact}),
+        setup("a"),
+        truth={"a": exact},
+        value_error=0.0,
+    )
+    yield parquet(
+        "lost samples", pd.DataFrame({"t": T, "a": holes}), setup("a"), truth={"a": holes}
+    )
+    yield parquet(
+        "no numbers at all", frame[["note"]], use, truth={}, refused="no column of numbers"
+    )
+
+    def wav(layout: str, dtype: str, full: float, sources: tuple[str, ...], **more: object) -> Case:
+        from scipy.io import wavfile
+
+        pair = np.round((V[:2] - 10.0 * np.arange(1, 3)[:, None]) / 5.0 * full).T
+        stored = np.clip(pair, -full, full - 1)
+        middle = 128.0 if dtype == "u1" else 0.0
+        data = (stored + middle).astype(dtype) if dtype[0] != "f" else pair.astype(dtype)
+        truth = data.astype(float) - middle
+        truth = truth / full if dtype[0] != "f" else truth
+        use = "".join(channel(n, s, "") for n, s in zip("ab", sources, strict=True))
+        return Case(
+            "WAV",
+            layout,
+            "log.wav",
+            lambda path: wavfile.write(path, 100, data),
+            use.replace("temperature", "signal"),
+            {"a": truth[:, 0], "b": truth[:, 1]},
+            **more,
+        )  # type: ignore[arg-type]
+
+    yield wav("16 bits, two channels", "i2", 2.0**15, ("left", "right"))
+    yield wav("8 bits", "u1", 2.0**7, ("#1", "#2"))
+    yield wav("32 bits", "i4", 2.0**31, ("channel_1", "channel_2"))
+    yield wav("floats", "f4", 1.0, ("#1", "#2"))
+    yield wav("doubles", "f8", 1.0, ("#1", "#2"))
+
+    text = "time,a,b\n" + table([_seconds(), *([f"{x:.4f}" for x in v] for v in V[:2])])
+
+    def zipped(layout: str, members: dict[str, str], **more: object) -> Case:
+        def write(path: Path) -> None:
+            with zipfile.ZipFile(
+                path, "w", int(more.pop("packing", zipfile.ZIP_DEFLATED))
+            ) as archive:
+                for name, content in members.items():
+                    archive.writestr(name, content)
+
+        return Case(
+            "zip",
+            layout,
+            "log.csv.zip",
+            write,
+            setup("a", "b"),
+            **{"truth": both, **{k: v for k, v in more.items() if k != "packing"}},
+        )  # type: ignore[arg-type]
+
+    yield zipped("one file of text", {"log.csv": text})
+    yield zipped("one file, stored", {"log.csv": text}, packing=zipfile.ZIP_STORED)
+    yield zipped(
+        "in a folder, with what a Mac adds",
+        {"run/": "", "run/log.csv": text, "__MACOSX/run/._log.csv": "\0\5\x16\7"},
+    )
+    yield zipped(
+        "two files of text", {"log.csv": text, "other.csv": text}, said="second file, 'other.csv'"
+    )
+    yield zipped("an office document", {"[Content_Types].xml": "<x/>"}, truth={}, refused="Excel")
+    for name, magic in (
+        ("TDMS", b"TDSm\x0e\0\0\0"),
+        ("MDF", b"MDF     4.10    "),
+        ("pickle", b"\x80\x04\x95\0\0"),
+        ("SQLite", b"SQLite format 3\0"),
+        ("ROS 1 bag", b"#ROSBAG V2.0\n"),
+        ("xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"),
+    ):
+        yield text_case(
+            "formats that are not read",
+            name,
+            magic + bytes(500),
+            setup("a"),
+            {},
+            refused="convert it first",
+        )
+
+
 def cases() -> Iterator[Case]:
     """All of them."""
     yield from _in_time()
     yield from _edges()
     yield from _rows()
     yield from _wandering()
+    yield from _matlab()
+    yield from _other_formats()

@@ -19,23 +19,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.readers.base import Group, LogReader, RawBlock
+from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import RunWriter, is_run, open_run
 from tirelog.storage.remote import address, open_remote, shown
 from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
 from tirelog.version import __version__
 
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
-MCAP_MAGIC = b"\x89MCAP0\r\n"
-#: bytes by which a format is told: magic numbers stand at the start
-_HEAD_BYTES = 4096
+if TYPE_CHECKING:
+    from tirelog.readers.other.matlab import Converted
 
 
 class _Stream(io.RawIOBase):
@@ -150,50 +149,82 @@ def is_file(log: str) -> bool:
         return False
 
 
-def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
+@dataclass(frozen=True)
+class _Opened:
+    """A log with its format ('' for text), as a file if that has to be one."""
+
+    format: str
+    path: Path | None = None
+    converted: Converted | None = None
+
+
+def _reader(stream: _Stream, opened: _Opened, setup: Setup, log: str) -> LogReader:
     """The reader for what the bytes are; names and suffixes do not matter.
 
     SetupError: [log] has keys that only a text log has, and the log is none.
     """
-    if setup.log.of_text and (path is not None or head.startswith(MCAP_MAGIC)):
+    if setup.log.of_text and opened.format:
         keys = ", ".join(setup.log.of_text)
         raise SetupError(
-            f"[log] {keys}: the log is {'HDF5' if path is not None else 'MCAP'}",
+            f"[log] {keys}: the log is {opened.format}",
             allowed="allowed for a text log only",
             do="remove it, or give the log that it is for",
             file=setup.file or log,
         )
-    if path is not None:
+    if opened.path is not None and opened.format != "Parquet":
         from tirelog.readers.hdf5.reader import open_hdf5
 
-        return open_hdf5(path, setup, log)
+        reader = open_hdf5(opened.path, setup, log)
+        if opened.converted is not None:
+            reader.report.format = "matlab 5"
+            reader.report.losses += opened.converted.losses
+            reader.report.remarks += opened.converted.said
+        return reader
+    if opened.path is not None:
+        from tirelog.readers.other.parquet import open_parquet
+
+        return open_parquet(opened.path, setup, log)
     buffered = io.BufferedReader(stream, 1 << 20)
-    if head.startswith(MCAP_MAGIC):
+    if opened.format == "MCAP":
         from tirelog.readers.mcap.reader import open_mcap
 
         return open_mcap(buffered, setup, log, Path(log) if is_file(log) else None)
+    if opened.format == "WAV":
+        from tirelog.readers.other.wav import WavReader
+
+        return WavReader(buffered, setup, log)
     from tirelog.readers.text.reader import open_text
 
     return open_text(buffered, setup, log)
 
 
 @contextmanager
-def _hdf5_path(log: str, head: bytes, stream: _Stream) -> Iterator[Path | None]:
-    """Path of the HDF5 file, or None.
+def _opened(log: str, head: bytes, stream: _Stream) -> Iterator[_Opened]:
+    """The log's format, and the log as a file if its format needs one to seek in.
 
-    HDF5 needs a file to seek in: what is no file is copied to a temporary one.
+    What is no file is copied to a temporary one, and MATLAB's is made HDF5.
     """
-    if not any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048)):
-        yield None
-    elif is_file(log):
-        yield Path(log)
+    format = name_of(head)
+    if not format:
+        refuse_foreign(head, log)
+    if format not in ("HDF5", "MATLAB", "Parquet"):
+        yield _Opened(format)
+    elif is_file(log) and format != "MATLAB":
+        yield _Opened(format, Path(log))
     else:
         with temporary_folder() as folder:
-            path = folder / "log.h5"
-            with failed_writes(path), path.open("wb") as copy:
-                while part := _part(stream, log):
-                    copy.write(part)
-            yield path
+            path = Path(log) if is_file(log) else folder / "log"
+            if path.parent == folder:
+                with failed_writes(path), path.open("wb") as copy:
+                    while part := _part(stream, log):
+                        copy.write(part)
+            if format == "MATLAB":
+                from tirelog.readers.other.matlab import convert
+
+                converted = convert(path, folder / "log.h5", log)
+                yield _Opened(format, folder / "log.h5", converted)
+            else:
+                yield _Opened(format, path)
 
 
 def _part(stream: _Stream, log: str) -> bytes:
@@ -232,8 +263,8 @@ def ingest(
                 file=log,
             )
         stream = _Stream(head, raw, hashed)
-        with _hdf5_path(log, head, stream) as hdf5:
-            if hdf5 is not None and is_run(hdf5):
+        with _opened(log, head, stream) as opened:
+            if opened.format == "HDF5" and opened.path is not None and is_run(opened.path):
                 raise UsageError(
                     "is a run already",
                     allowed="ingest takes a log",
@@ -241,7 +272,7 @@ def ingest(
                     file=log,
                 )
             try:
-                reader = _reader(stream, head, hdf5, setup, log)
+                reader = _reader(stream, opened, setup, log)
             except OSError as problem:
                 raise _unreadable(log, problem) from None
             _write(reader, reader.setup, path, summary, stream, compress, blocks)
@@ -252,7 +283,7 @@ def _read_head(raw: BinaryIO, log: str) -> bytes:
     """The first bytes, also of a pipe that hands out less than it is asked for."""
     head = b""
     try:
-        while len(head) < _HEAD_BYTES and (part := raw.read(_HEAD_BYTES - len(head))):
+        while len(head) < HEAD_BYTES and (part := raw.read(HEAD_BYTES - len(head))):
             head += part
     except OSError as problem:
         raise _unreadable(log, problem) from None

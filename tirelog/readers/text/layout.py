@@ -196,7 +196,7 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
         where = f"a NUL byte at {first_nul}" if first_nul >= 0 else "control characters"
         raise ReadError(
             f"is not text ({where})",
-            allowed="allowed are text, MCAP and HDF5 logs",
+            allowed="allowed are text, MCAP, HDF5, MATLAB, Parquet and WAV logs",
             do="check which file this is",
             file=name,
         )
