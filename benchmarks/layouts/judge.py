@@ -49,6 +49,23 @@ class Verdict:
     wrong: str = ""
 
 
+def read(
+    path: Path,
+    setup: str,
+    truth: Mapping[str, NDArray[np.float64]] | None = None,
+    times_s: NDArray[np.float64] | None = None,
+    time_error_s: float = 0.0,
+    *,
+    refused: str = "",
+) -> Verdict:
+    """The verdict on a file that is there."""
+    case = Case(
+        "", "", path.name, lambda _: None, setup, truth or {}, times_s, refused,
+        time_error_s=time_error_s,
+    )  # fmt: skip
+    return judged(case, path.parent)
+
+
 def judged(case: Case, folder: Path) -> Verdict:
     """The verdict on a case, whose file is made in `folder`."""
     path = folder / case.name

@@ -362,7 +362,7 @@ def _write(
         for name, clock in clocks.items():
             try:
                 axes[name] = clock.axis()
-            except ReadError as problem:
+            except (ReadError, SetupError) as problem:
                 raise problem.at(summary.log) from None
             flags[name] = clock.flags
             summary.repairs[name] = dict(clock.repairs)

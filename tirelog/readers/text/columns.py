@@ -350,9 +350,10 @@ def _time(
             best, distinct = candidate, seen
     if best is not None:
         return best, False
-    for column in _ramps(layout, taken):
-        alone = column == _leading(layout) and not layout.names
-        return _with_clock(layout, setup, column), not alone
+    ramps = _ramps(layout, taken)
+    if ramps and (ramps[0] == _leading(layout) or len(ramps) == 1):  # of several, none is plain
+        alone = ramps[0] == _leading(layout) and not layout.names
+        return _with_clock(layout, setup, ramps[0]), not alone
     return (None, None, "number", 1.0), False
 
 
