@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import tempfile
 from collections.abc import Iterator
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +85,8 @@ def _messages(path: Path) -> Verdict:
     found: dict[tuple[str, str], list[float]] = {}
     topics: set[str] = set()
     decoder, decoders = DecoderFactory(), {}
-    with path.open("rb") as stream:
+    # the decoder prints what it does not understand
+    with path.open("rb") as stream, redirect_stdout(io.StringIO()):
         for schema, channel, message in make_reader(stream).iter_messages():
             topics.add(channel.topic)
             try:
