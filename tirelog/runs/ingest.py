@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tirelog.readers.other.matlab import Converted
 
 
-class _Stream(io.RawIOBase):
+class LogStream(io.RawIOBase):
     """A binary stream behind a head that was read before.
 
     Counts, and if asked for hashes, what is read through it.
@@ -115,7 +115,7 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
     return load_setup(beside)
 
 
-def _open(log: str) -> BinaryIO:
+def open_log_bytes(log: str) -> BinaryIO:
     if log == "-":
         return sys.stdin.buffer
     url = address(log)
@@ -150,7 +150,7 @@ def is_file(log: str) -> bool:
 
 
 @dataclass(frozen=True)
-class _Opened:
+class OpenedLog:
     """A log with its format ('' for text), as a file if that has to be one."""
 
     format: str
@@ -158,7 +158,7 @@ class _Opened:
     converted: Converted | None = None
 
 
-def _reader(stream: _Stream, opened: _Opened, setup: Setup, log: str) -> LogReader:
+def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> LogReader:
     """The reader for what the bytes are; names and suffixes do not matter.
 
     SetupError: [log] has keys that only a text log has, and the log is none.
@@ -199,35 +199,36 @@ def _reader(stream: _Stream, opened: _Opened, setup: Setup, log: str) -> LogRead
 
 
 @contextmanager
-def _opened(log: str, head: bytes, stream: _Stream) -> Iterator[_Opened]:
+def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iterator[OpenedLog]:
     """The log's format, and the log as a file if its format needs one to seek in.
 
-    What is no file is copied to a temporary one, and MATLAB's is made HDF5.
+    What is no file is copied to a temporary one, and MATLAB's is made HDF5. `name` is the log's in
+    messages, if that is not its path.
     """
     format = name_of(head)
     if not format:
-        refuse_foreign(head, log)
+        refuse_foreign(head, name or log)
     if format not in ("HDF5", "MATLAB", "Parquet"):
-        yield _Opened(format)
+        yield OpenedLog(format)
     elif is_file(log) and format != "MATLAB":
-        yield _Opened(format, Path(log))
+        yield OpenedLog(format, Path(log))
     else:
         with temporary_folder() as folder:
             path = Path(log) if is_file(log) else folder / "log"
             if path.parent == folder:
                 with failed_writes(path), path.open("wb") as copy:
-                    while part := _part(stream, log):
+                    while part := log_part(stream, log):
                         copy.write(part)
             if format == "MATLAB":
                 from tirelog.readers.other.matlab import convert
 
-                converted = convert(path, folder / "log.h5", log)
-                yield _Opened(format, folder / "log.h5", converted)
+                converted = convert(path, folder / "log.h5", name or log)
+                yield OpenedLog(format, folder / "log.h5", converted)
             else:
-                yield _Opened(format, path)
+                yield OpenedLog(format, path)
 
 
-def _part(stream: _Stream, log: str) -> bytes:
+def log_part(stream: io.RawIOBase | BinaryIO, log: str) -> bytes:
     """The next bytes of a log.  ReadError: it cannot be read on."""
     try:
         return stream.read(1 << 20) or b""
@@ -252,9 +253,11 @@ def ingest(
     though the rest could be read, is in the summary's `losses` and in the run.
     """
     summary = IngestSummary(shown(log))
-    with _open(log) as raw:  # before its setup: a log that is not there is no log without a setup
+    with open_log_bytes(
+        log
+    ) as raw:  # before its setup: a log that is not there is no log without a setup
         setup = _setup_for(log, setup)
-        head = _read_head(raw, log)
+        head = read_head(raw, log)
         if not head:
             raise ReadError(
                 "is empty",
@@ -262,8 +265,8 @@ def ingest(
                 do="record it again",
                 file=log,
             )
-        stream = _Stream(head, raw, hashed)
-        with _opened(log, head, stream) as opened:
+        stream = LogStream(head, raw, hashed)
+        with opened_log(log, head, stream) as opened:
             if opened.format == "HDF5" and opened.path is not None and is_run(opened.path):
                 raise UsageError(
                     "is a run already",
@@ -272,14 +275,14 @@ def ingest(
                     file=log,
                 )
             try:
-                reader = _reader(stream, opened, setup, log)
+                reader = reader_of(stream, opened, setup, log)
             except OSError as problem:
                 raise _unreadable(log, problem) from None
             _write(reader, reader.setup, path, summary, stream, compress, blocks)
     return summary
 
 
-def _read_head(raw: BinaryIO, log: str) -> bytes:
+def read_head(raw: BinaryIO, log: str) -> bytes:
     """The first bytes, also of a pipe that hands out less than it is asked for."""
     head = b""
     try:
@@ -318,12 +321,12 @@ def _write(
     setup: Setup,
     path: Path,
     summary: IngestSummary,
-    stream: _Stream,
+    stream: LogStream,
     compress: bool,
     blocks: int | None,
 ) -> None:
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
-    clocks = {group.name: _clock(group, setup) for group in reader.groups}
+    clocks = {group.name: clock_of(group, setup) for group in reader.groups}
     with failed_writes(path), RunWriter(path, setup, reader.groups, compress=compress) as writer:
         whole = True
         for number, block in enumerate(_blocks(reader, summary)):
@@ -377,7 +380,7 @@ def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
     return next(summary.samples.get(group.name, 0) for group in groups if name in group.channels)
 
 
-def _clock(group: Group, setup: Setup) -> ClockFit:
+def clock_of(group: Group, setup: Setup) -> ClockFit:
     """The clock of a group, with the rate that the setup declares.
 
     For one of its channels or for the log.
@@ -409,23 +412,30 @@ def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
 
 @contextmanager
 def open_recording(
-    log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False
+    log: str,
+    setup: Setup | None = None,
+    *,
+    blocks: int | None = None,
+    hashed: bool = False,
+    check: bool = True,
 ) -> Iterator[Recording]:
     """`log` (a run, a log, or '-') as a Recording, open as long as the context is.
 
     Of a log only the first `blocks` if given. A run has its log's sha256 in its provenance, a log
-    only if `hashed`. ReadError: nothing could be read. SetupError: no setup for it, or one that
-    does not fit (`plausibility`).
+    only if `hashed`. Without `check` it is not asked whether its channels can be a tire's.
+
+    ReadError: nothing could be read. SetupError: no setup for it, or one that does not fit
+    (`plausibility`).
     """
     if is_file(log) and is_run(log):
         with open_run(log, shown(log), setup) as recording:
-            yield check_recording(recording)
+            yield check_recording(recording) if check else recording
         return
     with temporary_folder() as folder:
         run = folder / "run.h5"
         ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
         with open_run(run, shown(log), setup, temporary=True) as recording:
-            yield check_recording(recording)
+            yield check_recording(recording) if check else recording
 
 
 def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:

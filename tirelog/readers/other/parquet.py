@@ -27,8 +27,8 @@ _SEPARATOR = "\t"
 
 def open_parquet(path: Path, setup: Setup, name: str) -> TextReader:
     """A reader of the table at `path`.  ReadError: it is none, or holds no numbers."""
-    table = ParquetText(path, name)
-    reader = TextReader(ByteSource(io.BufferedReader(table), name), setup, name)
+    source, table = text_of(path, name)
+    reader = TextReader(source, setup, name)
     reader.report.format = "parquet"
     if table.left_out:
         reader.report.remarks.append(
@@ -36,6 +36,12 @@ def open_parquet(path: Path, setup: Setup, name: str) -> TextReader:
             + (", ..." if len(table.left_out) > 5 else "")
         )
     return reader
+
+
+def text_of(path: Path, name: str) -> tuple[ByteSource, ParquetText]:
+    """(the table at `path` as bytes of text, the table).  ReadError as for `open_parquet`."""
+    table = ParquetText(path, name)
+    return ByteSource(io.BufferedReader(table), name), table
 
 
 class ParquetText(io.RawIOBase):

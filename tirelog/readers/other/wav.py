@@ -12,14 +12,16 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.setup import Setup
+from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError
 from tirelog.readers.base import Group, RawBlock, ReadReport
+from tirelog.readers.series import MOST_SERIES, Listed, Series
 from tirelog.vocabulary.arrays import FloatArray
 
 GROUP = "frames"
@@ -47,6 +49,14 @@ class _Format:
         return self.channels * self.size
 
 
+def channels(path: Path, log: str) -> Listed:
+    """The channels of the recording at `path`.  ReadError: it is none."""
+    first = Setup(channels={"first": ChannelSetup(kind="signal", source="#1")})
+    with path.open("rb") as stream:
+        many = WavReader(stream, first, log).many
+    return Listed(tuple(Series(f"#{k + 1}") for k in range(min(many, MOST_SERIES))))
+
+
 class WavReader:
     """An open WAV recording (`tirelog.readers.base.LogReader`)."""
 
@@ -66,6 +76,11 @@ class WavReader:
             raise ReadError("; ".join(told[:3]), do="mend source in the setup", file=name)
         self.report.losses += told
         self.groups = (Group(GROUP, tuple(self._places), rate_Hz=self._format.rate_Hz),)
+
+    @property
+    def many(self) -> int:
+        """How many channels the file has."""
+        return self._format.channels
 
     def _place(self, source: str) -> int | None:
         names = {"left": 1, "right": 2}

@@ -127,6 +127,26 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
     )  # fmt: skip
 
 
+def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
+    """(columns of times, sample numbers and error codes, the time's name for a reader or '').
+
+    Those that no channel of the setup need name.
+    """
+    (time, clock, _, _), _ = _time(layout, setup, set())
+    number = _sample_number(layout, {time})
+    errors = [k for k, text in enumerate(layout.names) if _ERROR_NAMES.fullmatch(text)]
+    taken = {k for k in (time, clock, number, *errors) if k is not None}
+    if time is None:
+        return taken, ""
+    return taken, name_of_column(layout, time)
+
+
+def name_of_column(layout: Layout, column: int) -> str:
+    """How a setup names a column: by its header if that is the only such, else #1, #2, ..."""
+    name = layout.names[column] if column < len(layout.names) else ""
+    return name if name and find_column(layout, name) == column else f"#{column + 1}"
+
+
 def _is_edges(layout: Layout, channel: ChannelSetup) -> bool:
     """True for an encoder whose edges' times are all that the log holds."""
     named = channel.kind == "wheel_encoder" and channel.source == EDGES
