@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 #: columns of a page: as wide as a terminal, and no wider than one reads with ease
 _WIDEST = 100
+#: topics or columns without numbers that are named
+_MOST_OTHERS = 20
 
 
 def print_contents(inside: Contents) -> None:
@@ -43,6 +45,10 @@ def print_contents(inside: Contents) -> None:
         line(one.series.source + (f" [{one.unit}]" if one.unit else ""))
         line(_facts(one), 2)
         line(_likely(one), 2)
+    if inside.others:
+        console.print()
+        rest = ", ..." if len(inside.others) > _MOST_OTHERS else ""
+        line(f"without numbers: {', '.join(inside.others[:_MOST_OTHERS])}{rest}")
     console.print()
     line("No setup was given. A first one, to be mended:")
     line(f"tirelog setup new {inside.log} -o {_beside(inside.log)}", 2)

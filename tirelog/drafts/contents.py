@@ -65,7 +65,10 @@ class Found:
 
 @dataclass(frozen=True)
 class Contents:
-    """What is in a log; `whole` is false if only its beginning was looked at."""
+    """What is in a log; `whole` is false if only its beginning was looked at.
+
+    `others` are topics, columns or datasets that hold no numbers.
+    """
 
     log: str
     format: str
@@ -75,6 +78,7 @@ class Contents:
     remarks: tuple[str, ...]
     losses: tuple[str, ...]
     whole: bool
+    others: tuple[str, ...] = ()
 
 
 def contents(log: str) -> Contents:
@@ -95,15 +99,16 @@ def contents(log: str) -> Contents:
         with opened_log(str(path), head, stream, log) as opened:
             inside = listed(opened.format, opened.path or path, log)
             if not inside.series:
+                some = ", ".join(inside.others[:8])
                 raise ReadError(
-                    "holds no series of numbers",
+                    f"holds no series of numbers{f', only {some}' if some else ''}",
                     allowed="a log has columns, topics or datasets of numbers",
                     do="check the recording",
                     file=log,
                 )
             names = {f"c{k}": one for k, one in enumerate(inside.series)}
             reader = reader_of(stream, opened, _setup(names), log)
-            return _read(log, reader, names, inside.time)
+            return replace(_read(log, reader, names, inside.time), others=inside.others)
 
 
 @contextmanager

@@ -9,9 +9,12 @@ import numpy as np
 
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import KINDS
 
 #: wavelengths of gratings [nm], and the share by which one moves at most
 _GRATINGS_NM, _GRATING_MOVES = (780.0, 1700.0), 0.02
+#: wavelengths that telecom interrogators sweep [nm]
+_INTERROGATORS_NM = (1460.0, 1620.0)
 #: words of names -> kind, the likeliest first
 _WORDS = (
     ({"encoder", "teeth", "tooth", "pulse", "pulses", "ticks", "hall"}, "wheel_encoder"),
@@ -40,6 +43,7 @@ _SIZES = {
     "temperature": ((200.0, "degC"), (1e4, "K")),
     "vehicle_speed": ((1e9, "m/s"),),
     "radial_acceleration": ((1e9, "m/s^2"),),
+    "longitudinal_acceleration": ((1e9, "m/s^2"),),
     "vertical_load": ((40.0, "kN"), (1e9, "N")),
     "longitudinal_force": ((40.0, "kN"), (1e9, "N")),
     "wheel_encoder": ((1e18, "1"),),
@@ -62,7 +66,7 @@ def guessed(source: str, unit: str, samples: FloatArray, rate_Hz: float | None) 
     known = samples[np.isfinite(samples)]
     name = units.canonical(unit) if unit else None
     words = set(_words(source))
-    if known.size and (found := _grating(name, known)) is not None:
+    if known.size and (found := _grating(name, known, _named(words))) is not None:
         return found
     if not known.size or known.min() == known.max():
         return Guess("signal", name or unit or "1", "it does not move")
@@ -70,9 +74,13 @@ def guessed(source: str, unit: str, samples: FloatArray, rate_Hz: float | None) 
         kind = _along(_QUANTITIES[units.UNITS[name][0]], words)
         return Guess(kind, name, f"the log gives its unit, {unit}")
     for of_kind, kind in _WORDS:
-        if words & of_kind and (name is None or kind == "wheel_encoder"):
+        fits = name is None or units.UNITS[name][0] in KINDS[kind].quantities
+        if words & of_kind and fits:
             kind = _along(kind, words)
-            return Guess(kind, name or _by_size(kind, known), "its name")
+            unit_of = name or _suffix(source, kind) or _by_size(kind, known)
+            return Guess(kind, unit_of, "its name")
+    if words & {"voltage", "volt", "volts"}:
+        return Guess("signal", name or "V", "a voltage, and nothing says of what")
     return Guess("signal", name or unit or "1", "nothing says what it is")
 
 
@@ -82,13 +90,22 @@ def _words(source: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", last)]
 
 
-def _grating(unit: str | None, known: FloatArray) -> Guess | None:
-    """A grating by its wavelength, in a unit of length or in nm by its size."""
+def _named(words: set[str]) -> bool:
+    """True for names that say what a series is."""
+    return any(words & of_kind for of_kind, _ in _WORDS)
+
+
+def _grating(unit: str | None, known: FloatArray, named: bool) -> Guess | None:
+    """A grating by its wavelength, in a unit of length or in nm by its size.
+
+    What has a name of something else is one only where interrogators for tires work.
+    """
     if unit is not None and units.UNITS[unit][0] != "length":
         return None
     factor = 1.0 if unit is None else units.UNITS[unit][1] * 1e9
     low, high = np.quantile(known, [0.02, 0.98]) * factor
-    if not (_GRATINGS_NM[0] <= low <= high <= _GRATINGS_NM[1]):
+    first, last = _INTERROGATORS_NM if named and unit is None else _GRATINGS_NM
+    if not first <= low <= high <= last:
         return None
     if high - low > _GRATING_MOVES * low:
         return None
@@ -102,6 +119,12 @@ def _along(kind: str, words: set[str]) -> str:
         "vertical_load": "longitudinal_force",
     }
     return along.get(kind, kind) if words & _ALONG else kind
+
+
+def _suffix(source: str, kind: str) -> str:
+    """The unit at the end of a name, as in acc_x_g, if it is one of the kind's; else ''."""
+    name = units.canonical(re.split(r"[_ ]", source)[-1])
+    return name if name and units.UNITS[name][0] in KINDS[kind].quantities else ""
 
 
 def _by_size(kind: str, known: FloatArray) -> str:

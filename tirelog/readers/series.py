@@ -23,7 +23,11 @@ class Series:
 
 @dataclass(frozen=True)
 class Listed:
-    """All series of a log; `time` names what tells their times, '' if nothing does by name."""
+    """All series of a log; `time` names what tells their times, '' if nothing does by name.
+
+    `others` are topics, columns or datasets that hold no numbers.
+    """
 
     series: tuple[Series, ...]
     time: str = ""
+    others: tuple[str, ...] = ()

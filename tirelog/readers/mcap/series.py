@@ -47,7 +47,8 @@ def fields(path: Path, log: str) -> Listed:
             if size > _MOST_BYTES:
                 break
     found = [one for topic in sorted(series) for one in series[topic]]
-    return Listed(tuple(found[:MOST_SERIES]), "the messages' stamps")
+    others = tuple(topic for topic in sorted(series) if not series[topic])
+    return Listed(tuple(found[:MOST_SERIES]), "the messages' stamps", others)
 
 
 def _of_topic(topic: str, encoding: str, schema: Any, table: Any) -> list[Series]:

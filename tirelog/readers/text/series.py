@@ -42,7 +42,12 @@ def columns(source: ByteSource, log: str) -> Listed:
     kinds = layout.kinds[: layout.width]
     numbers = [k for k, kind in enumerate(kinds) if kind == "number" and k not in taken]
     series = [Series(name_of_column(layout, k), place=f"#{k + 1}") for k in numbers]
-    return Listed(tuple(series[:MOST_SERIES]), time)
+    others = tuple(
+        name_of_column(layout, k)
+        for k, kind in enumerate(kinds)
+        if kind == "text" and k not in taken
+    )
+    return Listed(tuple(series[:MOST_SERIES]), time, others)
 
 
 def _gratings(layout: Layout, begin: int, taken: set[int]) -> tuple[Series, ...]:
