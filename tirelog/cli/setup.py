@@ -53,15 +53,16 @@ def check(log: Log, setup: SetupFile = None, quiet: Quiet = False) -> None:
     from tirelog.drafts.contents import contents
     from tirelog.errors import ReadError
     from tirelog.runs.ingest import is_file, open_recording
+    from tirelog.runs.store import is_run
 
     with Session(setup, quiet) as session:
         given = session.setup()
         with open_recording(log, given, blocks=_BLOCKS, check=False) as recording:
             inside = None
-            if is_file(log):
+            if is_file(log) and not is_run(log):
                 try:
                     inside = contents(log)
-                except ReadError:  # a run, or nothing to list beside what was read
+                except ReadError:  # nothing to list beside what was read
                     inside = None
             found = findings(recording, inside)
             for name, channel in recording.channels.items():

@@ -34,7 +34,7 @@ RATES = {
 #: a rate or a period in words, and the number and unit behind it: "data_rate = 2000.0 Hz",
 #: "Samples per Second<tab>1", "sampled at 1024", "Delta_X<tab>0.001"
 _BEHIND = (
-    r"\s*(?:[\[(][^\])]*[\])])?\s*(?:[:=,;\t]|\bis\b|\bof\b)?\s*"
+    r"\s*(?:[\[(][^\])]*[\])])?\s*(?:[A-Za-z ]{0,40}[:=]|\bis\b|\bof\b)?[\s,;]*"
     r"\"?(\d[\d.]*(?:,\d+)?(?:e[+-]?\d+)?)"
 )
 _IN_WORDS = (

@@ -368,13 +368,13 @@ def _time(
         seen = len({tuple(row[c] for c in parts) for row in layout.rows if len(row) > max(parts)})
         if seen > distinct:  # of several, the one with the finest stamps
             best, distinct = candidate, seen
-    if best is not None:
+    if best is not None and distinct > 1:
         return best, False
     ramps = _ramps(layout, taken)
     if ramps and (ramps[0] == _leading(layout) or len(ramps) == 1):  # of several, none is plain
         alone = ramps[0] == _leading(layout) and not layout.names
         return _with_clock(layout, setup, ramps[0]), not alone
-    return (None, None, "number", 1.0), False
+    return best or (None, None, "number", 1.0), False
 
 
 def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
