@@ -163,6 +163,19 @@ def test_what_an_array_says_it_is_costs_no_memory(
     assert peak < 20 << 20
 
 
+def test_what_matlab_keeps_of_its_objects_is_passed_over(tmp_path: Path) -> None:
+    """A table or a time series has no axes, and its inside stands behind the variables."""
+    flags, name = element(6, struct.pack("<II", 17, 0)), element(1, b"drive")
+    object_ = element(14, flags + name + element(1, b"MCOS") + element(1, b"timetable"))
+    inside = array(b"", (1, 9), element(2, bytes(9)), 9)
+    data = HEAD + object_ + array(b"b", (1, 9), element(9, bytes(72))) + inside
+    path = tmp_path / "log"
+    path.write_bytes(data)
+    with open_recording(str(path), setup_of("b")) as recording:
+        assert recording.losses == []
+        assert recording.remarks == ("not read: /drive is an object (a table, a time series)",)
+
+
 def test_structures_without_end_end(tmp_path: Path) -> None:
     names = element(5, struct.pack("<i", 8)) + element(1, b"x\0\0\0\0\0\0\0")
     inner = array(b"", (1, 1), names, 2)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 #: columns of a page: as wide as a terminal, and no wider than one reads with ease
 _WIDEST = 100
 #: topics or columns without numbers that are named
-_MOST_OTHERS = 20
+_MOST_OTHERS = 8
 
 
 def print_contents(inside: Contents) -> None:
@@ -48,7 +48,7 @@ def print_contents(inside: Contents) -> None:
     if inside.others:
         console.print()
         rest = ", ..." if len(inside.others) > _MOST_OTHERS else ""
-        line(f"without numbers: {', '.join(inside.others[:_MOST_OTHERS])}{rest}")
+        line(f"without numbers, or too short: {', '.join(inside.others[:_MOST_OTHERS])}{rest}")
     console.print()
     line("No setup was given. A first one, to be mended:")
     line(f"tirelog setup new {inside.log} -o {_beside(inside.log)}", 2)

@@ -25,7 +25,7 @@ class Series:
 class Listed:
     """All series of a log; `time` names what tells their times, '' if nothing does by name.
 
-    `others` are topics, columns or datasets that hold no numbers.
+    `others` are topics, columns or datasets that hold no numbers, or too few for a signal.
     """
 
     series: tuple[Series, ...]

@@ -14,6 +14,8 @@ from tirelog.readers.series import MOST_SERIES, Listed, Series
 
 #: columns of one dataset that are listed
 _MOST_COLUMNS = 32
+#: datasets so many times shorter than the longest are properties, not signals
+_SHORT = 1000
 _BESIDE = {*TIME_NAMES, *(name.lower() for name in RATES)}
 
 
@@ -21,7 +23,7 @@ def datasets(path: Path, log: str) -> Listed:
     """Datasets of numbers, and columns of those that have some.  ReadError: not to be read."""
     try:
         with h5py.File(path, "r") as file:
-            found = [one for name in names(file) for one in _columns(file, name)]
+            sized = [one for name in names(file) for one in _columns(file, name)]
             times = [name for name in names(file) if _last(name) in TIME_NAMES]
     except LIBRARY_ERRORS as problem:
         raise ReadError(
@@ -30,15 +32,21 @@ def datasets(path: Path, log: str) -> Listed:
             do="repair it or record it again",
             file=log,
         ) from None
-    return Listed(tuple(found[:MOST_SERIES]), times[0] if times else "")
+    longest = max((size for _, size in sized), default=0)
+    found = [one for one, size in sized if size * _SHORT >= longest]
+    short = [one.source for one, size in sized if size * _SHORT < longest]
+    return Listed(tuple(found[:MOST_SERIES]), times[0] if times else "", tuple(short[:MOST_SERIES]))
 
 
 def _last(name: str) -> str:
     return name.replace(":", "/").rsplit("/", 1)[-1].lower()
 
 
-def _columns(file: h5py.File, name: str) -> list[Series]:
-    """The columns of a dataset, none if it holds a time, a rate or no numbers."""
+def _columns(file: h5py.File, name: str) -> list[tuple[Series, int]]:
+    """The columns of a dataset with their lengths.
+
+    None if it holds a time, a rate or no numbers.
+    """
     if _last(name) in _BESIDE:
         return []
     item = file.get(name.split(":")[0])
@@ -50,8 +58,8 @@ def _columns(file: h5py.File, name: str) -> list[Series]:
     series = []
     for source in sources:
         try:
-            if len(find_columns(file, source)) > 1:
-                series.append(Series(source))
+            if (size := len(find_columns(file, source))) > 1:
+                series.append((Series(source), size))
         except (ReadError, *LIBRARY_ERRORS):
             return series
     return series

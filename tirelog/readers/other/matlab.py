@@ -56,7 +56,7 @@ _TYPES = {
     13: "u8",
 }
 _KINDS = {3: "an object", 5: "sparse", 16: "a function", 17: "an object (a table, a time series)"}
-_TEXT = 4
+_TEXT, _OPAQUE = 4, 17
 
 
 #: what h5py raises for a name that cannot be, such as a field of an array
@@ -177,6 +177,10 @@ class _Conversion:
             yield piece
 
 
+def _text(name: bytes) -> str:
+    return name.decode("latin-1")
+
+
 class _Matrices:
     """The arrays of one element, in a file that ends at `end`."""
 
@@ -211,12 +215,18 @@ class _Matrices:
         if at + 8 > self.end:
             return self.end
         flags, at = self._whole(at, 2)
+        kind = flags[0] & 0xFF if flags else 0
+        if kind == _OPAQUE:  # which has no axes
+            name, _ = self._bytes(at, _MOST_NAME_BYTES)
+            self.work.passed_over.append(f"{path or '/' + _text(name)} is {_KINDS[kind]}")
+            return self.end
         dims, at = self._whole(at, _MOST_AXES)
         name, at = self._bytes(at, _MOST_NAME_BYTES)
-        if not flags or len(dims) < 2 or min(dims) < 0:
+        if not kind or len(dims) < 2 or min(dims) < 0:
             raise _Damaged("its head is damaged")
-        path = path or f"/{name.decode('latin-1')}"
-        kind = flags[0] & 0xFF
+        if not path and not name:  # what MATLAB keeps of its objects, behind the variables
+            return self.end
+        path = path or f"/{_text(name)}"
         if _DOUBLE <= kind <= _LAST_NUMBER and not flags[0] & _COMPLEX:
             return self._numbers(at, path, dims)
         if kind == _STRUCT and depth < _MOST_DEPTH:
@@ -244,10 +254,7 @@ class _Matrices:
         names, at = self._bytes(at, _MOST_NAME_BYTES)
         if not 0 < size <= _MOST_NAME_BYTES:
             raise _Damaged(f"{path} is damaged")
-        fields = [
-            names[k : k + size].split(b"\0")[0].decode("latin-1")
-            for k in range(0, len(names), size)
-        ]
+        fields = [_text(names[k : k + size].split(b"\0")[0]) for k in range(0, len(names), size)]
         for k in range(many if fields else 0):
             for field in fields:
                 if at >= self.end or self.work.arrays >= _MOST_ARRAYS:
