@@ -93,8 +93,8 @@ def kinds_page() -> str:
                 f"`{kind.name}`",
                 kind.meaning,
                 kind.source_unit,
-                " ".join(units),
-                kind.unit,
+                " ".join(units) or "any",
+                kind.unit if kind.quantities else "SI, or as it is written",
                 words(told),
             )
         )

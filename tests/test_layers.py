@@ -27,6 +27,7 @@ ORDER = (
     "wheel",
     "strain",
     "products",
+    "drafts",
     "inference",
     "diagnosis",
     "plots",

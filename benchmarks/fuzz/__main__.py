@@ -47,6 +47,10 @@ def warmed(base: Path) -> None:
         ["tables", str(base / "peaks.csv"), "-o", out, "--quiet"],
         ["tables", str(base / "messages_zstd.mcap"), "-o", out, "--quiet"],
         ["tables", str(base / "samples.h5"), "-o", out, "--quiet"],
+        ["tables", str(base / "matlab.mat"), "-o", out, "--quiet"],
+        ["tables", str(base / "frames.wav"), "-o", out, "--quiet"],
+        ["tables", str(base / "archive.csv.zip"), "-o", out, "--quiet"],
+        ["tables", str(base / "labview.lvm"), "-o", out, "--quiet"],
         ["phase-shift", str(base / "encoder.h5"), "-o", f"{out}/phase.csv", "--quiet"],
         ["check", f"{out}/speed.csv", "--against", f"{out}/speed.csv"],
     ):

@@ -5,13 +5,16 @@ from __future__ import annotations
 import gzip
 import json
 import lzma
+import zipfile
 from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import zstandard
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
+from scipy.io import savemat, wavfile
 
 from tirelog.cli import run
 
@@ -161,6 +164,32 @@ def _mcap(
         writer.finish()
 
 
+def _other_formats(folder: Path, t: NDArray, strain: NDArray, twin: NDArray, plain: bytes) -> None:
+    """MATLAB, Parquet, WAV, zip and LabVIEW logs with their setups."""
+    named = SETUP.format(strain="CH1", twin="CH2", log="")
+    columns = {"time_s": t, "CH1": strain, "CH2": twin}
+    for name, packed in (("matlab", False), ("matlabpacked", True)):
+        savemat(folder / f"{name}.mat", {"run": columns}, do_compression=packed)
+        setup = SETUP.format(strain="/run/CH1", twin="/run/CH2", log="")
+        (folder / f"{name}.toml").write_text(setup)
+    pd.DataFrame(columns).to_parquet(folder / "columns.parquet")
+    (folder / "columns.toml").write_text(named)
+    frames = np.stack([(strain - 1550.0) / 4.0, (twin - 1542.0) / 4.0], axis=1)
+    wavfile.write(folder / "frames.wav", int(RATE_HZ), np.int16(np.round(frames * 32768)))
+    scaled = SETUP.format(strain="left", twin="right", log="").split("unit = ")
+    scaled[1] = f"scale = 4.0\noffset = 1550.0\nunit = {scaled[1]}"
+    scaled[2] = f"scale = 4.0\noffset = 1542.0\nunit = {scaled[2]}"
+    (folder / "frames.toml").write_text("".join(scaled))
+    with zipfile.ZipFile(folder / "archive.csv.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("plain.csv", plain)
+    (folder / "archive.toml").write_text((folder / "plain.toml").read_text())
+    rows = (f"{a:.4f}\t{b:.4f}\t{c:.4f}\t\n" for a, b, c in zip(t, strain, twin, strict=True))
+    head = "LabVIEW Measurement\t\nX_Columns\tOne\n***End_of_Header***\t\nDelta_X\t0.001\t0.001\t\n"
+    text = head + "***End_of_Header***\t\nX_Value\tCH1\tCH2\tComment\n" + "".join(rows)
+    (folder / "labview.lvm").write_text(text)
+    (folder / "labview.toml").write_text(named)
+
+
 def make(folder: Path) -> None:
     """Write every base file and its setup (`NAME.toml`) into `folder`.
 
@@ -179,6 +208,7 @@ def make(folder: Path) -> None:
     for suffix, data in packed.items():
         (folder / f"packed.csv.{suffix}").write_bytes(data)
     (folder / "packed.toml").write_text((folder / "plain.toml").read_text())
+    _other_formats(folder, t, strain, twin, plain)
     for name, compression in (
         ("none", CompressionType.NONE),
         ("zstd", CompressionType.ZSTD),

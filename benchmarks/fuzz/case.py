@@ -70,6 +70,11 @@ def _log(names: tuple[str, ...], how: Texts) -> Callable[[Path, Path, Rng], list
     def build(base: Path, folder: Path, rng: Rng) -> list[str]:
         name = str(rng.choice(names))
         setup = f"{name.split('.')[0]}.toml"
+        if rng.random() < 0.15:  # nobody has described it yet
+            log = _mutated(base, folder, name, how, rng).name
+            if rng.random() < 0.5:
+                return ["info", log]
+            return ["setup", "new", log, "-o", "out/setup.toml"]
         _copied(base, folder, setup)
         return _table(_mutated(base, folder, name, how, rng).name, rng, "--setup", setup)
 
@@ -83,6 +88,8 @@ def _hdf5(names: tuple[str, ...], setup: bool) -> Callable[[Path, Path, Rng], li
         (folder / "secret.bin").write_bytes(b"secret" * 100)
         damage.damage_hdf5(folder / name, rng)
         more = []
+        if setup and rng.random() < 0.15:
+            return ["info", name]
         if setup:
             _copied(base, folder, f"{name.split('.')[0]}.toml")
             more = ["--setup", f"{name.split('.')[0]}.toml"]
@@ -97,6 +104,9 @@ def _mcap(base: Path, folder: Path, rng: Rng) -> list[str]:
     name = str(rng.choice(["messages_none", "messages_zstd", "messages_lz4"]))
     _copied(base, folder, f"{name}.mcap", f"{name}.toml")
     damage.damage_mcap(folder / f"{name}.mcap", rng)
+    if rng.random() < 0.15:
+        (folder / f"{name}.toml").unlink()
+        return ["info", f"{name}.mcap"]
     return _table(f"{name}.mcap", rng, "--setup", f"{name}.toml")
 
 
@@ -203,6 +213,16 @@ FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
     "packed": (
         0.08,
         _log(("packed.csv.gz", "packed.csv.zst", "packed.csv.xz"), damage.damaged_bytes),
+    ),
+    "other": (
+        0.1,
+        _log(
+            (
+                *("matlab.mat", "matlabpacked.mat", "columns.parquet", "frames.wav"),
+                *("archive.csv.zip", "labview.lvm"),
+            ),
+            damage.damaged_bytes,
+        ),
     ),
     "mcap": (0.15, _mcap),
     "hdf5": (0.13, _hdf5(("samples.h5", "encoder.h5"), True)),

@@ -346,7 +346,8 @@ def test_a_bad_cell_behind_a_row_without_a_time_is_told_once() -> None:
     parsed = parse_block(plan_of(), block)
     assert parsed.bad_rows == [(1, "no readable time")]
     assert parsed.bad_cells == [(2, "'bad'")]
-    assert parsed.size == 2
+    assert parsed.size == 3
+    assert np.isnan(parsed.stamps).tolist() == [False, True, False]
 
 
 @given(st.lists(st.text(alphabet=" \t\rab1.", max_size=8), max_size=6), st.booleans())

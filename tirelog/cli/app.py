@@ -20,6 +20,7 @@ from tirelog.vocabulary.tables import LOG_TABLES
 #: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
 BEFORE_TABLES = (("ingest", "ingest"), ("info", "info"))
 AFTER_TABLES = (
+    ("setup", "app"),
     ("simulate", "simulate"),
     ("effects", "effects"),
     ("model", "app"),

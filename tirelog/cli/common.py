@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
+    from tirelog.drafts.contents import Contents
     from tirelog.products import Part
     from tirelog.tables.writer import TableWriter
 
@@ -167,6 +168,25 @@ class Session:
             with self._opened(log, blocks) as recording:
                 if recording is not None:
                     yield recording
+        self._stop_if_unread()
+
+    def contents(self, logs: list[str]) -> Iterator[Contents]:
+        """What is in logs that have no setup, one after the other; errors as for `recordings`."""
+        from tirelog.drafts.contents import contents
+
+        for log in logs:
+            try:
+                inside = contents(log)
+            except ReadError as problem:
+                self._unread.append(log)
+                say(f"error: {problem}")
+                continue
+            self._read += 1
+            for remark in inside.remarks:
+                self.note(f"{log}: {remark}")
+            for loss in inside.losses:
+                self.lost(f"{log}: {loss}")
+            yield inside
         self._stop_if_unread()
 
     def _stop_if_unread(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -22,11 +23,17 @@ def info(
         bool, typer.Option("--verify", help="Read runs whole and compare their samples' sha256.")
     ] = False,
 ) -> None:
-    """Show what logs or runs hold: channels, rates, durations, gaps, losses, repairs, setup."""
+    """Show what logs or runs hold: channels, rates, durations, gaps, losses, repairs, setup.
+
+    Of a log without a setup: its columns, topics or datasets, with ranges and likely kinds.
+    """
     from tirelog.cli.summary import print_summary
     from tirelog.runs.overview import channel_rows
 
     with Session(setup, quiet, hashed=True) as session:
+        if setup is None and all(undescribed(log) for log in logs):
+            _contents(session, logs, output, format)
+            return
         if format is None and output is None:
             for recording in session.recordings(logs, blocks=_BLOCKS):
                 print_summary(recording)
@@ -36,6 +43,32 @@ def info(
             for recording in session.recordings(logs, blocks=_BLOCKS):
                 table.write(channel_rows(recording))
         _verify(session, logs if verify else [])
+
+
+def undescribed(log: str) -> bool:
+    """True for a log without a setup beside it; a run has its own."""
+    from tirelog.data.setup import setup_beside
+    from tirelog.runs.ingest import is_file
+    from tirelog.runs.store import is_run
+    from tirelog.storage.remote import address
+
+    if log == "-" or address(log):
+        return True
+    return setup_beside(log) is None and not (is_file(log) and is_run(log))
+
+
+def _contents(session: Session, logs: list[str], output: Path | None, format: str | None) -> None:
+    """What is in logs that have no setup."""
+    from tirelog.cli.contents_page import print_contents
+    from tirelog.drafts.contents import rows
+
+    if format is None and output is None:
+        for inside in session.contents(logs):
+            print_contents(inside)
+        return
+    with session.table("contents", output, format) as table:
+        for inside in session.contents(logs):
+            table.write(rows(inside))
 
 
 def _verify(session: Session, logs: list[str]) -> None:

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from tirelog.data.bounds import doubt_of_key, doubt_of_radius
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
-from tirelog.vocabulary import units
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
@@ -104,12 +103,15 @@ class LogConditions(_ConditionKeys):
 class ChannelSetup:
     """[channels.NAME].
 
-    The unit is the source's; `gauge_length_m` the length a grating averages over.
+    The unit is the source's, or what `scale` and `offset` give: scale x recorded + offset;
+    `gauge_length_m` the length a grating averages over.
     """
 
     kind: str = ""
     source: str = ""
     unit: str | None = None
+    scale: float | None = _number(-1e30, 1e30)
+    offset: float | None = _number(-1e30, 1e30)
     reference_wavelength_nm: float | None = _number(100.0, 1e5)
     strain_gain: float = _number(0.0, 100.0, default=1.27)
     thermal_expansion_1_K: float = _number(-1.0, 1.0, default=0.0)
@@ -124,6 +126,21 @@ class ChannelSetup:
     @property
     def source_unit(self) -> str:
         return self.unit or KINDS[self.kind].source_unit
+
+    @property
+    def scaled(self) -> bool:
+        """True if what is recorded is not yet in the channel's unit."""
+        return self.scale is not None or self.offset is not None
+
+    @property
+    def scaling(self) -> tuple[float, float]:
+        """(scale, offset) with value in the unit = scale x recorded + offset."""
+        return 1.0 if self.scale is None else self.scale, self.offset or 0.0
+
+    def recorded(self, value: float) -> float:
+        """What is recorded for a value in the channel's unit."""
+        scale, offset = self.scaling
+        return (value - offset) / scale
 
 
 #: what may stand between the cells of a text log; " " stands for runs of blanks
@@ -346,8 +363,16 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
             allowed="allowed is a column, topic or dataset path, or window_nm",
             do='add source = "..."',
         )
+    if channel.scale == 0.0:
+        raise source.error(
+            "scale = 0",
+            table,
+            "scale",
+            allowed="allowed is what one recorded step is worth in the unit",
+            do="mend the number",
+        )
     try:
-        units.to_si(channel.source_unit, *KINDS[channel.kind].quantities)
+        KINDS[channel.kind].to_si(channel.source_unit)
     except SetupError as problem:
         raise problem.at(source.file or "setup", source.line(table, "unit")) from None
     if channel.kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None:

@@ -55,9 +55,9 @@ class Group:
     `channels` are names of the setup; `rate_Hz` is what the file itself says (None: the setup or
     the stamps must tell); `stamp_resolution_s` the step of the file's stamps (0 if it is as fine
     as the samples); `counted` is true if the sample number in the file, not the stamp, is the
-    clock; `decimals` the decimals of each channel's source (None: binary floats); `scale`, `offset`
-    turn stored numbers into the source's unit if the file has such attributes (already applied
-    in blocks).
+    clock; `edges` if a sample is an edge at its stamp, and no clock is behind them; `decimals` the
+    decimals of each channel's source (None: binary floats); `scale`, `offset` turn stored numbers
+    into the source's unit if the file has such attributes (already applied in blocks).
     """
 
     name: str
@@ -66,6 +66,7 @@ class Group:
     stamp_resolution_s: float = 0.0
     counted: bool = False
     decimals: Mapping[str, int | None] = field(default_factory=dict)
+    edges: bool = False
 
 
 @dataclass(frozen=True)

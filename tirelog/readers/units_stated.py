@@ -22,7 +22,17 @@ def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, l
     for name, spelt in stated.items():
         channel = channels[name]
         unit = units.canonical(spelt)
-        if channel.unit is None and unit is not None and _fits(unit, channel):
+        if channel.scaled:  # the log's unit is that of what is recorded, not what the scale gives
+            if channel.unit is None and unit is not None and _fits(unit, channel):
+                said.append(
+                    f"channel {name}: scale and offset are taken to give {channel.source_unit!r}, "
+                    f"not the file's {spelt!r}; write unit in the setup"
+                )
+            continue
+        if channel.unit is None and not KINDS[channel.kind].quantities:
+            word = "".join(letter for letter in spelt if letter.isprintable()).strip()
+            channels[name] = replace(channel, unit=unit or word[: units.MOST_LETTERS] or None)
+        elif channel.unit is None and unit is not None and _fits(unit, channel):
             channels[name] = replace(channel, unit=unit)
         elif sentence := _contradiction(channel, spelt, unit):
             said.append(f"channel {name}: {sentence}")

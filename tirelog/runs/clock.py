@@ -19,6 +19,8 @@ number):
   is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
   fall by one period is a repeated row, which gets a segment of its own, half a period after its
   neighbour; a larger one is a clock that was set back: the sample clock runs on.
+* stamps coarser than the samples that stray from such a clock by more than two of their ticks: its
+  rate wanders, and times follow the stamps (`tirelog.runs.wander`).
 * stamps that stray from such a clock by more than a tenth of a period and more than their
   resolution, ascend, and come without a declared rate (setup or file): the samples have no clock of
   their own (wheel speeds on a bus), and their times are the stamps.
@@ -37,6 +39,7 @@ import numpy as np
 from tirelog.data.recording import TimeAxis
 from tirelog.errors import ReadError, SetupError
 from tirelog.runs.stamps import Piece, Stamps
+from tirelog.runs.wander import Wandering, wandering
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Doubt, Quality
 
@@ -45,6 +48,8 @@ _JITTER = 0.1
 #: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this
 #: factor
 _CONTRADICTS, _ABSURD = 0.002, 1.2
+#: samples below which the first and the last stamp tell the period, if no stretch does
+_FEW = 8
 #: with more leaps than this a column of numbers is no sample counter
 _MOST_LEAPS = 100_000
 
@@ -53,7 +58,8 @@ class ClockFit:
     """The time axis of one group of channels, from its stamps and sample numbers.
 
     `setup_rate_Hz` and `file_rate_Hz` are declared rates or None; `resolution_s` is the step of the
-    stamps; `counted` says that the sample number, not the stamp, is the clock.
+    stamps; `counted` says that the sample number, not the stamp, is the clock; `edges` that there
+    is none, however even the stamps are.
     """
 
     def __init__(
@@ -63,9 +69,10 @@ class ClockFit:
         file_rate_Hz: float | None = None,
         resolution_s: float = 0.0,
         counted: bool = False,
+        edges: bool = False,
     ) -> None:
         self.setup_rate_Hz, self.file_rate_Hz = setup_rate_Hz, file_rate_Hz
-        self.resolution_s, self.counted = resolution_s, counted
+        self.resolution_s, self.counted, self.edges = resolution_s, counted, edges
         self.size = 0
         self.repairs: dict[str, int] = {}
         self.flags: list[Doubt] = []
@@ -144,6 +151,8 @@ class ClockFit:
             ends = stamps.ends()
         if stamps is None or ends is None:
             return self._by_rate(declared)
+        if self.edges:
+            return self._explicit(stamps)
         (first, start), (last, end) = ends
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
@@ -159,7 +168,8 @@ class ClockFit:
                 level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
             )
             return self._pieces(settled, [Piece(0, 1, 0.0, level)])
-        return self._fitted(stamps, declared)
+        # with a stamp unknown, fewer than three are no stretch that tells a period
+        return self._fitted(stamps, declared, period if self.size < _FEW else 0.0)
 
     def _by_rate(self, declared: float | None) -> TimeAxis:
         """The axis if no stamps tell it."""
@@ -169,18 +179,25 @@ class ClockFit:
             raise ReadError(
                 "no stamps and no rate",
                 allowed="a log needs a time column or a rate",
-                do="write sampling_rate_Hz under [log] in the setup",
+                do='write time = "#1" (its column) or sampling_rate_Hz under [log] in the setup',
             )
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
 
-    def _fitted(self, stamps: Stamps, declared: float | None) -> TimeAxis:
-        """The axis through stamps that are no exact line."""
-        rough = stamps.rough_period()
+    def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
+        """The axis through stamps that are no exact line; `few` a period for want of a better."""
+        rough = stamps.rough_period() or few
         if rough <= 0.0:
             self.remarks.append(
                 "the stamps do not rise; the declared rate was used for the time axis"
             )
             return self._by_rate(declared)
+        if found := wandering(stamps, rough, self.resolution_s):
+            if not self.setup_rate_Hz:
+                return self._wandering(found)
+            self.remarks.append(
+                f"the stamps say that the sampling rate wanders between {found.low_Hz:.4g} and "
+                f"{found.high_Hz:.4g} Hz; without sampling_rate_Hz in the setup they are followed"
+            )
         noise = max(stamps.noise(rough), 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps, passing = stamps.jumps(rough, noise)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
@@ -336,15 +353,30 @@ class ClockFit:
 
     def _explicit(self, stamps: Stamps) -> TimeAxis:
         """The stamps themselves; those that are unknown or fall lie between their neighbours."""
-        self.remarks.append(
-            "the samples have no clock of their own (irregular stamps): their times are the stamps"
-        )
+        if not self.edges:
+            self.remarks.append(
+                "the samples have no clock of their own (irregular stamps): their times are the "
+                "stamps"
+            )
         times, repaired, step, far = stamps.rising()
         self._count("stamps_repaired", repaired)
         for index in far:
             self._gap(index, 0)
         none = np.zeros(0)
         return TimeAxis(self.size, 1.0 / step, none.astype(np.int64), none, none, times.read)
+
+    def _wandering(self, clock: Wandering) -> TimeAxis:
+        """The axis of a clock whose rate wanders, which is said."""
+        self.remarks.append(
+            f"the sampling rate wanders between {clock.low_Hz:.4g} and {clock.high_Hz:.4g} Hz; "
+            f"times follow the stamps, whose step is {self.resolution_s:g} s"
+        )
+        for index, samples in clock.gaps:
+            self._gap(index, samples)
+        none = np.zeros(0)
+        return TimeAxis(
+            self.size, clock.rate_Hz, none.astype(np.int64), none, none, clock.times
+        )  # fmt: skip
 
     def _count(self, what: str, number: int) -> None:
         if number:

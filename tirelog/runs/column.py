@@ -19,7 +19,6 @@ import numpy as np
 from tirelog.data.setup import ChannelSetup
 from tirelog.readers.base import LOST_COUNT, Samples, counted_floats, lost_samples
 from tirelog.runs.chunks import CHUNK, ChunkWriter
-from tirelog.vocabulary import units
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
 # P1 (1) for gratings, the table of `units` for the rest.
@@ -30,12 +29,19 @@ from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
 
 def scaled_to_si(channel: ChannelSetup) -> tuple[float, float]:
-    """(factor, offset): SI value = factor x source value + offset.
+    """(factor, offset): SI value = factor x recorded value + offset.
 
     fbg_strain: strain_gain (lambda - lambda_0) / lambda_0 (P1 (1), without its thermal term).
     fbg_temperature: T - T_0 = (lambda - lambda_0) / temperature_sensitivity, in K (P2 section 2).
     """
-    factor, offset = units.to_si(channel.source_unit, *KINDS[channel.kind].quantities)
+    scale, zero = channel.scaling
+    factor, offset = _unit_to_si(channel)
+    return factor * scale, offset + factor * zero
+
+
+def _unit_to_si(channel: ChannelSetup) -> tuple[float, float]:
+    """(factor, offset): SI value = factor x value in the channel's unit + offset."""
+    factor, offset, _ = KINDS[channel.kind].to_si(channel.source_unit)
     if channel.kind not in WAVELENGTH_KINDS:
         return factor, offset
     to_nm = factor * 1e9
@@ -180,7 +186,8 @@ class DatasetWriter:
         factor, offset = scaled_to_si(channel)
         counts = self.dataset.dtype.kind == "i"
         power = self._power if counts else 1.0
-        unit, digest = KINDS[channel.kind].unit, self._digest.hexdigest()
+        unit = KINDS[channel.kind].to_si(channel.source_unit)[2]
+        digest = self._digest.hexdigest()
         words = {"group": group, "kind": channel.kind, "unit": unit, "source": channel.source}
         words |= {"source_unit": channel.source_unit}
         words |= {"sha256": digest} if self.chunks.options else {}

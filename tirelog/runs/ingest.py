@@ -19,26 +19,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.readers.base import Group, LogReader, RawBlock
+from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import RunWriter, is_run, open_run
 from tirelog.storage.remote import address, open_remote, shown
 from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
 from tirelog.version import __version__
 
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
-MCAP_MAGIC = b"\x89MCAP0\r\n"
-#: bytes by which a format is told: magic numbers stand at the start
-_HEAD_BYTES = 4096
+if TYPE_CHECKING:
+    from tirelog.readers.other.matlab import Converted
 
 
-class _Stream(io.RawIOBase):
+class LogStream(io.RawIOBase):
     """A binary stream behind a head that was read before.
 
     Counts, and if asked for hashes, what is read through it.
@@ -116,7 +115,7 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
     return load_setup(beside)
 
 
-def _open(log: str) -> BinaryIO:
+def open_log_bytes(log: str) -> BinaryIO:
     if log == "-":
         return sys.stdin.buffer
     url = address(log)
@@ -150,53 +149,86 @@ def is_file(log: str) -> bool:
         return False
 
 
-def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
+@dataclass(frozen=True)
+class OpenedLog:
+    """A log with its format ('' for text), as a file if that has to be one."""
+
+    format: str
+    path: Path | None = None
+    converted: Converted | None = None
+
+
+def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> LogReader:
     """The reader for what the bytes are; names and suffixes do not matter.
 
     SetupError: [log] has keys that only a text log has, and the log is none.
     """
-    if setup.log.of_text and (path is not None or head.startswith(MCAP_MAGIC)):
+    if setup.log.of_text and opened.format:
         keys = ", ".join(setup.log.of_text)
         raise SetupError(
-            f"[log] {keys}: the log is {'HDF5' if path is not None else 'MCAP'}",
+            f"[log] {keys}: the log is {opened.format}",
             allowed="allowed for a text log only",
             do="remove it, or give the log that it is for",
             file=setup.file or log,
         )
-    if path is not None:
+    if opened.path is not None and opened.format != "Parquet":
         from tirelog.readers.hdf5.reader import open_hdf5
 
-        return open_hdf5(path, setup, log)
+        reader = open_hdf5(opened.path, setup, log)
+        if opened.converted is not None:
+            reader.report.format = "matlab 5"
+            reader.report.losses += opened.converted.losses
+            reader.report.remarks += opened.converted.said
+        return reader
+    if opened.path is not None:
+        from tirelog.readers.other.parquet import open_parquet
+
+        return open_parquet(opened.path, setup, log)
     buffered = io.BufferedReader(stream, 1 << 20)
-    if head.startswith(MCAP_MAGIC):
+    if opened.format == "MCAP":
         from tirelog.readers.mcap.reader import open_mcap
 
         return open_mcap(buffered, setup, log, Path(log) if is_file(log) else None)
+    if opened.format == "WAV":
+        from tirelog.readers.other.wav import WavReader
+
+        return WavReader(buffered, setup, log)
     from tirelog.readers.text.reader import open_text
 
     return open_text(buffered, setup, log)
 
 
 @contextmanager
-def _hdf5_path(log: str, head: bytes, stream: _Stream) -> Iterator[Path | None]:
-    """Path of the HDF5 file, or None.
+def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iterator[OpenedLog]:
+    """The log's format, and the log as a file if its format needs one to seek in.
 
-    HDF5 needs a file to seek in: what is no file is copied to a temporary one.
+    What is no file is copied to a temporary one, and MATLAB's is made HDF5. `name` is the log's in
+    messages, if that is not its path.
     """
-    if not any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048)):
-        yield None
-    elif is_file(log):
-        yield Path(log)
+    format = name_of(head)
+    if not format:
+        refuse_foreign(head, name or log)
+    if format not in ("HDF5", "MATLAB", "Parquet"):
+        yield OpenedLog(format)
+    elif is_file(log) and format != "MATLAB":
+        yield OpenedLog(format, Path(log))
     else:
         with temporary_folder() as folder:
-            path = folder / "log.h5"
-            with failed_writes(path), path.open("wb") as copy:
-                while part := _part(stream, log):
-                    copy.write(part)
-            yield path
+            path = Path(log) if is_file(log) else folder / "log"
+            if path.parent == folder:
+                with failed_writes(path), path.open("wb") as copy:
+                    while part := log_part(stream, log):
+                        copy.write(part)
+            if format == "MATLAB":
+                from tirelog.readers.other.matlab import convert
+
+                converted = convert(path, folder / "log.h5", name or log)
+                yield OpenedLog(format, folder / "log.h5", converted)
+            else:
+                yield OpenedLog(format, path)
 
 
-def _part(stream: _Stream, log: str) -> bytes:
+def log_part(stream: io.RawIOBase | BinaryIO, log: str) -> bytes:
     """The next bytes of a log.  ReadError: it cannot be read on."""
     try:
         return stream.read(1 << 20) or b""
@@ -221,9 +253,11 @@ def ingest(
     though the rest could be read, is in the summary's `losses` and in the run.
     """
     summary = IngestSummary(shown(log))
-    with _open(log) as raw:  # before its setup: a log that is not there is no log without a setup
+    with open_log_bytes(
+        log
+    ) as raw:  # before its setup: a log that is not there is no log without a setup
         setup = _setup_for(log, setup)
-        head = _read_head(raw, log)
+        head = read_head(raw, log)
         if not head:
             raise ReadError(
                 "is empty",
@@ -231,9 +265,9 @@ def ingest(
                 do="record it again",
                 file=log,
             )
-        stream = _Stream(head, raw, hashed)
-        with _hdf5_path(log, head, stream) as hdf5:
-            if hdf5 is not None and is_run(hdf5):
+        stream = LogStream(head, raw, hashed)
+        with opened_log(log, head, stream) as opened:
+            if opened.format == "HDF5" and opened.path is not None and is_run(opened.path):
                 raise UsageError(
                     "is a run already",
                     allowed="ingest takes a log",
@@ -241,18 +275,18 @@ def ingest(
                     file=log,
                 )
             try:
-                reader = _reader(stream, head, hdf5, setup, log)
+                reader = reader_of(stream, opened, setup, log)
             except OSError as problem:
                 raise _unreadable(log, problem) from None
             _write(reader, reader.setup, path, summary, stream, compress, blocks)
     return summary
 
 
-def _read_head(raw: BinaryIO, log: str) -> bytes:
+def read_head(raw: BinaryIO, log: str) -> bytes:
     """The first bytes, also of a pipe that hands out less than it is asked for."""
     head = b""
     try:
-        while len(head) < _HEAD_BYTES and (part := raw.read(_HEAD_BYTES - len(head))):
+        while len(head) < HEAD_BYTES and (part := raw.read(HEAD_BYTES - len(head))):
             head += part
     except OSError as problem:
         raise _unreadable(log, problem) from None
@@ -287,12 +321,12 @@ def _write(
     setup: Setup,
     path: Path,
     summary: IngestSummary,
-    stream: _Stream,
+    stream: LogStream,
     compress: bool,
     blocks: int | None,
 ) -> None:
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
-    clocks = {group.name: _clock(group, setup) for group in reader.groups}
+    clocks = {group.name: clock_of(group, setup) for group in reader.groups}
     with failed_writes(path), RunWriter(path, setup, reader.groups, compress=compress) as writer:
         whole = True
         for number, block in enumerate(_blocks(reader, summary)):
@@ -329,7 +363,11 @@ def _write(
                 summary.remarks.append(f"channel {name} has no reading at all")
         axes, flags = {}, {}
         for name, clock in clocks.items():
-            axes[name], flags[name] = clock.axis(), clock.flags
+            try:
+                axes[name] = clock.axis()
+            except (ReadError, SetupError) as problem:
+                raise problem.at(summary.log) from None
+            flags[name] = clock.flags
             summary.repairs[name] = dict(clock.repairs)
             summary.remarks += clock.remarks
         summary.remarks += _setup_remarks(setup, set(lost))
@@ -342,7 +380,7 @@ def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
     return next(summary.samples.get(group.name, 0) for group in groups if name in group.channels)
 
 
-def _clock(group: Group, setup: Setup) -> ClockFit:
+def clock_of(group: Group, setup: Setup) -> ClockFit:
     """The clock of a group, with the rate that the setup declares.
 
     For one of its channels or for the log.
@@ -354,6 +392,7 @@ def _clock(group: Group, setup: Setup) -> ClockFit:
         setup_rate_Hz=declared,
         resolution_s=group.stamp_resolution_s,
         counted=group.counted,
+        edges=group.edges,
     )
 
 
@@ -373,23 +412,30 @@ def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
 
 @contextmanager
 def open_recording(
-    log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False
+    log: str,
+    setup: Setup | None = None,
+    *,
+    blocks: int | None = None,
+    hashed: bool = False,
+    check: bool = True,
 ) -> Iterator[Recording]:
     """`log` (a run, a log, or '-') as a Recording, open as long as the context is.
 
     Of a log only the first `blocks` if given. A run has its log's sha256 in its provenance, a log
-    only if `hashed`. ReadError: nothing could be read. SetupError: no setup for it, or one that
-    does not fit (`plausibility`).
+    only if `hashed`. Without `check` it is not asked whether its channels can be a tire's.
+
+    ReadError: nothing could be read. SetupError: no setup for it, or one that does not fit
+    (`plausibility`).
     """
     if is_file(log) and is_run(log):
         with open_run(log, shown(log), setup) as recording:
-            yield check_recording(recording)
+            yield check_recording(recording) if check else recording
         return
     with temporary_folder() as folder:
         run = folder / "run.h5"
         ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
         with open_run(run, shown(log), setup, temporary=True) as recording:
-            yield check_recording(recording)
+            yield check_recording(recording) if check else recording
 
 
 def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:

@@ -52,7 +52,6 @@ from tirelog.runs.store_checks import (
     text_in,
 )
 from tirelog.storage.documents import LARGEST_BYTES
-from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.quality import Doubt, Quality
@@ -322,7 +321,7 @@ def _with_units(setup: Setup, file: h5py.File) -> Setup:
         about = walk(file, f"channels/{name}")
         if text_in(about, "kind") == channel.kind:
             unit = text_in(about, "source_unit")
-            units.to_si(unit, *KINDS[channel.kind].quantities)
+            KINDS[channel.kind].to_si(unit)
             channels[name] = replace(channel, unit=unit)
     return replace(setup, channels=channels)
 
@@ -364,7 +363,7 @@ def _channel(
     return Channel(
         name,
         channel.kind,
-        KINDS[channel.kind].unit,
+        KINDS[channel.kind].to_si(channel.source_unit)[2],
         axis,
         samples,
         channel.surface or "outer",

@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from tirelog.vocabulary import units
+
 
 @dataclass(frozen=True)
 class Kind:
     """A kind of channel.
 
-    quantities   whose units (`vocabulary.units`) its source may have
-    unit         SI unit of its samples inside the package; "" for a pure number
+    quantities   whose units (`vocabulary.units`) its source may have; () for a unit of any kind,
+                 SI inside if the table has it, else as written
+    unit         SI unit of its samples inside the package; "" for a pure number, or a free unit
     source_unit  unit of the source if the setup names none
     measures     what the samples tell: "strain" for whatever the patch's strain is found in; else
                  the kind's own quantity
@@ -30,6 +33,12 @@ class Kind:
     measures: str
     meaning: str
     wavelength: bool = False
+
+    def to_si(self, unit: str) -> tuple[float, float, str]:
+        """(factor, offset, SI unit) of a source in `unit`.  SetupError: it is none of the kind."""
+        if not self.quantities:
+            return units.free_to_si(unit)
+        return *units.to_si(unit, *self.quantities), self.unit
 
 
 _ALL = (
@@ -89,6 +98,14 @@ _ALL = (
     Kind("vertical_load", ("force",), "N", "N", "force", "load of the wheel on the road"),
     Kind(
         "longitudinal_force", ("force",), "N", "N", "force", "force of the road along the vehicle"
+    ),
+    Kind(
+        "signal",
+        (),
+        "",
+        "1",
+        "signal",
+        "any other signal, in a unit of its own: a piezo or capacitive sensor, a torque",
     ),
 )
 KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _ALL}

@@ -82,6 +82,30 @@ def canonical(unit: str) -> str | None:
     return same[0] if len(same) == 1 else None
 
 
+#: letters of a unit that the table does not have
+MOST_LETTERS = 24
+
+
+def free_to_si(unit: str) -> tuple[float, float, str]:
+    """(factor, offset, SI unit) of any unit; one that the table does not have stays as written.
+
+    SetupError: it is no word.
+    """
+    name = canonical(unit)
+    if name is not None:
+        quantity, factor, offset = UNITS[name]
+        si = next(one for one, (of, f, o) in UNITS.items() if (of, f, o) == (quantity, 1.0, 0.0))
+        return factor, offset, si
+    text = unit.strip()
+    if not text or len(text) > MOST_LETTERS or not text.isprintable():
+        raise SetupError(
+            f"unit {text[:MOST_LETTERS]!r}",
+            allowed=f"allowed is a word of up to {MOST_LETTERS} letters",
+            do="write the unit of the source",
+        )
+    return 1.0, 0.0, text
+
+
 def to_si(unit: str, *quantities: str) -> tuple[float, float]:
     """(factor, offset) with SI = factor * value + offset, for a unit of one of `quantities`.
 

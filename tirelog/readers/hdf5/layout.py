@@ -28,6 +28,7 @@ from tirelog.readers.hdf5.source import (
     split_source,
     walk,
 )
+from tirelog.readers.rates import unit_by_size
 from tirelog.vocabulary import units
 
 TIME_NAMES = (
@@ -298,24 +299,9 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
         )
     suffix = re.search(r"_(s|ms|us|ns)$", stamps.field or stamps.path)
     if not unit:
-        unit = suffix[1] if suffix else _unit_by_size(first_number(stamps, lambda *_: False))
+        unit = suffix[1] if suffix else unit_by_size(first_number(stamps, lambda *_: False))
     try:
         step, _ = units.to_si(unit or "s", "time")
     except SetupError as problem:
         raise ReadError(f"time {stamps.path}: {problem.message}") from None
     return TimeColumn(stamps, step, since=since[2] if since else None)
-
-
-def _unit_by_size(first: float | None) -> str:
-    """The unit of a stamp without one, told by its size.
-
-    A date in ms, us or ns since 1970 is known by its size, all else is seconds.
-    """
-    return next(
-        (
-            unit
-            for unit, size in (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
-            if first is not None and first > size
-        ),
-        "s",
-    )

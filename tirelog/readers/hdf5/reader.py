@@ -141,6 +141,14 @@ class Hdf5Log:
             try:
                 column = find_columns(self.file, channel.source)
                 channels.append(_Channel(name, channel.kind, column, scale_of(column)))
+                if channel.scaled and (channels[-1].scale.factor, channels[-1].scale.offset) != (
+                    1.0,
+                    0.0,
+                ):
+                    self.report.remarks.append(
+                        f"channel {name}: the file has a scale of its own; the setup's scale and "
+                        "offset act on what it gives"
+                    )
                 if unit := unit_of(column):
                     self.stated[name] = unit
             except ReadError as problem:

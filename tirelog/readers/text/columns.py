@@ -20,7 +20,8 @@ import numpy as np
 
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError, nearest
-from tirelog.readers.text.layout import Layout, filled
+from tirelog.readers.rates import unit_by_size
+from tirelog.readers.text.layout import SAMPLE_ROWS, Layout, filled
 from tirelog.readers.text.times import MISSING, fraction_digits, has_clock, one_ns
 from tirelog.vocabulary import units
 
@@ -29,17 +30,31 @@ _TIME_NAMES = re.compile(
     r"|t|sec|seconds|zeit|tempo)",
     re.I,
 )
+#: words that make a name one of a time, however they are joined: RunningTime_s, elapsed_ms
+_TIME_WORDS = {"time", "timestamp", "elapsed", "runtime", "uptime", "zeit", "millis", "micros"}
+#: whole names of times, without blanks and underscores: of LabVIEW, of Arduino sketches
+_TIMES = {"xvalue", "ms", "us", "ns", "msec", "usec"}
+#: last words of a time's name that tell its unit, beside the units themselves
+_UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us", "micros": "us",
+               "microseconds": "us", "nanos": "ns", "nanoseconds": "ns"}  # fmt: skip
+#: times whose unit is known from the instrument alone: Xsens sensors count microseconds
+_KNOWN_UNITS = {"sampletimefine": "us"}
+#: a channel of edges has no column: its stamps are the signal
+EDGES = "edges"
 _NUMBER_NAMES = re.compile(
-    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)"
+    r"(line|sample|frame|scan|row|record|packet)?[ _]*"
+    r"(no\.?|nr\.?|number|counter|count|index|idx|#)"
     r"|sample|frame|scan|record|n",
     re.I,
 )
 #: a double holds powers of ten up to this one exactly; no instrument writes as many decimals
 MOST_DECIMALS = 22
 _ERROR_NAMES = re.compile(r".*(error|fault).*", re.I)
+#: steps of a column without a name differ by less than this share of the usual one if it is taken
+#: for the time: loggers without a clock of their own stray by some percent, signals by all
+_NEARLY = 0.5
 #: a bracket behind a name that holds letters, so that it may be meant for a unit
 _STRANGE_UNIT = re.compile(r"\S\s*[\[(]\s*([^\[\]()]*[^\W\d_%][^\[\]()]*|%)\s*[\])]$")
-_UNIT_SUFFIX = re.compile(r".*[_ ](s|ms|us|ns|min|h)", re.I)
 
 
 @dataclass(frozen=True)
@@ -49,7 +64,9 @@ class Columns:
     `values` channel -> column; `peaks` channels that are found by wavelength; `missing` channel ->
     why its column is not there; `time` the column of the stamps and `clock` a second one with the
     time of day if `time` holds the date alone; `form` their form ('number' with `time_factor`
-    seconds per unit); `number` the sample number; `errors` the column of error codes.
+    seconds per unit); `number` the sample number; `errors` the column of error codes; `edges`
+    channels whose samples are the rows themselves, each at its stamp; `guessed` is true if nothing
+    but the stamps' even steps makes that column the time.
     """
 
     values: dict[str, int]
@@ -61,6 +78,8 @@ class Columns:
     time_factor: float = 1.0
     number: int | None = None
     errors: int | None = None
+    edges: tuple[str, ...] = ()
+    guessed: bool = False
 
 
 def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
@@ -70,8 +89,11 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
     """
     values: dict[str, int] = {}
     missing: dict[str, str] = {}
-    peaks = []
+    peaks, edges = [], []
     for channel, what in setup.channels.items():
+        if _is_edges(layout, what):
+            edges.append(channel)
+            continue
         if by_wavelength(layout, what):
             peaks.append(channel)
             continue
@@ -80,11 +102,16 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
             missing[channel] = _absent(layout, what.source)
         else:
             values[channel] = column
-    if not values and not peaks:
+    if not values and not peaks and not edges:
         raise ReadError(
             "; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name
         )
-    time, clock, form, factor = _time(layout, setup, set(values.values()))
+    (time, clock, form, factor), guessed = _time(layout, setup, set(values.values()))
+    if edges and not guessed and time is None:
+        time = _of_edges(layout, name)
+        factor = _time_factor(layout, setup, time)
+    if edges and time is not None and form == "number":
+        _check_edges(layout, setup, time)
     number = _sample_number(layout, {*values.values(), time})
     errors = next(
         (
@@ -94,7 +121,65 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
         ),
         None,
     )
-    return Columns(values, tuple(peaks), missing, time, clock, form, factor, number, errors)
+    return Columns(
+        values, tuple(peaks), missing, time, clock, form, factor, number, errors, tuple(edges),
+        guessed,
+    )  # fmt: skip
+
+
+def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
+    """(columns of times, sample numbers and error codes, the time's name for a reader or '').
+
+    Those that no channel of the setup need name.
+    """
+    (time, clock, _, _), _ = _time(layout, setup, set())
+    number = _sample_number(layout, {time})
+    errors = [k for k, text in enumerate(layout.names) if _ERROR_NAMES.fullmatch(text)]
+    taken = {k for k in (time, clock, number, *errors) if k is not None}
+    if time is None:
+        return taken, ""
+    return taken, name_of_column(layout, time)
+
+
+def name_of_column(layout: Layout, column: int) -> str:
+    """How a setup names a column: by its header if that is the only such, else #1, #2, ..."""
+    name = layout.names[column] if column < len(layout.names) else ""
+    return name if name and find_column(layout, name) == column else f"#{column + 1}"
+
+
+def _is_edges(layout: Layout, channel: ChannelSetup) -> bool:
+    """True for an encoder whose edges' times are all that the log holds."""
+    named = channel.kind == "wheel_encoder" and channel.source == EDGES
+    return named and find_column(layout, EDGES) is None
+
+
+def _of_edges(layout: Layout, name: str) -> int:
+    """The column of the edges' times if none is named as a time: the first that only rises.
+
+    ReadError: there is none.
+    """
+    for k, kind in enumerate(layout.kinds[: layout.width]):
+        steps = _steps(layout, k)
+        if kind == "number" and steps and min(steps) >= 0.0 and max(steps) > 0.0:
+            return k
+    raise ReadError(
+        "source = 'edges', and no column rises as the times of edges do",
+        allowed="allowed is a column of times",
+        do='write time = "#1" under [log] in the setup',
+        file=name,
+    )
+
+
+def _check_edges(layout: Layout, setup: Setup, time: int) -> None:
+    """SetupError: the times of the edges are whole numbers, and nothing says of what."""
+    whole = all(layout.decimal not in row[time] for row in layout.rows if len(row) > time)
+    if whole and setup.log.time_unit is None and _stated_unit(layout, time) is None:
+        raise SetupError(
+            "the times of the edges are whole numbers without a unit",
+            allowed="allowed are s, ms, us, ns",
+            do='write time_unit = "us" under [log]',
+            file=setup.file,
+        )
 
 
 def placed(layout: Layout) -> Layout:
@@ -261,8 +346,11 @@ def _absent(layout: Layout, source: str) -> str:
 
 def _time(
     layout: Layout, setup: Setup, taken: set[int]
-) -> tuple[int | None, int | None, str, float]:
-    """(column, column of the time of day, form, seconds per unit) of the stamps."""
+) -> tuple[tuple[int | None, int | None, str, float], bool]:
+    """((column, column of the time of day, form, seconds per unit) of the stamps, guessed or not).
+
+    Guessed: neither the setup nor a name nor a form of words makes the column a time.
+    """
     if setup.log.time:
         column = find_column(layout, setup.log.time)
         if column is None:
@@ -271,7 +359,7 @@ def _time(
                 do="mend time in the setup",
                 file=setup.file,
             )
-        return _with_clock(layout, setup, column)
+        return _with_clock(layout, setup, column), False
     best: tuple[int, int | None, str, float] | None = None
     distinct = 0
     for column in _time_candidates(layout, taken):
@@ -280,55 +368,92 @@ def _time(
         seen = len({tuple(row[c] for c in parts) for row in layout.rows if len(row) > max(parts)})
         if seen > distinct:  # of several, the one with the finest stamps
             best, distinct = candidate, seen
-    return best or (None, None, "number", 1.0)
+    if best is not None and distinct > 1:
+        return best, False
+    ramps = _ramps(layout, taken)
+    if ramps and (ramps[0] == _leading(layout) or len(ramps) == 1):  # of several, none is plain
+        alone = ramps[0] == _leading(layout) and not layout.names
+        return _with_clock(layout, setup, ramps[0]), not alone
+    return best or (None, None, "number", 1.0), False
 
 
 def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
     """Columns that look like stamps.
 
-    Those whose cells are times, then numbers under a name of time, then a leading ramp.
+    Those whose cells are times, then numbers under a name of time.
     """
     kinds = layout.kinds[: layout.width]
     found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
     named = [
         k
         for k, text in enumerate(layout.names[: len(kinds)])
-        if _TIME_NAMES.fullmatch(_bare(text)) and kinds[k] == "number"
+        if _is_time_name(text) and kinds[k] == "number"
     ]
-    found += [k for k in named if k not in taken and _ascending(layout, k)]
-    if (
-        not found
-        and kinds[0] == "number"
-        and 0 not in taken
-        and not layout.counts
-        and _is_ramp(layout)
-    ):
-        found.append(0)
+    return found + [k for k in named if k not in taken and _ascending(layout, k)]
+
+
+def _is_time_name(name: str) -> bool:
+    """True for the names of times, as programs join their words."""
+    bare = _bare(name).lstrip("#%/ ")
+    return bool(
+        _TIME_NAMES.fullmatch(bare)
+        or _TIME_WORDS.intersection(_words(bare))
+        or _loose(bare) in _TIMES
+    )
+
+
+def _words(name: str) -> list[str]:
+    """The words of a name in lower case: RunningTime_s is running, time, s."""
+    return [word.lower() for word in re.findall(r"[^\W\d_]?[^\W\d_A-Z]+|[A-Z]+|\d+", name)]
+
+
+def _leading(layout: Layout) -> int:
+    """The first column that is not blank."""
+    return next((k for k, kind in enumerate(layout.kinds[: layout.width]) if kind != "blank"), 0)
+
+
+def _ramps(layout: Layout, taken: set[int]) -> list[int]:
+    """Columns that rise as nothing but a time does, the likeliest first.
+
+    In steps that are not whole: the first column, in even ones if it has a name, whatever that is;
+    then any without a name whose steps are nearly equal.
+    """
+    leading, found = _leading(layout), []
+    for k in range(layout.counts_at if layout.counts else layout.width):
+        named = k < len(layout.names) and layout.names[k] != ""
+        cells = [row[k] for row in layout.rows if len(row) > k]
+        steps = _steps(layout, k) if layout.kinds[k] == "number" and k not in taken else []
+        whole = all(layout.decimal not in cell for cell in cells)
+        if whole or len(steps) < 2 or min(steps) <= 0.0 or (named and k != leading):
+            continue
+        usual, spread = float(np.median(steps)), max(steps) - min(steps)
+        exponents = any("e" in cell.lower() for cell in cells)
+        digit = 1e-6 * usual if exponents else 10.0 ** -most_decimals(cells, layout.decimal)
+        if k == leading:
+            good = not layout.names or spread <= 2.01 * digit
+        else:
+            good = spread <= max(2.01 * digit, _NEARLY * usual)
+        found += [k] if good else []
     return found
 
 
-def _is_ramp(layout: Layout) -> bool:
-    """True if the first column rises in even steps that are not whole.
-
-    Whatever it is called: nothing but a time does.
-    """
-    steps = _steps(layout, 0)
-    whole = all(layout.decimal not in row[0] for row in layout.rows)
-    digit = 10.0 ** -most_decimals([row[0] for row in layout.rows], layout.decimal)
-    if whole or len(steps) < 2 or min(steps) <= 0.0:
-        return False
-    return not layout.names or max(steps) - min(steps) <= 2.01 * digit
-
-
 def _steps(layout: Layout, column: int) -> list[float]:
-    """Differences between the numbers of a column, row by row."""
+    """Differences between the numbers of a column, row by row.
+
+    Not from the last sample row of the head's begin to the first of its end.
+    """
     numbers = []
     for row in layout.rows:
+        number = float("nan")
         with suppress(ValueError):
-            numbers.append(
-                float(row[column].replace(layout.decimal, ".")) if len(row) > column else float("x")
+            number = (
+                float(row[column].replace(layout.decimal, ".")) if len(row) > column else number
             )
-    return [b - a for a, b in pairwise(numbers)]
+        numbers.append(number)
+    steps = [b - a for a, b in pairwise(numbers)]
+    if len(numbers) == 2 * SAMPLE_ROWS:
+        del steps[SAMPLE_ROWS - 1]
+    return [step for step in steps if step == step]
 
 
 def _ascending(layout: Layout, column: int) -> bool:
@@ -364,15 +489,24 @@ def _time_factor(layout: Layout, setup: Setup, column: int) -> float:
     """
     if setup.log.time_unit:
         return units.to_si(setup.log.time_unit, "time")[0]
+    unit = _stated_unit(layout, column)
+    if unit is None:  # a date in ms, us or ns since 1970 is known by its size
+        cells = [row[column] for row in layout.rows if len(row) > column]
+        numbers = [float(cell) for cell in cells if re.fullmatch(r"\d{1,19}", cell)]
+        unit = unit_by_size(numbers[0]) if numbers else "s"
+    return units.UNITS[unit][1]
+
+
+def _stated_unit(layout: Layout, column: int) -> str | None:
+    """The unit of time that a column's header or name tells, or None."""
     unit = layout.units[column] if column < len(layout.units) else ""
-    if (
-        not unit
-        and column < len(layout.names)
-        and (match := _UNIT_SUFFIX.fullmatch(layout.names[column]))
-    ):
-        unit = match[1].lower()
-    name = units.canonical(unit) if unit else None
-    return units.UNITS[name][1] if name and units.UNITS[name][0] == "time" else 1.0
+    if not unit and column < len(layout.names):
+        name = layout.names[column]
+        last = _words(name)[-1:] or [""]
+        unit = _KNOWN_UNITS.get(_loose(name)) or _UNIT_WORDS.get(last[0], "")
+        unit = unit or (last[0] if last[0] in ("s", "sec", "ms", "us", "ns", "min", "h") else "")
+    known = units.canonical(unit) if unit else None
+    return known if known and units.UNITS[known][0] == "time" else None
 
 
 def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:

@@ -5,8 +5,8 @@ Rows of any width, and cells that are no numbers, with the line where each stand
     block --kernels.cells--> cells and their numbers
         --here: those that take a slower parser--> rows --> Parsed
 
-A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a
-cell that is no number is NaN.
+A row of numbers whose stamp cannot be read keeps its place without one, any other such row is left
+out; one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
 """
 
 from __future__ import annotations
@@ -108,11 +108,12 @@ class _Rows:
         if stamps is not None:
             readable = ~np.isnan(stamps) if stamps.dtype == np.float64 else stamps != MISSING
             self._tell(out.bad_rows, good & ~readable, "no readable time")
-            good &= readable
+            good &= readable | self._like_rows(size)
         wide = size >= self._least()
         if not layout.ragged and not columns.peaks:
             wide &= self._as_wide(size)
-        self._tell(out.bad_rows, good & ~wide, f"not {layout.width} cells")
+        told = good & ~wide if stamps is None else good & ~wide & readable
+        self._tell(out.bad_rows, told, f"not {layout.width} cells")
         rows = np.flatnonzero(good)
         at = {
             k: self._column(rows, k, wide)
@@ -130,6 +131,22 @@ class _Rows:
             self._peaks(out, rows)
         out.size = rows.size
         return out
+
+    def _like_rows(self, size: IntArray) -> NDArray[np.bool_]:
+        """True for rows that hold numbers about as the others do, though not in each cell.
+
+        A sample was taken then, whatever became of its stamp: a header or a footer is none.
+        """
+        layout = self.plan.layout
+        if layout.ragged or self.plan.columns.peaks:
+            return np.zeros(size.size, bool)
+        until = np.concatenate([[0], np.cumsum(~np.isnan(self.numbers))])
+        numbers = until[self.first[1:]] - until[self.first[:-1]]
+        usual = sum(kind == "number" for kind in layout.kinds[: layout.width])
+        like: NDArray[np.bool_] = (
+            (np.abs(size - layout.width) < 2) & (numbers > 0) & (2 * numbers >= usual)
+        )
+        return like
 
     def _least(self) -> int:
         """Cells that a row needs.
@@ -189,7 +206,7 @@ class _Rows:
             self.block[a:b].decode("latin-1").replace(self.plan.layout.decimal, ".")
             for a, b in zip(*self._span(rows, columns.time))
         ]
-        return np.array([_tick(cell) for cell in text], np.int64)
+        return np.array([_tick(cell, self.plan.tick_places) for cell in text], np.int64)
 
     def _errors(self, rows: IntArray, k: int) -> IntArray:
         cells = [self.block[a:b].decode("latin-1") for a, b in zip(*self._span(rows, k))]
@@ -235,10 +252,10 @@ class _Rows:
         return repr(shown[:40])
 
 
-def _tick(cell: str) -> int:
-    """A decimal in units of 1e-9, MISSING if it is none that int64 holds."""
+def _tick(cell: str, places: int) -> int:
+    """A decimal as a count of 10^-places, MISSING if it is none that int64 holds."""
     try:
-        value = Decimal(cell).scaleb(9)
+        value = Decimal(cell).scaleb(places)
         return int(value) if abs(value) <= LARGEST else MISSING
     except (ArithmeticError, ValueError):
         return MISSING

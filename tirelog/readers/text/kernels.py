@@ -32,8 +32,8 @@ from tirelog.readers.text.digits import (
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
-#: what is done with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and
-#: byte behind
+#: what is done with a column: nothing, int32 counts, float64, int64 counts, first byte and byte
+#: behind
 SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
 #: what to do with a column: `what` of the above, its slot in that output, places of counts, whether
 #: 0 and -1 are lost; set to True: a count could not hold a number
@@ -43,7 +43,7 @@ GUIDE = np.dtype(
 )
 #: first byte of a cell and the byte behind it
 CELL_SPAN = np.dtype([("first", "i8"), ("stop", "i8")])
-#: decimals of a tick
+#: most decimals of a tick, an int64 count
 TICK_PLACES = 9
 LARGEST = np.iinfo(np.int64).max
 Counts = NDArray[np.int32]
@@ -226,8 +226,8 @@ def parse_rows(
                         value = np.nan
                 floats[slot, r] = value
             elif what == TICK:
-                up = e + TICK_PLACES
-                if state != _NUMBER or up < 0 or up > TICK_PLACES or abs(m) > LARGEST // POWERS[up]:
+                up = e + places
+                if state != _NUMBER or up < 0 or up > places or abs(m) > LARGEST // POWERS[up]:
                     return r, begin, kept
                 ticks[slot, r] = m * POWERS[up]
             elif what == SPAN:

@@ -33,9 +33,11 @@ _NUMBER = {
 _TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
 #: marks of a comment, which some programs put in front of a header
 _MARKS = ("#", "%", "//")
+#: separators that are tried, the likeliest first
+_SEPARATORS = "\t;,| "
 #: rows kept as a sample from the head's beginning and end; last lines that the choice of a
 #: separator looks at, one after the other
-_SAMPLE_ROWS = 200
+SAMPLE_ROWS = 200
 _TAILS = (10, 3, 50, 200)
 
 
@@ -50,9 +52,10 @@ class Layout:
     in it; `counts` is the number of columns of peak counts, which begin at column `counts_at`;
     `kinds` says what the cells of each column are: number, time form, blank or text; `timed` rows
     begin with a time of day and `: `. `rows` are sample rows, cut into cells. `damaged` are the
-    numbers of lines above the first row that hold NUL bytes; `counter` is true if a row number
-    without a name stands in front of the named cells; `misfit` is a header whose names cannot be
-    laid on the columns, and then `names` hold none of them but what is sure.
+    numbers of lines above the first row that hold NUL bytes; `spoilt` that of a row between the
+    header and the first row that does not parse, or 0; `counter` is true if a row number without a
+    name stands in front of the named cells; `misfit` is a header whose names cannot be laid on the
+    columns, and then `names` hold none of them but what is sure; `quote` stands around cells.
     """
 
     encoding: str
@@ -72,8 +75,10 @@ class Layout:
     returns: bool = False
     preamble: tuple[str, ...] = ()
     damaged: tuple[int, ...] = ()
+    spoilt: int = 0
     counter: bool = False
     misfit: tuple[str, ...] = ()
+    quote: str = '"'
 
 
 def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # noqa: B008 - frozen
@@ -87,6 +92,8 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     if len(lines) > 1 and (len(head) >= 1 << 17 or not lines[-1].strip()):
         lines.pop()  # the head may end inside of a row
     clean = [line.rstrip("\r") for line in lines]
+    quote = _quote(clean)
+    clean = [line.replace(quote, '"') for line in clean] if quote != '"' else clean
     full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
     if not full:
         raise ReadError(
@@ -118,9 +125,11 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
             file=name,
         )
     rows = [cells[i] for i in full if i >= first]
-    rows = rows if len(rows) <= 2 * _SAMPLE_ROWS else rows[:_SAMPLE_ROWS] + rows[-_SAMPLE_ROWS:]
+    rows = rows if len(rows) <= 2 * SAMPLE_ROWS else rows[:SAMPLE_ROWS] + rows[-SAMPLE_ROWS:]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
-    names, unit_row = _header([i for i in full if i < first], cells, width, separator)
+    above = [i for i in full if i < first]
+    spoilt = _spoilt(above, cells, width, decimal)
+    names, unit_row = _header(above[:-1] if spoilt else above, cells, width, separator)
     if given.columns is not None:
         if len(given.columns) > max(map(len, rows)):
             raise SetupError(
@@ -155,6 +164,8 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         returns=returns,
         preamble=tuple(clean[i] for i in full if i < first),
         damaged=tuple(i + 1 for i in range(first) if "\0" in clean[i]),
+        spoilt=above[-1] + 1 if spoilt else 0,
+        quote=quote,
     )
     counts_at, counts = _counts(layout)
     return replace(layout, counts_at=counts_at, counts=counts)
@@ -185,7 +196,7 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
         where = f"a NUL byte at {first_nul}" if first_nul >= 0 else "control characters"
         raise ReadError(
             f"is not text ({where})",
-            allowed="allowed are text, MCAP and HDF5 logs",
+            allowed="allowed are text, MCAP, HDF5, MATLAB, Parquet and WAV logs",
             do="check which file this is",
             file=name,
         )
@@ -198,6 +209,13 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
         if problem.start >= len(head) - start - 4:  # the head ends inside of a character
             return head[start : start + problem.start].decode("utf-8"), "utf-8", start
     return head.decode("cp1252", errors="replace"), "cp1252", 0
+
+
+def _quote(lines: list[str]) -> str:
+    """What stands around cells: `'` if it does in most lines that hold anything, else `"`."""
+    full = [line for line in lines[-SAMPLE_ROWS:] if line.strip()]
+    single = sum(bool(re.match(r"\s*'[^']*'\s*[,;|\t ]", line)) for line in full)
+    return "'" if full and 2 * single > len(full) else '"'
 
 
 def _mostly_nul(head: bytes) -> bool:
@@ -245,7 +263,7 @@ def _kind(cell: str, decimal: str) -> str:
 def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, str]:
     """The separator and decimal sign that make most of the sample's cells readable."""
     best, choice = (-1.0, 0.0), (given.separator or ",", given.decimal or ".")
-    for separator in given.separator or "\t;, ":
+    for separator in given.separator or _SEPARATORS:
         for decimal in given.decimal or ".,":
             if separator == decimal:
                 continue
@@ -303,12 +321,27 @@ def _ragged(rows: list[list[str]], width: int) -> bool:
     return sum(len(row) != width for row in rows[:-1]) > max(1, len(rows) // 50)
 
 
+def _spoilt(above: list[int], cells: dict[int, list[str]], width: int, decimal: str) -> bool:
+    """True if the last line above the first row is a row itself, one that does not parse.
+
+    It stands between the rows and a header of words that fits them, and half of it is numbers.
+    """
+    if len(above) < 2:
+        return False
+    last, header = cells[above[-1]], cells[above[-2]]
+    numbers = sum(is_number(cell, decimal) for cell in last)
+    words = not any(is_number(cell, decimal) for cell in header)
+    return words and filled(header) == width and abs(len(last) - width) < 2 and 2 * numbers >= width
+
+
 def _header(
     above: list[int], cells: dict[int, list[str]], width: int, separator: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(names, units) from the lines above the first row; both empty without a header."""
     if not above:
         return (), ()
+    if separator == " ":  # `# a | b` over columns of blanks
+        cells = {i: [cell for cell in cells[i] if cell != "|"] for i in above}
     last = _uncommented(cells[above[-1]], width)
     unit_row: list[str] = []
     if len(above) > 1 and _units_only(last) and len(cells[above[-2]]) >= min(2, width):

@@ -203,13 +203,9 @@ def _grating(name: str, channels: Mapping[str, ChannelSetup]) -> _Grating:
     ]
     reach = min([REACH_NM] + [0.5 * distance for distance in others if distance > 0.0])
     low, high = channel.window_nm or (rest - reach, rest + reach)
-    return _Grating(
-        name,
-        low * scale,
-        high * scale,
-        (rest if low <= rest <= high else 0.5 * (low + high)) * scale,
-        fibre,
-    )
+    middle = rest if low <= rest <= high else 0.5 * (low + high)
+    first, last = sorted((channel.recorded(low * scale), channel.recorded(high * scale)))
+    return _Grating(name, first, last, channel.recorded(middle * scale), fibre)
 
 
 def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, ChannelSetup]) -> None:

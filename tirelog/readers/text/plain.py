@@ -68,7 +68,8 @@ class _Table:
         self.whats, self.slots = self._roles()
         guides = np.zeros(plan.across, GUIDE)
         for k, what in self.whats.items():
-            guides[k] = what, self.slots[k], plan.places.get(k) or 0, k in plan.gratings, False
+            places = plan.tick_places if what == TICK else plan.places.get(k) or 0
+            guides[k] = what, self.slots[k], places, k in plan.gratings, False
         data = bytes_of(block)
         lines = min(
             (len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS

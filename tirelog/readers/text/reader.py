@@ -6,13 +6,14 @@
 
 What happens to a row that is not like the others: a cell that is no number is NaN and counted; a
 row of the wrong width keeps its place with NaN if its stamp can be read (or if the log has
-none) and is left out if not; a last row that is cut off is left out. All three are losses, told
-with their first line. Samples that the instrument marks as lost are NaN and counted.
+none), and so does a row of numbers whose stamp cannot; any other is left out, and so is a last row
+that is cut off. All of these are losses, told with their first line. Samples that the instrument
+marks as lost are NaN and counted.
 """
 
 from __future__ import annotations
 
-import re
+import math
 from collections import deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -26,6 +27,7 @@ import numpy as np
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError
 from tirelog.readers.base import Group, RawBlock, ReadReport, Samples, lost_samples
+from tirelog.readers.rates import rate_in_words
 from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
@@ -36,6 +38,7 @@ from tirelog.readers.text.columns import (
     start_iso,
     stated_units,
 )
+from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
 from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
 from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
@@ -51,12 +54,6 @@ GROUP = "rows"
 _THREADS, _AHEAD = 2, 4
 #: stamps above this many seconds are kept as whole numbers until the first one is taken off
 _EXACT_ABOVE_S = 1e6
-
-_RATE = re.compile(
-    r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)"
-    r"[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?",
-    re.I,
-)
 
 
 def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> TextReader:
@@ -89,11 +86,15 @@ class TextReader:
             format="text" if source.kind == "plain" else f"text, {source.kind}"
         )
         self.report.start = start_iso(self.layout, self.columns, self._plan.us)
-        self.report.remarks += said + _about_names(self.layout)
+        self.report.remarks += said + _about_names(self.layout) + _about_time(self)
         self.report.losses += [
             f"line {line} holds NUL bytes and was left out; copy the log again"
             for line in self.layout.damaged[:3]
         ]
+        if self.layout.spoilt:
+            self.report.losses.append(
+                f"line {self.layout.spoilt} does not parse as a row and was left out"
+            )
         self.report.losses += [
             f"channel {channel}: {why}" for channel, why in self.columns.missing.items()
         ]
@@ -112,6 +113,7 @@ class TextReader:
     def _group(self, channels: tuple[str, ...]) -> Group:
         columns, layout = self.columns, self.layout
         places = {c: self._plan.places[column] for c, column in columns.values.items()}
+        places |= dict.fromkeys(columns.edges, 0)
         places |= {
             c: max(
                 (decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)),
@@ -128,7 +130,11 @@ class TextReader:
                 if len(row) > max(parts, default=0)
             ]
             counted = not parts or len(set(stamps)) < 0.7 * len(stamps)
-        return Group(GROUP, channels, _rate(layout), resolution_s(layout, columns), counted, places)
+        rate = rate_in_words(layout.preamble)
+        return Group(
+            GROUP, channels, rate, resolution_s(layout, columns), counted, places,
+            edges=bool(columns.edges),
+        )  # fmt: skip
 
     def blocks(self) -> Iterator[RawBlock]:
         """All rows, block by block."""
@@ -198,6 +204,9 @@ class TextReader:
             channel: parsed.values[column] for channel, column in self.columns.values.items()
         }
         flags: list[tuple[str, int, int, Quality]] = []
+        before = self.report.counts.get("rows", 0)
+        for channel in self.columns.edges:
+            values[channel] = np.arange(before, before + parsed.size, dtype=np.float64)
         if self._tracker:
             found, flags = self._tracker.follow(parsed)
             values |= found
@@ -215,16 +224,21 @@ class TextReader:
         stamps, factor = parsed.stamps, self.columns.time_factor
         if stamps is None:
             return None
+        known = ~np.isnan(stamps) if stamps.dtype == np.float64 else stamps != MISSING
+        if not known.any():
+            return np.full(stamps.size, np.nan)
         if stamps.dtype == np.float64:
-            self._origin = float(stamps[0]) if self._origin is None else self._origin
+            self._origin = float(stamps[known][0]) if self._origin is None else self._origin
             return np.asarray((stamps - self._origin) * factor, np.float64)
         ticks = np.asarray(stamps, np.int64)
         if self.columns.form == "hms":
             ticks, turns = unwrap_midnight(ticks, self._last_ns)
             self._count("midnight_rollovers", turns)
-            self._last_ns = int(ticks[-1])
-        self._origin = int(ticks[0]) if self._origin is None else self._origin
-        return np.asarray((ticks - int(self._origin)) * (factor / 1e9), np.float64)
+            self._last_ns = int(ticks[known][-1])
+        self._origin = int(ticks[known][0]) if self._origin is None else self._origin
+        second = 10**self._plan.tick_places if self.columns.form == "number" else 10**9
+        since = np.where(known, ticks - int(self._origin), 0)
+        return np.where(known, since * (factor / second), np.nan)
 
     def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, Quality]]:
         """Sample ranges whose rows carry error codes, for every channel.
@@ -291,12 +305,24 @@ def _about_names(layout: Layout) -> list[str]:
     return []
 
 
+def _about_time(reader: TextReader) -> list[str]:
+    """What was taken for the time though nothing names it so."""
+    time, layout = reader.columns.time, reader.layout
+    if not reader.columns.guessed or time is None:
+        return []
+    name = layout.names[time] if time < len(layout.names) else ""
+    return [
+        f"column #{time + 1}{f' {name!r}' if name else ''} rises in even steps and is taken for "
+        "the time in s; if it is none, name another as time under [log] in the setup"
+    ]
+
+
 def cut_off(layout: Layout, line: str) -> bool:
     """True if a last line without its newline is shorter than the rows before it.
 
     In cells, in peaks, or in its last decimals.
     """
-    cells = split_cells(line, layout.separator, layout.timed)
+    cells = split_cells(line.replace(layout.quote, '"'), layout.separator, layout.timed)
     usual = layout.rows[:-1]
     if not usual:
         return len(cells) < layout.width
@@ -331,7 +357,7 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
     time = columns.time or 0  # a form of stamp is there only with a column of stamps
     stamps = [row[time] for row in layout.rows if len(row) > time]
     us = columns.form == "dmy" and month_first(stamps)
-    exact = False
+    exact, tick_places = False, TICK_PLACES
     if columns.form == "number" and columns.time is not None:
         first = next(
             (
@@ -341,9 +367,11 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
             ),
             "0",
         )
-        exact = (
-            abs(float(first.replace(layout.decimal, "."))) * columns.time_factor > _EXACT_ABOVE_S
-        )
+        size = abs(float(first.replace(layout.decimal, ".")))
+        exact = size * columns.time_factor > _EXACT_ABOVE_S
+        if exact:  # as many decimals as int64 holds of twice the first stamp
+            tick_places = min(TICK_PLACES, math.floor(math.log10(LARGEST / (2.0 * size))))
+            exact = tick_places >= most_decimals(stamps, layout.decimal)
     behind = [
         layout.counts_at + layout.counts - 1 if layout.counts else -1,
         columns.time,
@@ -365,22 +393,8 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
         max(k for k in behind if k is not None) + 1,
         tuple(sorted(gratings)),
         places,
+        tick_places=tick_places,
     )
-
-
-def _rate(layout: Layout) -> float | None:
-    """The sampling rate that a preamble tells."""
-    for line in layout.preamble:
-        if match := _RATE.search(line):
-            try:
-                return (
-                    float(match[1].replace(",", "."))
-                    * (1e3 if (match[2] or "").lower() == "khz" else 1.0)
-                    or None
-                )
-            except ValueError:
-                continue
-    return None
 
 
 __all__ = ["GROUP", "MISSING", "TextReader", "open_text"]

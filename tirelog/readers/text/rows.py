@@ -14,7 +14,7 @@ import numpy as np
 from tirelog.readers.base import Samples, counted_floats
 from tirelog.readers.text.columns import Columns
 from tirelog.readers.text.digits import Block, bytes_of
-from tirelog.readers.text.kernels import collapsed
+from tirelog.readers.text.kernels import TICK_PLACES, collapsed
 from tirelog.readers.text.layout import Layout
 from tirelog.readers.text.times import MISSING, Nanoseconds
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -98,11 +98,11 @@ class RowPlan:
 
     The layout, the columns, and whether dates have the month first (`us`).
 
-    `exact` reads a numeric time column as decimals of 1e-9 units, if float64 would round its
-    stamps; `peaks_at` is the first column of a flat list of peaks; `gratings` are the columns of
-    wavelengths, in which 0 and -1 are lost peaks; `places` are the decimals of the channels'
-    columns (None: written with exponents). `uncounted` grows: columns that held numbers which no
-    count can hold; it saves work, and the numbers are the same without.
+    `exact` reads a numeric time column as whole numbers of `tick_places` decimals, if float64 would
+    round its stamps; `peaks_at` is the first column of a flat list of peaks; `gratings` are the
+    columns of wavelengths, in which 0 and -1 are lost peaks; `places` are the decimals of the
+    channels' columns (None: written with exponents). `uncounted` grows: columns that held numbers
+    which no count can hold; it saves work, and the numbers are the same without.
     """
 
     layout: Layout
@@ -113,6 +113,7 @@ class RowPlan:
     gratings: tuple[int, ...] = ()
     places: Mapping[int, int | None] = field(default_factory=dict)
     uncounted: set[int] = field(default_factory=set)
+    tick_places: int = TICK_PLACES
 
     @property
     def least(self) -> int:
@@ -158,8 +159,8 @@ def normalized(layout: Layout, block: Block) -> Block:
 
     A newline stands behind its last row.
     """
-    if b'"' in block:
-        block = block.translate(None, b'"')
+    if (quote := layout.quote.encode()) in block:
+        block = block.translate(None, quote)
     if layout.timed:
         block = _TIMED.sub(rb"\1" + layout.separator.encode(), block)
     if not block.endswith(b"\n"):

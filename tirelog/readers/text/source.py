@@ -1,6 +1,6 @@
 """Bytes of a text log, whatever wraps them.
 
-Plain, gzip, zstd or xz, from a file or from standard input.
+Plain, gzip, zstd, xz or the one file of a zip, from a file or from standard input.
 
     path or stream --magic bytes--> ByteSource --cut at newlines--> pieces of 2 MB
 
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tirelog.errors import ReadError
+from tirelog.readers.text.zipped import NotReadOn, unzipped
 
 #: bytes that sniffing may look at
 HEAD_BYTES = 1 << 18
@@ -30,7 +31,9 @@ LONGEST_LINE_BYTES = 8 << 20
 #: KB become 64 MB at most
 _PIECE_BYTES, _UNPACKED_BYTES = 1 << 14, 1 << 11
 
-_MAGIC = {"gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00"}
+_MAGIC = {
+    "gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00", "zip": b"PK\3\4"
+}  # fmt: skip
 
 
 def _unpacker(kind: str) -> Any:
@@ -49,6 +52,9 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 
     EOFError if the last member is not whole.
     """
+    if kind == "zip":
+        yield from unzipped(pieces)
+        return
     unpacker, started = _unpacker(kind), False
     for piece in pieces:
         rest = piece
@@ -69,9 +75,9 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 class ByteSource:
     """The unpacked bytes of a log, read forward only.
 
-    `kind` is plain, gzip, zstd or xz; `problem` is a sentence if the compressed stream ended early
-    or is damaged; `endless` is true if a line has no end within LONGEST_LINE_BYTES (a hole in the
-    file), and neither it nor what follows was given.
+    `kind` is plain, gzip, zstd, xz or zip; `problem` is a sentence if the compressed stream ended
+    early or is damaged; `endless` is true if a line has no end within LONGEST_LINE_BYTES (a hole in
+    the file), and neither it nor what follows was given.
     """
 
     def __init__(self, source: Path | str | BinaryIO, name: str) -> None:
@@ -122,6 +128,8 @@ class ByteSource:
             self.problem = (
                 f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
             )
+        except NotReadOn as problem:
+            self.problem = str(problem)
         # zlib.error, lzma.LZMAError, zstandard.ZstdError: each library has its own tree
         except Exception as problem:
             if isinstance(problem, OSError):

@@ -1,0 +1,247 @@
+"""Property: `info` tells what is in any log without a setup, and `setup` drafts and checks one."""
+
+import io
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from mcap.writer import Writer
+from rich.console import Console
+from scipy.io import savemat, wavfile
+
+from tests.cli.conftest import Command, pulse_rows
+from tirelog.data.setup import load_setup
+
+ROWS = np.array([[float(x) for x in row.split(",")] for row in pulse_rows()])
+T, STRAIN = ROWS[:, 0], ROWS[:, 1]
+TWIN = 1542.0 + 2e-4 * np.sin(T)
+SPEED, LOAD = 12.0 + 0.1 * np.sin(T), 3.4 + 0.01 * np.cos(T)
+
+
+def text(path: Path) -> None:
+    table = pd.DataFrame(
+        {"time_s": T, "CH1": STRAIN, "CH2": TWIN, "speed [km/h]": SPEED, "odd": LOAD}
+    )
+    table.to_csv(path, index=False, float_format="%.5f")
+
+
+def peaks(path: Path) -> None:
+    rows = (
+        f"{t:.4f}\t{a:.4f}\t{b:.4f}\n" if k % 9 else f"{t:.4f}\t{b:.4f}\n"
+        for k, (t, a, b) in enumerate(zip(T, TWIN, STRAIN, strict=True))
+    )
+    path.write_text("".join(rows))
+
+
+def hdf5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["/fbg/both"] = np.column_stack([STRAIN, TWIN])
+        file["/fbg/both"].attrs["fs"] = 2500.0
+        file["/vehicle/speed"] = SPEED
+        file["/vehicle/speed"].attrs.update(units="km/h", fs=2500.0)
+        file["/note"] = "a drive"
+
+
+def matlab(path: Path) -> None:
+    savemat(path, {"run": {"CH1": STRAIN, "CH2": TWIN, "speed": SPEED, "t": T}})
+
+
+def mcap(path: Path) -> None:
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = {
+            topic: writer.register_channel(
+                topic, "json", writer.register_schema("x", "jsonschema", b"{}")
+            )
+            for topic in ("/tire", "/vehicle")
+        }
+        for k in range(3000):
+            at = 1_700_000_000_000_000_000 + round(T[k] * 1e9)
+            both = {"gratings": [round(STRAIN[k], 4), round(TWIN[k], 5)], "note": "x"}
+            for topic, what in (("/tire", both), ("/vehicle", {"speed": round(SPEED[k], 4)})):
+                writer.add_message(channels[topic], at, json.dumps(what).encode(), at)
+        writer.finish()
+
+
+def wav(path: Path) -> None:
+    wavfile.write(path, 2500, (1e4 * np.sin(T)).astype(np.int16))
+
+
+#: suffix: (writes the log, sources with their likely kinds)
+LOGS = {
+    "csv": (
+        text,
+        {"CH1": "fbg_strain", "CH2": "fbg_temperature", "speed": "vehicle_speed", "odd": "signal"},
+    ),
+    "txt": (peaks, {"peak_1542nm": "fbg_temperature", "peak_1550nm": "fbg_strain"}),
+    "parquet": (
+        lambda path: pd.DataFrame({"t": T, "CH1": STRAIN, "CH2": TWIN, "v": SPEED}).to_parquet(
+            path
+        ),
+        {"CH1": "fbg_strain", "CH2": "fbg_temperature", "v": "signal"},
+    ),
+    "h5": (
+        hdf5,
+        {
+            "/fbg/both[0]": "fbg_strain",
+            "/fbg/both[1]": "fbg_temperature",
+            "/vehicle/speed": "vehicle_speed",
+        },
+    ),
+    "mat": (
+        matlab,
+        {
+            "/run/CH1": "fbg_strain",
+            "/run/CH2": "fbg_temperature",
+            "/run/speed": "vehicle_speed",
+        },
+    ),
+    "mcap": (
+        mcap,
+        {
+            "/tire:gratings[0]": "fbg_strain",
+            "/tire:gratings[1]": "fbg_temperature",
+            "/vehicle:speed": "vehicle_speed",
+        },
+    ),
+    "wav": (wav, {"#1": "signal"}),
+}
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("suffix", LOGS)
+def test_info_lists_every_series_of_a_log_without_a_setup(
+    suffix: str, place: Path, tirelog: Command
+) -> None:
+    write, kinds = LOGS[suffix]
+    write(place / f"drive.{suffix}")
+    told = tirelog("info", f"drive.{suffix}")
+    assert told.status == 0
+    assert told.err == ""
+    assert all(source in told.out for source in kinds)
+    assert "tirelog setup new" in told.out
+    rows = json.loads(tirelog("info", f"drive.{suffix}", "--format", "json").out)
+    assert {row["source"]: row["likely_kind"] for row in rows} == kinds
+    assert all(abs(row["rate_Hz"] - 2500.0) < 0.1 for row in rows)
+    assert all(row["lowest"] < row["highest"] for row in rows)
+
+
+@pytest.mark.parametrize("width", [40, 80])
+@pytest.mark.parametrize("described", [False, True])
+def test_no_terminal_is_too_narrow(
+    width: int, described: bool, place: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "a_very_long_name_of_a_column_" * 3
+    (place / "l.csv").write_text(
+        f"time_s,{name}\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(50))
+    )
+    if described:
+        keys = f'kind = "signal"\nsource = "{name}"\n'
+        (place / "l.toml").write_text(f"[channels.{name}]\n{keys}")
+    shown = io.StringIO()
+    console = Console(file=shown, width=width, highlight=False, markup=False, soft_wrap=True)
+    for module in ("summary", "contents_page"):
+        monkeypatch.setattr(f"tirelog.cli.{module}.page", lambda _: console)
+    assert tirelog("info", "l.csv").status == 0
+    lines = shown.getvalue().splitlines()
+    assert name in "".join(line.strip() for line in lines)
+    assert "…" not in shown.getvalue()
+    wide = [line for line in lines if len(line) > width and name not in line]
+    assert wide == (lines[:1] if described and width == 40 else [])  # the terminal's to wrap
+
+
+def test_info_of_standard_input_and_of_what_has_no_rate(place: Path, tirelog: Command) -> None:
+    (place / "l.csv").write_text("a,b\n" + "".join(f"{k % 5},{k % 7}\n" for k in range(50)))
+    told = tirelog("info", "l.csv")
+    assert told.status == 0
+    assert "time: none is found" in told.out
+    assert told.out.count("no rate is known") == 2
+    assert json.loads(tirelog("info", "l.csv", "--format", "json").out)[0]["rate_Hz"] is None
+
+
+def test_info_of_what_cannot_be_read(place: Path, tirelog: Command) -> None:
+    (place / "a.csv").write_text("only words\n" * 9)
+    (place / "b.bin").write_bytes(b"TDSm" + bytes(90))
+    told = tirelog("info", "a.csv", "b.bin", "nowhere.csv")
+    assert told.status == 4
+    assert told.err.count("tirelog: error:") == 3
+    assert "TDMS" in told.err
+
+
+@pytest.mark.parametrize("suffix", ["csv", "txt", "parquet", "h5", "mat", "mcap"])
+def test_a_drafted_setup_reads_the_log_and_gives_its_speed(
+    suffix: str, place: Path, tirelog: Command
+) -> None:
+    LOGS[suffix][0](place / f"drive.{suffix}")
+    made = tirelog("setup", "new", f"drive.{suffix}", "-o", "drive.toml")
+    assert made.status == 0
+    assert "guesses to look at" in made.err
+    draft = (place / "drive.toml").read_text()
+    setup = load_setup(place / "drive.toml")
+    strain = next(one for one in setup.channels.values() if one.kind == "fbg_strain")
+    assert strain.surface == "outer"
+    assert setup.channels[strain.temperature_channel].kind == "fbg_temperature"
+    assert abs(strain.reference_wavelength_nm - 1550.0) < 0.5
+    checked = tirelog("setup", "check", f"drive.{suffix}")
+    assert checked.status == 0
+    assert "missing: [tire] rolling_radius_m" in checked.out
+    assert f"{draft.count('# guessed')} guesses are still marked" in checked.out
+    draft = draft.replace("# rolling_radius_m", "rolling_radius_m").replace("guessed", "looked at")
+    (place / "drive.toml").write_text(draft)
+    assert "guess" not in tirelog("setup", "check", f"drive.{suffix}").out
+    rows = json.loads(tirelog("speed", f"drive.{suffix}", "--format", "json").out)
+    speeds = [row["speed_m_s"] for row in rows if row["quality"] == "ok"]
+    assert len(speeds) > 3
+    np.testing.assert_allclose(speeds, 12.0, rtol=2e-3)
+
+
+def test_check_says_what_is_implausible_and_unused(place: Path, tirelog: Command) -> None:
+    text(place / "drive.csv")
+    tirelog("setup", "new", "drive.csv", "-o", "drive.toml")
+    draft = (place / "drive.toml").read_text()
+    (place / "drive.toml").write_text(
+        draft.replace('surface = "outer"', 'surface = "inner"')
+        .replace("reference_wavelength_nm = 1542.0", "reference_wavelength_nm = 1442.0")
+        .replace("[channels.speed]", "[channels.other]")
+        .replace('source = "speed"', 'source = "odd"')
+        .replace('unit = "km/h"', 'unit = "m/s"')
+    )
+    told = tirelog("setup", "check", "drive.csv")
+    assert told.status == 2
+    assert 'surface = "inner"; is it "outer"?' in told.out
+    assert "implausible: channel CH2: wavelengths of 1542" in told.out
+    assert "unused: 1 series of the log: speed" in told.out
+
+
+def test_a_draft_never_takes_the_log_s_place(place: Path, tirelog: Command) -> None:
+    text(place / "drive.csv")
+    before = (place / "drive.csv").read_bytes()
+    assert tirelog("setup", "new", "drive.csv", "-o", "drive.csv").status == 2
+    assert (place / "drive.csv").read_bytes() == before
+    assert tirelog("setup", "new", "nowhere.csv", "-o", "n.toml").status == 4
+    assert not (place / "n.toml").exists()
+
+
+def test_names_that_toml_would_trip_over(place: Path, tirelog: Command) -> None:
+    names = ['say "hi"', "a = [1", "back\\slash", "# note", "\x1b[31mred", "öl", ""]
+    header = "\t".join(["time", *names])
+    rows = "".join(
+        f"{k / 10}\t" + "\t".join(f"{(k * (j + 3)) % 11}" for j in range(len(names))) + "\n"
+        for k in range(80)
+    )
+    (place / "l.csv").write_text(header + "\n" + rows)
+    assert tirelog("setup", "new", "l.csv", "-o", "l.toml").status == 0
+    setup = load_setup(place / "l.toml")
+    assert len(setup.channels) == len(names)
+    told = tirelog("info", "l.csv")
+    assert told.status == 0
+    assert "\x1b" not in told.out + told.err

@@ -1,0 +1,60 @@
+"""Property: every name, unit and size gives a likely kind whose unit a setup takes."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tirelog.drafts.guess import _ALONG, _QUANTITIES, _SIZES, _WORDS, guessed
+from tirelog.vocabulary.kinds import KINDS
+from tirelog.vocabulary.units import UNITS
+
+NAMES = sorted({word for words, _ in _WORDS for word in words} | _ALONG | {"voltage", "W-N-01", ""})
+
+
+@given(
+    st.lists(st.sampled_from(NAMES), max_size=3).map("_".join),
+    st.sampled_from(["", "furlong", *UNITS]),
+    st.sampled_from([0.0, 1e-9, 1e-4, 0.3, 2.0, 40.0, 900.0, 1550.0, 2.2e5, 1e30]),
+    st.sampled_from([0.0, 1e-6, 0.1, 3.0]),
+)
+@settings(max_examples=400, deadline=None)
+def test_a_guess_is_a_kind_with_a_unit_of_it(
+    name: str, unit: str, size: float, moves: float
+) -> None:
+    samples = size * (1.0 + moves * np.sin(np.arange(50.0)))
+    guess = guessed(name, unit, samples, 100.0)
+    KINDS[guess.kind].to_si(guess.unit)
+    assert guess.reason
+    lost = guessed(name, unit, np.full(5, np.nan), None)
+    assert lost.kind == "signal"
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "kind", "unit"),
+    [
+        ("acc_x_g", 30.0, "longitudinal_acceleration", "g"),
+        ("Acc_Z", 30.0, "radial_acceleration", "m/s^2"),
+        ("AxialLoad_N", 30.0, "vertical_load", "N"),
+        ("load", 3.4, "vertical_load", "kN"),
+        ("tire_pressure", 2.2, "inflation_pressure", "bar"),
+        ("tire_pressure", 220.0, "inflation_pressure", "kPa"),
+        ("pressure_psi", 32.0, "inflation_pressure", "psi"),
+        ("strainOuter", 900.0, "strain", "microstrain"),
+        ("strain", 9e-4, "strain", "strain"),
+        ("lf_ttpms_1", 2.0, "inflation_pressure", "bar"),
+        ("temp_C", 60.0, "temperature", "degC"),
+        ("WL 1", 1532.0, "fbg_strain", "nm"),
+        ("hall", 1.0, "wheel_encoder", "1"),
+        ("x", 1.0, "signal", "1"),
+    ],
+)
+def test_names_that_loggers_give(name: str, size: float, kind: str, unit: str) -> None:
+    samples = size * (1.0 + 1e-4 * np.sin(np.arange(50.0)))
+    guess = guessed(name, "", samples, 100.0)
+    assert (guess.kind, guess.unit) == (kind, unit)
+
+
+def test_every_kind_that_is_guessed_has_its_sizes() -> None:
+    kinds = {kind for _, kind in _WORDS} | set(_QUANTITIES.values())
+    assert kinds <= set(_SIZES) <= set(KINDS)

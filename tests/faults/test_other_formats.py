@@ -1,0 +1,278 @@
+"""Faults of MATLAB, Parquet, WAV and zip logs: a sentence and a status, or what can be kept."""
+
+import io
+import struct
+import tracemalloc
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from scipy.io import savemat, wavfile
+
+from tirelog.data.setup import Setup, parse_setup
+from tirelog.errors import ReadError, TirelogError
+from tirelog.runs.ingest import open_recording
+
+N = 4000
+A = np.sin(np.arange(N) * 0.37) + 1e-3 * np.arange(N)
+TEXT = "time,a\n" + "".join(f"{i / 100:.2f},{x:.4f}\n" for i, x in enumerate(A))
+
+
+def setup_of(source: str = "a") -> Setup:
+    return parse_setup(
+        f'[channels.a]\nkind = "signal"\nsource = "{source}"\n[log]\nsampling_rate_Hz = 100.0\n'
+    )
+
+
+def read(data: bytes, folder: Path, source: str = "a") -> tuple[np.ndarray, str]:
+    """(samples, what was lost)."""
+    path = folder / "log"
+    path.write_bytes(data)
+    with open_recording(str(path), setup_of(source)) as recording:
+        return recording.channels["a"].read(), "; ".join(recording.losses)
+
+
+def refusal(data: bytes, folder: Path, source: str = "a") -> str:
+    with pytest.raises(ReadError) as caught:
+        read(data, folder, source)
+    assert str(caught.value).startswith(f"{folder / 'log'}: ")
+    return str(caught.value)
+
+
+def matlab(packed: bool = False, **variables: object) -> bytes:
+    file = io.BytesIO()
+    savemat(file, variables or {"a": A}, do_compression=packed)
+    return file.getvalue()
+
+
+def parquet(**columns: object) -> bytes:
+    file = io.BytesIO()
+    pq.write_table(pa.table(columns or {"time": np.arange(N) / 100.0, "a": A}), file)
+    return file.getvalue()
+
+
+def wav(values: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    wavfile.write(file, 100, values)
+    return file.getvalue()
+
+
+def zipped(*names: str, text: str = TEXT, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", method) as archive:
+        for name in names or ("log.csv",):
+            archive.writestr(name, text)
+    return file.getvalue()
+
+
+MADE = {
+    "matlab": (matlab(), "a"),
+    "matlab packed": (matlab(packed=True), "a"),
+    "parquet": (parquet(), "a"),
+    "wav": (wav((A * 3000).astype(np.int16)), "#1"),
+    "zip": (zipped(), "a"),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, tmp_path: Path) -> None:
+    """Nothing but an error of our own, and never more samples than were written, unless said."""
+    data, source = MADE[name]
+    rng = np.random.default_rng(len(name))
+    refused = 0
+    for _ in range(30):
+        spoilt = bytearray(data)
+        for at in rng.integers(0, len(spoilt), int(rng.integers(1, 4))):
+            spoilt[at] ^= 1 << int(rng.integers(8))
+        if rng.random() < 0.4:
+            del spoilt[int(rng.integers(1, len(spoilt))) :]
+        try:
+            values, lost = read(bytes(spoilt), tmp_path, source)
+            assert 0 < values.size <= N + 1 or "damaged" in lost
+        except TirelogError:
+            refused += 1
+    assert refused < 30
+
+
+@pytest.mark.parametrize("name", ["matlab", "wav", "zip"])
+def test_a_file_cut_off_keeps_what_is_there_and_says_so(name: str, tmp_path: Path) -> None:
+    data, source = MADE[name]
+    whole, none = read(data, tmp_path, source)
+    part, lost = read(data[: len(data) * 6 // 10], tmp_path, source)
+    assert none == ""
+    assert 0.5 * N < part.size < 0.7 * N
+    np.testing.assert_array_equal(part, whole[: part.size])
+    assert "cut off" in lost or "not in the file" in lost
+
+
+@pytest.mark.parametrize("name", ["matlab packed", "parquet"])
+def test_a_packed_file_that_is_cut_off_before_its_end(name: str, tmp_path: Path) -> None:
+    data, source = MADE[name]
+    if name == "parquet":  # its table of contents stands at the end
+        assert "no readable Parquet" in refusal(data[:-200], tmp_path, source)
+        return
+    part, lost = read(data[: len(data) * 6 // 10], tmp_path, source)
+    assert 0.4 * N < part.size < 0.8 * N
+    np.testing.assert_array_equal(part, A[: part.size])
+    assert "not in the file" in lost
+
+
+def test_a_packed_variable_that_is_damaged_is_lost_and_no_other(tmp_path: Path) -> None:
+    data = bytearray(matlab(packed=True, b=A[::-1].copy(), a=A))
+    data[128 + 8 + 4000] ^= 16
+    values, lost = read(bytes(data), tmp_path)
+    np.testing.assert_array_equal(values, A)
+    assert "variable 1: its packed bytes are damaged" in lost
+
+
+def element(kind: int, body: bytes) -> bytes:
+    return struct.pack("<II", kind, len(body)) + body + bytes(-len(body) % 8)
+
+
+def array(name: bytes, dims: tuple[int, ...], body: bytes, kind: int = 6) -> bytes:
+    """A matrix element by hand."""
+    shape = struct.pack(f"<{len(dims)}i", *dims)
+    flags = element(6, struct.pack("<II", kind, 0))
+    return element(14, flags + element(5, shape) + element(1, name) + body)
+
+
+HEAD = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+
+
+@pytest.mark.parametrize(
+    "dims", [(1 << 30, 1 << 30), (1, 1 << 30), (1 << 30, 1), (2, -5), (7,), (0, 3), (3, 1 << 29)]
+)
+@pytest.mark.parametrize("kind", [1, 2, 6])
+def test_what_an_array_says_it_is_costs_no_memory(
+    dims: tuple[int, ...], kind: int, tmp_path: Path
+) -> None:
+    data = (
+        HEAD
+        + array(b"a", dims, element(9, bytes(64)), kind)
+        + array(b"b", (1, 9), element(9, bytes(72)))
+    )
+    tracemalloc.start()
+    values, _ = read(data, tmp_path, "b")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert values.size == 9
+    assert peak < 20 << 20
+
+
+def test_what_matlab_keeps_of_its_objects_is_passed_over(tmp_path: Path) -> None:
+    """A table or a time series has no axes, and its inside stands behind the variables."""
+    flags, name = element(6, struct.pack("<II", 17, 0)), element(1, b"drive")
+    object_ = element(14, flags + name + element(1, b"MCOS") + element(1, b"timetable"))
+    inside = array(b"", (1, 9), element(2, bytes(9)), 9)
+    data = HEAD + object_ + array(b"b", (1, 9), element(9, bytes(72))) + inside
+    path = tmp_path / "log"
+    path.write_bytes(data)
+    with open_recording(str(path), setup_of("b")) as recording:
+        assert recording.losses == []
+        assert recording.remarks == ("not read: /drive is an object (a table, a time series)",)
+
+
+def test_structures_without_end_end(tmp_path: Path) -> None:
+    names = element(5, struct.pack("<i", 8)) + element(1, b"x\0\0\0\0\0\0\0")
+    inner = array(b"", (1, 1), names, 2)
+    for _ in range(40):
+        inner = array(b"", (1, 1), names + inner, 2)
+    data = HEAD + array(b"s", (1, 1), names + inner, 2) + array(b"b", (1, 9), element(9, bytes(72)))
+    assert read(data, tmp_path, "b")[0].size == 9
+
+
+@pytest.mark.parametrize("name", [b"../x", b"/", b"", b"a/b", b"\xff\xfe", b"x" * 3000, b"."])
+def test_a_variable_of_no_name_is_passed_over(name: bytes, tmp_path: Path) -> None:
+    body = element(9, np.arange(9.0).tobytes())
+    data = HEAD + array(name, (1, 9), body) + array(b"b", (1, 9), body)
+    assert read(data, tmp_path, "b")[0].size == 9
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["log"]
+
+
+def test_a_small_matlab_file_that_unpacks_to_much(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("tirelog.readers.other.matlab._MOST_BYTES", 1 << 20)
+    bomb = zlib.compress(bytes(40 << 20))
+    data = HEAD + struct.pack("<II", 15, len(bomb)) + bomb
+    tracemalloc.start()
+    message = refusal(data, tmp_path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert "unpacks to more than 1 MB" in message
+    assert peak < 20 << 20
+
+
+WAVES = {
+    "no format": (b"RIFF\0\0\0\0WAVEdata\x10\0\0\0" + bytes(16), "without a format"),
+    "no samples": (b"RIFF\0\0\0\0WAVE" + bytes(30), "without samples"),
+    "a format cut off": (b"RIFF\0\0\0\0WAVEfmt \x04\0\0\0\1\0\1\0data", "cut off"),
+    "of a telephone": (
+        b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 7, 1, 8000, 8000, 1, 8),
+        "of code 7",
+    ),
+    "of no rate": (
+        b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 1, 1, 0, 0, 2, 16),
+        "0 Hz",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WAVES)
+def test_what_no_wav_reader_reads(name: str, tmp_path: Path) -> None:
+    data, says = WAVES[name]
+    assert says in refusal(data, tmp_path, "#1")
+
+
+def test_a_channel_that_a_wav_does_not_have(tmp_path: Path) -> None:
+    assert "allowed are #1 to #1" in refusal(MADE["wav"][0], tmp_path, "#2")
+
+
+def test_samples_of_24_bits(tmp_path: Path) -> None:
+    whole = np.array([0, 1, -1, 1 << 22, -(1 << 23), (1 << 23) - 1])
+    body = b"".join(int(x).to_bytes(3, "little", signed=True) for x in whole)
+    head = b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 1, 1, 100, 300, 3, 24)
+    data = head + b"LIST\x05\0\0\0abcde\0" + b"data" + struct.pack("<I", len(body)) + body
+    np.testing.assert_array_equal(read(data, tmp_path, "#1")[0], whole / 2.0**23)
+
+
+def encrypted() -> bytes:
+    data = bytearray(zipped())
+    data[6] |= 1
+    return bytes(data)
+
+
+ZIPS = {
+    "encrypted": (encrypted(), "is encrypted"),
+    "of bzip2": (zipped(method=zipfile.ZIP_BZIP2), "method 12"),
+    "of nothing": (zipped("a/", text=""), "nothing before that could be unpacked|is empty"),
+}
+
+
+@pytest.mark.parametrize("name", ZIPS)
+def test_an_archive_that_holds_no_log(name: str, tmp_path: Path) -> None:
+    data, says = ZIPS[name]
+    assert any(part in refusal(data, tmp_path) for part in says.split("|"))
+
+
+def test_an_archive_s_checksum_is_looked_at(tmp_path: Path) -> None:
+    data = bytearray(zipped(method=zipfile.ZIP_STORED))
+    at = data.index(b"0.50,")
+    data[at + 5 : at + 6] = b"9"
+    assert "checksum is wrong" in read(bytes(data), tmp_path)[1]
+
+
+def test_a_table_with_a_name_twice(tmp_path: Path) -> None:
+    table = pa.Table.from_arrays([pa.array(A), pa.array(A)], names=["a", "a"])
+    file = io.BytesIO()
+    pq.write_table(table, file)
+    assert "a column name twice" in refusal(file.getvalue(), tmp_path)
+
+
+def test_text_in_a_table_is_handed_to_nobody(tmp_path: Path) -> None:
+    words = ["x\ny,1\t2\n"] * N
+    data = parquet(words=words, time=np.arange(N) / 100.0, a=A)
+    np.testing.assert_array_equal(read(data, tmp_path)[0], A)
+    assert "no column 'words'" in refusal(data, tmp_path, "words")

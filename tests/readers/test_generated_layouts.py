@@ -1,0 +1,15 @@
+"""Property: files in every layout of public data are read as they were written, to the row."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.layouts.generated import cases
+from benchmarks.layouts.judge import Case, judged
+
+CASES = {f"{case.source}: {case.layout}": case for case in cases()}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_a_layout_is_read_as_it_was_written(case: Case, tmp_path: Path) -> None:
+    assert judged(case, tmp_path).wrong == ""

@@ -1,0 +1,58 @@
+"""Closed form: a clock of known wandering rate, seen through whole seconds."""
+
+import numpy as np
+import pytest
+
+from tirelog.runs.clock import ClockFit
+
+
+def clocked(period_s: np.ndarray, lost: slice = slice(0)) -> tuple[np.ndarray, ClockFit]:
+    """(true times, the fitted clock) of samples with these steps, some of them lost."""
+    times = np.concatenate([[0.0], np.cumsum(period_s)[:-1]])
+    times = np.delete(times, lost)
+    clock = ClockFit(resolution_s=1.0)
+    for part in np.array_split(np.floor(times + 0.3), 5):
+        clock.add(part, None, part.size)
+    return times, clock
+
+
+def wavy(share: float, samples: int = 12_000) -> np.ndarray:
+    k = np.arange(samples)
+    return (1.0 + share * np.sin(2.0 * np.pi * k / 7000.0)) / 9.4
+
+
+@pytest.mark.parametrize("share", [0.01, 0.03, 0.08])
+def test_times_follow_a_wandering_rate(share: float) -> None:
+    times, clock = clocked(wavy(share))
+    got = clock.axis().time()
+    assert np.abs(got - times).max() < 0.15  # a constant rate is off by seconds
+    assert (np.diff(got) > 0.0).all()
+    assert clock.repairs == {}
+    assert "wanders" in clock.remarks[0]
+    slow, fast = 9.4 / (1.0 + share), 9.4 / (1.0 - share)
+    assert slow * 0.99 < clock.axis().rate_Hz < fast * 1.01
+
+
+def test_a_gap_in_a_wandering_clock_is_a_gap() -> None:
+    times, clock = clocked(wavy(0.03), slice(6000, 6100))
+    assert np.abs(clock.axis().time() - times).max() < 0.25
+    assert clock.repairs["gaps"] == 1
+    assert abs(clock.repairs["lost_samples"] - 100) <= 1
+
+
+def test_a_steady_clock_keeps_its_one_rate() -> None:
+    times, clock = clocked(np.full(12_000, 1.0 / 9.4))
+    assert clock.axis().rate_Hz == pytest.approx(9.4, rel=1e-5)
+    assert clock.axis().explicit is None
+    assert np.abs(clock.axis().time() - times).max() < 0.12
+    assert clock.remarks == []
+
+
+def test_a_declared_rate_is_kept_and_the_stamps_word_said() -> None:
+    _, clock = clocked(wavy(0.002))
+    declared = ClockFit(resolution_s=1.0, setup_rate_Hz=9.4)
+    assert clock.axis().explicit is None  # it strays by less than two ticks
+    times = np.concatenate([[0.0], np.cumsum(wavy(0.03))[:-1]])
+    declared.add(np.floor(times + 0.3), None, times.size)
+    assert declared.axis().explicit is None
+    assert "are followed" in declared.remarks[0]

@@ -1,0 +1,114 @@
+"""What is left to do about a setup: implausible, missing, unused, guessed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from tirelog.data.plausibility import check_recording
+from tirelog.data.recording import Recording
+from tirelog.data.setup import Setup
+from tirelog.drafts.contents import Contents
+from tirelog.drafts.setup import marks
+from tirelog.drafts.surface import likely_surface
+from tirelog.errors import SetupError
+from tirelog.vocabulary.kinds import STRAIN_KINDS
+
+#: unused series that are named
+_MOST_UNUSED = 20
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A sentence, and what it is about: implausible, missing, unused, guessed or said."""
+
+    about: str
+    sentence: str
+
+
+def findings(recording: Recording, inside: Contents | None) -> list[Finding]:
+    """What is wrong or open in the setup of a recording that was opened unchecked.
+
+    `inside` is what the log holds, for what is unused.
+    """
+    setup = recording.setup
+    out = [Finding("missing", loss) for loss in recording.losses]
+    for name, channel in recording.channels.items():
+        alone = replace(recording, channels={name: channel}, remarks=())
+        try:
+            out += [Finding("implausible", said) for said in check_recording(alone).remarks]
+        except SetupError as problem:
+            out.append(Finding("implausible", problem.message))
+    out += _surfaces(recording)
+    out += [Finding("said", remark) for remark in recording.remarks]
+    out += [Finding("missing", said) for said in _missing(recording)]
+    if inside is not None:
+        out += _unused(setup, inside)
+    lines = marks(setup.text)
+    if lines:
+        some = ", ".join(map(str, lines[:10])) + (", ..." if len(lines) > 10 else "")
+        word = "guess is" if len(lines) == 1 else "guesses are"
+        out.append(Finding("guessed", f"{len(lines)} {word} still marked (lines {some})"))
+    return out
+
+
+def _surfaces(recording: Recording) -> list[Finding]:
+    """Strain channels whose patch lies on the other side than their surface says."""
+    out = []
+    for channel in recording.of_kind(*STRAIN_KINDS):
+        likely = likely_surface(channel)
+        if likely and likely != channel.surface:
+            side = "down" if likely == "outer" else "up"
+            out.append(
+                Finding(
+                    "implausible",
+                    f"channel {channel.name}: the patch takes the strain {side}, and surface = "
+                    f'"{channel.surface}"; is it "{likely}"?',
+                )
+            )
+    return out
+
+
+def _missing(recording: Recording) -> list[str]:
+    """What tables will ask for and the setup does not have."""
+    setup, said = recording.setup, []
+    tire = setup.tire
+    strain = [one.name for one in recording.of_kind(*STRAIN_KINDS)]
+    accelerometer = recording.of_kind("radial_acceleration")
+    if (
+        (strain or accelerometer)
+        and tire.rolling_radius_m is None
+        and tire.unloaded_radius_m is None
+    ):
+        said.append("[tire] rolling_radius_m or unloaded_radius_m, without which there is no speed")
+    if strain and tire.area_m2 is None:
+        said.append(
+            "[tire] section_height_m and width_m, without which dissipation has no power per width"
+        )
+    for channel in recording.of_kind("wheel_encoder"):
+        if setup.channels[channel.name].steps is None and channel.name in setup.channels:
+            said.append(f"channel {channel.name}: steps, the teeth or counts of a turn")
+    for name in strain:
+        if setup.channels[name].surface is None:
+            said.append(f"channel {name}: surface; outer is taken")
+    return said
+
+
+def _unused(setup: Setup, inside: Contents) -> list[Finding]:
+    """Series of the log that no channel names."""
+    used = {one.source.strip().strip("/").lower() for one in setup.channels.values()}
+    windows = [one.window_nm for one in setup.channels.values() if one.window_nm is not None]
+    rest = []
+    for one in inside.found:
+        names = {one.series.source.strip("/").lower(), one.series.place}
+        inside_window = one.series.window_nm is not None and any(
+            low <= sum(one.series.window_nm) / 2.0 <= high for low, high in windows
+        )
+        begun = any(
+            source.startswith(tuple(f"{name}[" for name in names if name)) for source in used
+        )
+        if not (names & used or inside_window or begun):
+            rest.append(one.series.source)
+    if not rest:
+        return []
+    some = ", ".join(rest[:_MOST_UNUSED]) + (", ..." if len(rest) > _MOST_UNUSED else "")
+    return [Finding("unused", f"{len(rest)} series of the log: {some}")]
