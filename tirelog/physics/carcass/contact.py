@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 
@@ -33,6 +34,8 @@ _NODES = int(REACH / STEP)
 #: The angles of one half of the patch: the undamped ring's contact is even about its centre.
 _PHI = np.arange(_NODES + 1) * STEP
 _COS, _SIN = np.cos(_PHI), np.sin(_PHI)
+#: Their sums.
+_LAG = np.arange(2 * _PHI.size - 1) * STEP
 #: How often each of them stands in the whole patch.
 _TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
 #: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as
@@ -64,22 +67,27 @@ class _Yield:
 
         A_ij h = c_i c_j d_k + s_i s_j a_k + (c_i s_j - s_i c_j) b_k
 
-    where a, b, d have the modes 1 / Z_n, i n / Z_n, n^2 / Z_n: `spectra` (3, GRID / 2 + 1) of them,
-    `kernels` (3, GRID) by the lag.
+    where a, b, d have the modes 1 / Z_n, i n / Z_n, n^2 / Z_n: `spectra` (3, GRID / 2 + 1) of them.
+    By sums of angles it is f_k + g_k cos(phi_i + phi_j), with
+
+        f_k = (d_k + a_k) cos(phi_k) / 2 - b_k sin(phi_k),    g_k = (d_k - a_k) / 2
+
+    both even: `by_difference` are f, g and cos (3, j, j) at i - j, `by_sum` at i + j (views).
     """
 
     spectra: ComplexArray
-    kernels: FloatArray
+    by_difference: FloatArray
+    by_sum: FloatArray
 
     def among(self, on: NDArray[np.int64]) -> FloatArray:
-        """A h among some nodes of the half patch, (k, k); the other half presses likewise."""
-        c, s = _COS[on], _SIN[on]
-        cc, ss, cs = np.outer(c, c), np.outer(s, s), np.outer(c, s)
-        a, b, d = self.kernels
-        same, across = on[:, None] - on[None, :], on[:, None] + on[None, :]
-        near = cc * d[same] + ss * a[same] + (cs - cs.T) * b[same]
-        far = cc * d[across] - ss * a[across] - (cs + cs.T) * b[across]
-        matrix: FloatArray = near + np.where(on > 0, far, 0.0)
+        """A h among some angles of the half patch, (k, k); the other half presses likewise."""
+        whole = on[-1] == on.size - 1
+        here = np.s_[: on.size, : on.size] if whole else np.ix_(on, on)
+        f, g, cos = (table[here] for table in self.by_difference)
+        f_far, g_far, cos_far = (table[here] for table in self.by_sum)
+        matrix: FloatArray = f + g * cos_far
+        first = 0 if on[0] else 1  # the angle zero has no other half
+        matrix[:, first:] += (f_far + g_far * cos)[:, first:]
         return matrix
 
     def under(self, on: NDArray[np.int64], p: FloatArray) -> FloatArray:
@@ -99,7 +107,13 @@ def _yield(carcass: RingCarcass) -> _Yield:
     n = np.arange(GRID // 2 + 1, dtype=np.float64)
     inverse = 1.0 / modal_impedance(n, carcass).real
     spectra = np.stack([inverse + 0j, 1j * n * inverse, n**2 * inverse + 0j])
-    return _Yield(spectra, irfft(spectra, GRID, axis=-1))
+    a, b, d = irfft(spectra, GRID, axis=-1)[:, : _LAG.size]
+    cos, sin = np.cos(_LAG), np.sin(_LAG)
+    by_lag = np.stack([0.5 * (d + a) * cos - b * sin, 0.5 * (d - a), cos])
+    size = _PHI.size
+    there_and_back = np.concatenate([by_lag[:, size - 1 : 0 : -1], by_lag[:, :size]], axis=1)
+    by_difference = sliding_window_view(there_and_back, size, axis=1)[:, ::-1]
+    return _Yield(spectra, by_difference, sliding_window_view(by_lag, size, axis=1))
 
 
 @lru_cache(maxsize=512)

@@ -18,6 +18,7 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import beam, contact, ring
 from tirelog.physics.carcass.hardening import hardened_load
+from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray
@@ -390,7 +391,7 @@ def waveform(
         tau = pressure(task).traction
         return np.zeros((1, MODES), np.complex128) if tau is None else tau, 0.0
     if observable == "frame_acceleration":
-        return sensed(task, frame_acceleration(task)) * gain(task), 0.0
+        return accelerometer(task, sensed(task, frame_acceleration(task))) * gain(task), 0.0
     load, r, R = load_on_carcass(task), response(task), task.base["radius_m"]
     if np.any(r.cubic):
         load = hardened_load(load, r.displacement, r.cubic)
@@ -407,8 +408,8 @@ def waveform(
         if task.carcass == "ring"
         else load * (r.curvature - r.displacement / R**2)
     )
-    factor = gain(task)
-    return sensed(task, curved * spin + frame_acceleration(task)) * factor, -spin / R * factor
+    factor, seen = gain(task), sensed(task, curved * spin + frame_acceleration(task))
+    return accelerometer(task, seen) * factor, turning_level(task) * factor
 
 
 def frame_acceleration(task: Task) -> ComplexArray:
@@ -426,6 +427,41 @@ def frame_acceleration(task: Task) -> ComplexArray:
     modes = np.zeros((a_x.shape[0], MODES), np.complex128)
     modes[:, 1:2] = 0.5 * (-STANDARD_GRAVITY_M_S2 + 1j * a_x)
     return modes
+
+
+def turning_level(task: Task) -> FloatArray:
+    """What a turning accelerometer reads on average, -c^2 / R, (n or 1, 1).
+
+    Of an AC-coupled one what its high-pass leaves of that while the speed changes slowly.
+    """
+    speed, R, coupling = task.drive.speed_m_s, task.base["radius_m"], task.base.get("coupling_Hz")
+    if not coupling:
+        return -(speed**2) / R
+    rate = -2.0 * speed * np.nan_to_num(task.drive.acceleration_m_s2) / R
+    return np.asarray(rate / (2.0 * np.pi * coupling), dtype=np.float64)
+
+
+def accelerometer(task: Task, modes: ComplexArray) -> ComplexArray:
+    """The waveform (n or 1, K) within the accelerometer's own band.
+
+    A second-order low-pass (Butterworth), less the delay that it has at low frequencies: a delay
+    moves the patch, and where that is counts from itself. A first-order high-pass.
+    """
+    low, high = task.base.get("bandwidth_Hz", FASTEST_HZ), task.base.get("coupling_Hz", 0.0)
+    if low >= FASTEST_HZ and not high:
+        return modes
+
+    def passed() -> ComplexArray:
+        turns = task.drive.speed_m_s / (2.0 * np.pi * task.base["radius_m"])
+        frequency = turns * np.arange(MODES)
+        x = frequency / low
+        through = np.exp(1j * np.sqrt(2.0) * x) / (1.0 + 1j * np.sqrt(2.0) * x - x**2)
+        if high:
+            through = through * (frequency / (frequency - 1j * high))
+        return np.asarray(through, dtype=np.complex128)
+
+    key = task.key(("radius_m", "bandwidth_Hz", "coupling_Hz"))
+    return modes * task.once("accelerometer", key, passed)
 
 
 def gain(task: Task) -> FloatArray | float:
