@@ -100,6 +100,19 @@ LOAD_NAMES = (
     "patch_half_length_m",
     "radius_m",
 )
+STRUCTURE_NAMES = (
+    "flexural_stiffness_N_m2",
+    "foundation_stiffness_N_m2",
+    "line_mass_kg_m",
+    "radial_stiffness_N_m2",
+    "tangential_stiffness_N_m2",
+    "radial_damping_N_s_m2",
+    "tangential_damping_N_s_m2",
+    "inflation_pressure_Pa",
+    "width_m",
+    "radius_m",
+)
+FLAT_ROAD_NAMES = (*STRUCTURE_NAMES, "load_N", "tread_stiffness_N_m2")
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
 
 
@@ -161,7 +174,7 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
 
 def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
     """`site_and_base_pressure`, once per set of values."""
-    names = None if task.flat_road else LOAD_NAMES
+    names = FLAT_ROAD_NAMES if task.flat_road else LOAD_NAMES
     key = (*task.key(names, *LOAD_HOOKS), bool(task.having("tilt")))
     return task.once("site", key, lambda: site_and_base_pressure(task))
 
@@ -187,7 +200,7 @@ class Pressed:
 
 def pressure(task: Task) -> Pressed:
     """What the road does to the tread with all effects, once per set of values."""
-    names = None if task.flat_road else LOAD_NAMES
+    names = FLAT_ROAD_NAMES if task.flat_road else LOAD_NAMES
     return task.once(
         "pressure", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: _pressure(task)
     )
@@ -236,7 +249,7 @@ def load_on_carcass(task: Task) -> ComplexArray:
     pressed = pressure(task)
     if task.carcass == "beam":
         return pressed.normal
-    names = None if task.flat_road else LOAD_NAMES
+    names = FLAT_ROAD_NAMES if task.flat_road else LOAD_NAMES
     return task.once(
         "ring load",
         task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS),
@@ -315,20 +328,6 @@ class Response:
     displacement: FloatArray | ComplexArray
     curvature: FloatArray | ComplexArray
     cubic: FloatArray | float
-
-
-STRUCTURE_NAMES = (
-    "flexural_stiffness_N_m2",
-    "foundation_stiffness_N_m2",
-    "line_mass_kg_m",
-    "radial_stiffness_N_m2",
-    "tangential_stiffness_N_m2",
-    "radial_damping_N_s_m2",
-    "tangential_damping_N_s_m2",
-    "inflation_pressure_Pa",
-    "width_m",
-    "radius_m",
-)
 
 
 def response(task: Task) -> Response:
