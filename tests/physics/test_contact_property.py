@@ -123,3 +123,29 @@ def test_a_search_that_reaches_too_far_on_its_way_is_no_refusal():
     contact = solve_contact(soft, 6000.0)
     assert 0.4 < contact.phi_rad[-1] < 0.6
     assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(6000.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("observable", ["strain", "radial_acceleration", "contact_pressure"])
+def test_tension_is_tension_wherever_it_comes_from(observable):
+    """A wider belt under the same pressure is pulled by p0 b R more, also where it stands."""
+    pressure, wider, tension = 2.2e5, 0.15, 2.2e5 * 0.02 * R
+    ring = {"radius_m": R, "inflation_pressure_Pa": pressure}
+    plain = Model.new("ring", "radial_acceleration", width_m=wider, **ring)
+    pulled = Model.new("ring", "radial_acceleration", width_m=wider - 0.02, **ring)
+    pulled = pulled.with_effect("belt_tension", tension_N=tension)
+    conditions = Conditions.of(2, speed_m_s=[8.0, 20.0], load_N=[2000.0, 4000.0])
+    phi = np.linspace(-np.pi, np.pi, 501)
+    one, other = (m.predict(conditions, phi, observable=observable) for m in (plain, pulled))
+    assert np.allclose(one, other, rtol=0.0, atol=1e-9 * np.ptp(one))
+
+
+def test_tensions_in_between_are_interpolated_to_a_part_in_ten_thousand():
+    model = Model.new("ring", "radial_acceleration", radius_m=R, load_N=3500.0)
+    model = model.with_effect("belt_tension", tension_mass_kg_m=3.0)
+    speed = np.linspace(8.0, 26.0, 20)
+    conditions = Conditions.of(20, speed_m_s=speed)
+    phi = np.linspace(-0.5, 0.5, 101)
+    table = model.predict(conditions, phi)
+    for i in (1, 9, 18):
+        alone = model.predict(conditions.take(slice(i, i + 1)), phi)[0]
+        assert np.abs(table[i] - alone).max() < 2e-4 * np.ptp(alone)

@@ -9,8 +9,8 @@ road and never pulls:
 
 with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
 waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
-is the one of the undamped ring with its own tension: what damping and effects on the structure
-change in the pressure is of second order and left out.
+is the one of the undamped ring with all its tension, that of effects too; what damping and effects
+on the foundation change in the pressure is left out.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ _TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
 #: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as
 #: _TABLE and interpolated.
 _FEW, _TABLE = 4, 12
+#: The same of tensions, which differ by less from log to log and with the speed.
+_FEW_TENSIONS, _TENSIONS = 8, 4
 #: Steps of the search for the angles that touch; from anywhere it takes some six.
 _MOST_STEPS = 100
 
@@ -187,22 +189,23 @@ def _contact(
 def pressure_modes(
     carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """(L, modes of p, modes of p xi / L), interpolated between solved loads.
+    """(L, modes of p, modes of p xi / L), interpolated between solved loads and tensions.
 
-    For columns of load and inflation p0 b, (n or 1, 1) each.
+    For columns of load and p0 b (with what other tension there is, over R), (n or 1, 1) each.
     """
     load, pb = np.broadcast_arrays(load_N, pb_N_m)
     half, modes, tilted = (
-        np.empty((load.shape[0], size), dtype)
+        np.zeros((load.shape[0], size), dtype)
         for size, dtype in ((1, float), (MODES, complex), (MODES, complex))
     )
-    for value in np.unique(pb):
-        rows = np.flatnonzero(pb[:, 0] == value)
-        solved = replace(carcass, pb=float(value))
-        nodes, weights = _nodes(load[rows, 0])
+    tensions, shares = _nodes(pb[:, 0], _FEW_TENSIONS, _TENSIONS)
+    for tension, share in zip(tensions, shares.T):
+        rows = np.flatnonzero(share)
+        solved = replace(carcass, pb=float(tension))
+        nodes, weights = _nodes(load[rows, 0], _FEW, _TABLE)
         table = [_laid_out(solve_contact(solved, float(node)), solved.R) for node in nodes]
         for target, column in zip((half, modes, tilted), zip(*table)):
-            target[rows] = weights @ np.stack(column)
+            target[rows] += share[rows, None] * (weights @ np.stack(column))
     return half, modes, tilted
 
 
@@ -215,16 +218,16 @@ def _laid_out(contact: Contact, R: float) -> tuple[FloatArray, ComplexArray, Com
     return np.array([contact.half_length_m]), modes[0], modes[1]
 
 
-def _nodes(load: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Loads to solve, (k,), and the weights (n, k) that interpolate from them."""
-    distinct, inverse = np.unique(load, return_inverse=True)
-    if distinct.size <= _FEW:
+def _nodes(values: FloatArray, few: int, table: int) -> tuple[FloatArray, FloatArray]:
+    """Values to solve at, (k,), and the weights (n, k) that interpolate from them."""
+    distinct, inverse = np.unique(values, return_inverse=True)
+    if distinct.size <= few:
         return distinct, np.eye(distinct.size)[inverse]
     low, high = distinct[0], distinct[-1]
-    angle = (np.arange(_TABLE) + 0.5) * np.pi / _TABLE
+    angle = (np.arange(table) + 0.5) * np.pi / table
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
-    barycentric = (-1.0) ** np.arange(_TABLE) * np.sin(angle)
-    distance = load[:, None] - nodes
+    barycentric = (-1.0) ** np.arange(table) * np.sin(angle)
+    distance = values[:, None] - nodes
     exact = distance == 0.0
     ratio = barycentric / np.where(exact, 1.0, distance)
     weights = np.where(

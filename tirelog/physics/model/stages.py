@@ -150,6 +150,13 @@ def loads(task: Task) -> FloatArray:
     return F
 
 
+def _load_key(task: Task, *hooks: str) -> tuple[Any, ...]:
+    """The values that the load stage reads; on a flat road the belt's tension too."""
+    if task.flat_road:
+        return task.key(FLAT_ROAD_NAMES, *LOAD_HOOKS, "structure", *hooks)
+    return task.key(LOAD_NAMES, *LOAD_HOOKS, *hooks)
+
+
 def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     """The patch and the modes of its pressure without effects.
 
@@ -159,7 +166,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     R = b["radius_m"]
     tilted = bool(task.having("tilt"))
     if task.flat_road:
-        half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, _inflation_pb(task))
+        pb = _inflation_pb(task) + structure(task).tension / R
+        half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, pb)
         return Site(F, half, R), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if np.any(half >= np.pi * R):
@@ -174,8 +182,7 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
 
 def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
     """`site_and_base_pressure`, once per set of values."""
-    names = FLAT_ROAD_NAMES if task.flat_road else LOAD_NAMES
-    key = (*task.key(names, *LOAD_HOOKS), bool(task.having("tilt")))
+    key = (*_load_key(task), bool(task.having("tilt")))
     return task.once("site", key, lambda: site_and_base_pressure(task))
 
 
@@ -200,10 +207,7 @@ class Pressed:
 
 def pressure(task: Task) -> Pressed:
     """What the road does to the tread with all effects, once per set of values."""
-    names = FLAT_ROAD_NAMES if task.flat_road else LOAD_NAMES
-    return task.once(
-        "pressure", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: _pressure(task)
-    )
+    return task.once("pressure", _load_key(task, *PRESSURE_HOOKS), lambda: _pressure(task))
 
 
 def _pressure(task: Task) -> Pressed:
@@ -249,10 +253,9 @@ def load_on_carcass(task: Task) -> ComplexArray:
     pressed = pressure(task)
     if task.carcass == "beam":
         return pressed.normal
-    names = FLAT_ROAD_NAMES if task.flat_road else LOAD_NAMES
     return task.once(
         "ring load",
-        task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS),
+        _load_key(task, *PRESSURE_HOOKS),
         lambda: ring.equivalent_load(pressed.normal, pressed.traction),
     )
 
