@@ -394,22 +394,14 @@ def waveform(
         return np.zeros((1, MODES), np.complex128) if tau is None else tau, 0.0
     if observable == "frame_acceleration":
         return accelerometer(task, sensed(task, frame_acceleration(task))) * gain(task), 0.0
-    load, r, R = load_on_carcass(task), response(task), task.base["radius_m"]
-    if np.any(r.cubic):
-        load = hardened_load(load, r.displacement, r.cubic)
     if observable == "displacement":
-        return load * r.displacement, 0.0
+        return hardened(task) * response(task).displacement, 0.0
     if observable == "strain":
-        modes = sensed(task, load * (lever_m * r.curvature))
+        modes = sensed(task, hardened(task) * (lever_m * response(task).curvature))
         for lever in task.hooks(lambda effect: effect.lever).values():
             modes = modes * lever()
         return modes * gain(task), baseline(task)
-    spin = task.drive.speed_m_s**2
-    curved = (
-        load * r.curvature
-        if task.carcass == "ring"
-        else load * (r.curvature - r.displacement / R**2)
-    )
+    spin, curved = task.drive.speed_m_s**2, bending(task)
     factor, seen = gain(task), sensed(task, curved * spin + frame_acceleration(task))
     return accelerometer(task, seen) * factor, turning_level(task) * factor
 
@@ -429,6 +421,20 @@ def frame_acceleration(task: Task) -> ComplexArray:
     modes = np.zeros((a_x.shape[0], MODES), np.complex128)
     modes[:, 1:2] = 0.5 * (-STANDARD_GRAVITY_M_S2 + 1j * a_x)
     return modes
+
+
+def hardened(task: Task) -> ComplexArray:
+    """Modes of the load on the carcass, less what a hardened foundation takes."""
+    load, r = load_on_carcass(task), response(task)
+    return hardened_load(load, r.displacement, r.cubic) if np.any(r.cubic) else load
+
+
+def bending(task: Task) -> ComplexArray:
+    """Modes of what the tread is less curved by than a circle, w'' + w / R^2 outwards [1/m]."""
+    load, r = hardened(task), response(task)
+    if task.carcass == "ring":
+        return load * r.curvature
+    return load * (r.curvature - r.displacement / task.base["radius_m"] ** 2)
 
 
 def turning_level(task: Task) -> FloatArray:
