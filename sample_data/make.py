@@ -20,6 +20,8 @@ LOGS = {
     "drive_messages.mcap": "drive",
     "encoder.h5": "encoder",
     "encoder_ramp.h5": "encoder_ramp",
+    "encoder_front.h5": "encoder_front",
+    "encoder_low.h5": "encoder_low",
     "inflation.csv.gz": "inflation",
     "hidden_1.csv.gz": "hidden_1",
     "hidden_2.csv.gz": "hidden_2",

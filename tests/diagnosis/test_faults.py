@@ -39,8 +39,8 @@ def model():
     return Model.new("beam", radius_m=0.305)
 
 
-def test_fewer_than_ten_revolutions():
-    with pytest.raises(UsageError, match="at least ten"):
+def test_fewer_than_six_revolutions():
+    with pytest.raises(UsageError, match=r"3 whole revolutions .*at least 6"):
         stacks_from_logs(recordings((Manoeuvre(1.0, 10.0),)))
 
 

@@ -11,7 +11,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Channel, TimeAxis
+from tirelog.data.recording import Channel, Conditions, Recording, TimeAxis
+from tirelog.data.setup import parse_setup
+from tirelog.inference.base import prepare
+from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.gathering import pieces_of_logs
+from tirelog.inference.measured import measured
+from tirelog.physics import Model
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import Quality, having
 
@@ -27,6 +33,14 @@ TURN = """
 120 -149.4 1.3  180 -151.4 1.2
 """
 RADIUS_M, RATE_HZ, STANDARD_GRAVITY = 0.3216, 25_000.0, 9.80665
+SETUP = """[tire]
+unloaded_radius_m = 0.33
+rolling_radius_m = 0.3216
+[channels.z]
+kind = "radial_acceleration"
+source = "z"
+unit = "g"
+"""
 
 
 def log_of(passages: int, seed: int) -> tuple[np.ndarray, float]:
@@ -84,3 +98,41 @@ def test_a_spike_is_told_from_the_ringing():
     )
     assert having(found.quality, Quality.SPIKE)[7]
     assert not having(clean.quality, Quality.SPIKE)[7]
+
+
+def fitted(carcass, **values):
+    """A carcass fitted to ten passages, and what its patch looks like: (error over the noise floor,
+    width between half levels [degrees], largest less least within +-5 degrees [g], largest lobe
+    below the patch [g])."""
+    values_m_s2, _ = log_of(10, 1000)
+    axis = TimeAxis.uniform(values_m_s2.size, RATE_HZ)
+    channel = Channel.of_array("z", "radial_acceleration", values_m_s2, axis)
+    recording = Recording("facts", {"z": channel}, parse_setup(SETUP))
+    pieces = pieces_of_logs(measured([recording], "radial_acceleration", level=False).stacks)
+    model = Model.new(
+        carcass, "radial_acceleration", coupling_Hz=0.5, load_N=4000.0, radius_m=RADIUS_M, **values
+    )
+    base = prepare(cells_of(pieces), model, several=False)
+    phi = np.radians(np.arange(-60.0, 60.0, 0.05))
+    wave = base.model.predict(Conditions.of(1, speed_m_s=22.2), phi)[0] / STANDARD_GRAVITY
+    patch = wave[np.abs(phi) < np.radians(5.0)]
+    inside = np.flatnonzero(wave > 0.5 * (np.median(wave) + patch.mean()))
+    width = np.degrees(phi[inside[-1]] - phi[inside[0]])
+    over = np.sqrt(base.square_fit / base.floor.square)
+    return over, width, np.ptp(patch), wave.min() - patch.mean()
+
+
+def test_a_ring_pulled_by_its_pressure_makes_these_edges_and_a_beam_does_not():
+    """Published: 20.9 degrees (117.5 mm) between the fronts, flat to about 1 g in the patch, lobes
+    of -266 and -251 g. What the ring leaves is the ringing beside the edges."""
+    over, width, flat, lobe = fitted(
+        "ring", inflation_pressure_Pa=2.2e5, width_m=0.1, flexural_stiffness_N_m2=0.1
+    )
+    assert 1.0 < over < 1.3
+    assert width == pytest.approx(20.9, rel=0.03)
+    assert flat < 3.0
+    assert lobe == pytest.approx(-258.0, rel=0.08)
+    beam_over, beam_width, beam_flat, _ = fitted("beam", reference_load_N=4000.0)
+    assert beam_over > 1.6 * over
+    assert beam_width < 18.0
+    assert beam_flat > 20.0

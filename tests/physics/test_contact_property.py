@@ -2,6 +2,8 @@
 its own law.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import solve_contact
-from tirelog.physics.carcass.ring import RingCarcass
+from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
 
 R, STEP = 0.3, 2 * np.pi / 3072
 CARCASS = RingCarcass(
@@ -23,7 +25,34 @@ def test_carries_the_load_and_never_pulls(load):
     assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(load, rel=1e-6)
     assert contact.pressure_N_m.min() >= 0.0
     assert np.allclose(contact.pressure_N_m, contact.pressure_N_m[::-1], rtol=1e-6)
-    assert contact.centre_m == pytest.approx(0.0, abs=1e-9)
+    assert contact.phi_rad.mean() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("load", [20.0, 1000.0, 9000.0])
+def test_springs_press_just_as_deep_as_the_ring_under_them_lies(load):
+    """By the ring's modes, without the solver's matrix: p = k_t max(0, depth) at every angle."""
+    contact = solve_contact(CARCASS, load)
+    phi = np.arange(3072) * STEP
+    p = np.zeros(3072)
+    p[np.round(contact.phi_rad / STEP).astype(int)] = contact.pressure_N_m
+    n = np.arange(1537.0)
+    q_v, q_w = np.fft.rfft(p * np.sin(phi)), np.fft.rfft(-p * np.cos(phi))
+    modes = (q_v + 1j * n * q_w) / modal_impedance(n, CARCASS)
+    v, w = np.fft.irfft(modes), np.fft.irfft(-1j * n * modes)
+    depth = contact.drop_m - R + (R + w) * np.cos(phi) - v * np.sin(phi)
+    below = np.abs(np.arctan2(np.sin(phi), np.cos(phi))) < 0.8
+    pressed = 8.75e7 * np.maximum(depth, 0.0)[below]
+    assert np.allclose(pressed, p[below], atol=1e-7 * p.max())
+
+
+def test_where_the_search_begins_changes_no_digit():
+    alone = solve_contact(CARCASS, 1500.0)
+    for other in (30.0, 8000.0):
+        solve_contact.cache_clear()
+        solve_contact(CARCASS, other)
+        again = solve_contact(CARCASS, 1500.0)
+        assert np.array_equal(again.pressure_N_m, alone.pressure_N_m)
+        assert (again.half_length_m, again.drop_m) == (alone.half_length_m, alone.drop_m)
 
 
 def test_the_loaded_ring_touches_the_road_and_nowhere_passes_it():
@@ -87,3 +116,36 @@ def test_no_load_and_too_much_load_are_refused():
         solve_contact(CARCASS, 0.0)
     with pytest.raises(ModelError, match="patch grows"):
         solve_contact(CARCASS, 1e6)
+
+
+def test_a_search_that_reaches_too_far_on_its_way_is_no_refusal():
+    soft = replace(CARCASS, k_w=6e4, pb=2000.0)
+    contact = solve_contact(soft, 6000.0)
+    assert 0.4 < contact.phi_rad[-1] < 0.6
+    assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(6000.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("observable", ["strain", "radial_acceleration", "contact_pressure"])
+def test_tension_is_tension_wherever_it_comes_from(observable):
+    """A wider belt under the same pressure is pulled by p0 b R more, also where it stands."""
+    pressure, wider, tension = 2.2e5, 0.15, 2.2e5 * 0.02 * R
+    ring = {"radius_m": R, "inflation_pressure_Pa": pressure}
+    plain = Model.new("ring", "radial_acceleration", width_m=wider, **ring)
+    pulled = Model.new("ring", "radial_acceleration", width_m=wider - 0.02, **ring)
+    pulled = pulled.with_effect("belt_tension", tension_N=tension)
+    conditions = Conditions.of(2, speed_m_s=[8.0, 20.0], load_N=[2000.0, 4000.0])
+    phi = np.linspace(-np.pi, np.pi, 501)
+    one, other = (m.predict(conditions, phi, observable=observable) for m in (plain, pulled))
+    assert np.allclose(one, other, rtol=0.0, atol=1e-9 * np.ptp(one))
+
+
+def test_tensions_in_between_are_interpolated_to_a_part_in_ten_thousand():
+    model = Model.new("ring", "radial_acceleration", radius_m=R, load_N=3500.0)
+    model = model.with_effect("belt_tension", tension_mass_kg_m=3.0)
+    speed = np.linspace(8.0, 26.0, 20)
+    conditions = Conditions.of(20, speed_m_s=speed)
+    phi = np.linspace(-0.5, 0.5, 101)
+    table = model.predict(conditions, phi)
+    for i in (1, 9, 18):
+        alone = model.predict(conditions.take(slice(i, i + 1)), phi)[0]
+        assert np.abs(table[i] - alone).max() < 2e-4 * np.ptp(alone)

@@ -20,7 +20,7 @@ DRIVE = Conditions.of(
     N, speed_m_s=np.linspace(6.0, 24.0, N), acceleration_m_s2=np.linspace(-4.0, 3.0, N),
     time_s=np.linspace(0.0, 60.0, N), temperature_K=np.linspace(0.0, 12.0, N),
     inflation_pressure_Pa=2.2e5, distance_km=np.linspace(1e3, 3e4, N), water_depth_mm=1.5,
-    load_N=np.linspace(3000.0, 4000.0, N),
+    load_N=np.linspace(3000.0, 4000.0, N), longitudinal_force_N=np.linspace(-1800.0, 1500.0, N),
 )  # fmt: skip
 WAVES = [e for e in CATALOGUE if "strain" in e.observables]
 REGRESSORS = [e for e in CATALOGUE if "regressors" in e.acts_on]
@@ -509,6 +509,13 @@ def test_a_users_wedge_is_the_catalogues_wedge():
     catalogue = Model.new("beam").with_effect("water_film", amplitude=0.1)
     a, b = mine.predict(DRIVE, PHI), catalogue.predict(DRIVE, PHI)
     assert np.abs(a - b).max() < 1e-4 * np.abs(b - Model.new("beam").predict(DRIVE, PHI)).max()
+
+
+def test_a_measured_force_winds_up_and_without_one_the_effect_says_what_it_needs():
+    model = Model.new("ring", "phase_shift").with_effect("wind_up", per_force_rad_N=1.2e-5)
+    assert np.allclose(model.predict(DRIVE)[:, 0], 1.2e-5 * DRIVE.longitudinal_force_N, rtol=1e-12)
+    with pytest.raises(ModelError, match=r"wind_up.*longitudinal_force_N"):
+        model.predict(replace(DRIVE, longitudinal_force_N=np.full(N, np.nan)))
 
 
 def test_regressors_add_their_terms():

@@ -119,3 +119,15 @@ def test_a_ring_names_its_contact_where_the_contract_puts_it():
         "flexural_stiffness_N_m2", "radial_stiffness_N_m2", "tangential_stiffness_N_m2",
         "tread_stiffness_N_m2", "lever_arm_m",
     ]  # fmt: skip
+
+
+def test_a_ring_of_acceleration_frees_its_belt_s_width_and_is_read_without_it_as_ever():
+    text = as_toml(Model.new("ring", "radial_acceleration"))
+    assert parse_model(text).free == [
+        "flexural_stiffness_N_m2", "radial_stiffness_N_m2", "tangential_stiffness_N_m2",
+        "width_m", "tread_stiffness_N_m2",
+    ]  # fmt: skip
+    lines = text.splitlines()
+    model = parse_model("\n".join(line for line in lines if not line.startswith("width_m")))
+    width = model.parameters["width_m"]
+    assert (width.value, width.free) == (0.14, False)

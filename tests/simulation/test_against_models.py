@@ -134,3 +134,29 @@ def test_strain_and_patch_of_the_ring_on_a_flat_road() -> None:
     assert 0.5 * (solution.exit_m - solution.entry_m) == pytest.approx(
         model.half_length_m(conditions()), rel=1e-3
     )
+
+
+@pytest.mark.parametrize("pressure_Pa", [2.2e5, 1.6e5])
+def test_width_between_fronts_at_every_load_and_pressure(pressure_Pa: float) -> None:
+    """Half of the level as the truth's accelerometer reads it, by its own table of angles; the
+    contact itself grows by another share."""
+    made = world(truth="ring", conditions={"inflation_pressure_Pa": pressure_Pa})
+    sensor = Sensor("radial_acceleration")
+    model = Model.new(
+        "ring", "patch_width", **{k: v for k, v in RING.items() if k != "lever_arm_m"}
+    )
+    loads = np.array([2700.0, 3434.0, 4100.0])
+    seen, contact = np.zeros(3), np.zeros(3)
+    for i, load in enumerate(loads):
+        at = replace(made.instants(np.array([TIME])), load=np.array([load]))
+        solution = made.solve(at)
+        share = made.waveform(solution, sensor)[0] / (-(float(at.speed[0]) ** 2) / R)
+        phi = np.linspace(-0.4, 0.4, 8001)
+        fine = np.interp(phi, made.ring.xi_m / R, share)
+        inside = phi[fine < 0.5]
+        seen[i] = inside[-1] - inside[0]
+        contact[i] = (solution.exit_m - solution.entry_m)[0] / R
+    conditions = Conditions.of(3, speed_m_s=SPEED, load_N=loads, inflation_pressure_Pa=pressure_Pa)
+    predicted = model.predict(conditions)[:, 0]
+    assert np.degrees(np.abs(predicted - seen).max()) < 0.03
+    assert np.degrees(np.ptp(predicted - contact)) > 0.3

@@ -10,6 +10,8 @@ import pytest
 from benchmarks.wheel_cases import WHEEL_PLANS, Instruments, wheel_scenario
 from tirelog.errors import UsageError
 from tirelog.simulation import scenario_of, simulate
+from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.sensors.sampling import Trace, coupled
 from tirelog.simulation.sensors.wheel import longitudinal_force, phase_shift, tread_angle
 
 from .worlds import tables, world
@@ -227,3 +229,21 @@ def test_other_forms_of_what_moves_the_phase() -> None:
     assert lengths[0] == pytest.approx(0.058 * 0.8**-0.3)
     assert lengths[1] == pytest.approx(lengths[0], rel=0.03)
     assert lengths[1] != lengths[0]
+
+
+def test_an_ac_coupled_instrument_forgets_the_level_and_keeps_what_is_quick() -> None:
+    """From rest a step decays by the time constant; a sine far above the cut comes through."""
+    rate, cut = 10_000.0, 2.0
+    time = np.arange(0.0, 3.0, 1.0 / rate)
+    sensor = Sensor("radial_acceleration", sampling_rate_Hz=rate, coupling_Hz=cut)
+    trace = Trace(sensor, time, time)
+    step = np.where(time < 1.0, -150.0, -250.0)
+    seen = coupled(trace, step)
+    assert np.abs(seen[time < 1.0]).max() < 1e-9
+    late = time >= 1.0
+    decay = -100.0 * np.exp(-2.0 * np.pi * cut * (time[late] - 1.0))
+    assert np.abs(seen[late] - decay).max() < 0.2
+    wave = np.sin(2.0 * np.pi * 300.0 * time)
+    assert np.abs(coupled(trace, wave) - wave).max() < 3.0 * cut / 300.0
+    plain = replace(trace, sensor=Sensor("radial_acceleration"))
+    assert coupled(plain, wave) is wave

@@ -63,7 +63,7 @@ def measure(
     Raises
     ------
     UsageError
-        No such observable or channel, or fewer than ten revolutions.
+        No such observable or channel, or fewer than six revolutions.
     ReadError, SetupError
         As `open_log`.
 
@@ -81,7 +81,8 @@ def measure(
             allowed=f"allowed are a model and {', '.join(OBSERVABLES)}",
             do="give one of them",
         )
-    return measured(each_log(logs, setup), observable, channel)
+    level = not (isinstance(model, Model) and model.ac_coupled)
+    return measured(each_log(logs, setup), observable, channel, level=level)
 
 
 def observable_of(channel: str | None, recordings: Sequence[Recording], model: Model) -> str:

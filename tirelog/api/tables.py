@@ -186,7 +186,7 @@ def phase_shift(
     >>> import tirelog
     >>> table = tirelog.phase_shift("sample_data/encoder.h5")
     >>> round(float(table.patch_width_deg.median()), 1)
-    16.3
+    13.2
     """
     return _table("phase-shift", logs, setup, {"calibration": calibration, "zero": zero})
 

@@ -46,18 +46,24 @@ def measured(
     channel: str | None = None,
     *,
     most: int = STRETCH,
+    level: bool = True,
 ) -> MeasuredLogs:
     """The revolutions of the recordings that are to be compared with a model of the observable.
 
     observable  what the model predicts; `channel` the name of the one to take (default: the first
                 that measures it)
     most        revolutions of a log that are in memory at a time
-    UsageError  no such channel, fewer than ten revolutions, or a [road] without an obstacle or
+    level       does the model need the mean level of an accelerometer
+    UsageError  no such channel, fewer than six revolutions, or a [road] without an obstacle or
                 steady rolling beside it
     """
     kept: dict[str, Recording] = {}
     stacks = stacks_from_logs(
-        _watched(recordings, observable, channel, kept), observable, channel, most=most
+        _watched(recordings, observable, channel, kept),
+        observable,
+        channel,
+        most=most,
+        level=level,
     )
     if not kept:
         return MeasuredLogs(stacks)

@@ -47,7 +47,8 @@ def model_story(
     from tirelog.inference.measured import measured
     from tirelog.physics.model.user_effects import own_effects
 
-    stacks = measured(recordings, model.observable, asked.channel).stacks
+    level = not model.ac_coupled
+    stacks = measured(recordings, model.observable, asked.channel, level=level).stacks
     found = diagnose(stacks, model, effects=own_effects(asked.effects), progress=progress)
 
     def command(name: str) -> str:

@@ -24,6 +24,7 @@ from tirelog.simulation.scenario.drive import (
 from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import (
     Trace,
+    coupled,
     flanks,
     in_source_units,
     pitch_tables,
@@ -83,7 +84,7 @@ def simulate(scenario: Scenario) -> Simulated:
     channels = {}
     for (name, trace), random in zip(moments.items(), streams[3:-1], strict=True):
         values = clean[name] if name in clean else vehicle_values(world, name, trace, tables)
-        told = in_source_units(world, trace, values)
+        told = in_source_units(world, trace, coupled(trace, values))
         channels[name] = spoiled(trace.sensor, told, flanks(world, trace, told), random)
     return Simulated(scenario, channels, _stamps(moments), world, tables)
 

@@ -147,6 +147,17 @@ class ConditionValues:
             proposed=Proposed("cruise at 20 m/s in 2 mm of water", 20.0, 2.0),
         )
     )
+    longitudinal_force_N: FloatArray = field(
+        metadata=_entry(
+            "longitudinal_force",
+            "N",
+            "force of the road on the wheel along the vehicle, positive in drive",
+            word="longitudinal force",
+            kinds=("longitudinal_force",),
+            signed=True,
+            example=1000.0,
+        )
+    )
     slip: FloatArray = field(
         metadata=_entry(
             "slip", "1", "longitudinal slip, positive in braking", signed=True, in_expressions=False

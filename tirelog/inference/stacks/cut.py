@@ -44,6 +44,9 @@ from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
 STRETCH = 1024
+#: whole revolutions of a log: what repeats is told from what does not by their scatter, which six
+#: tell to 30 %.  Twelve would tell it to 20 % and refuse a recording of a second
+FEWEST = 6
 #: passages that an unbroken run has at least: three whole revolutions
 _SHORTEST_RUN = 5
 
@@ -101,11 +104,13 @@ def stacks_from_logs(
     *,
     angles: int = ANGLES,
     most: int = STRETCH,
+    level: bool = True,
 ) -> Stacks:
     """The stacks of the recordings, manoeuvres numbered through all.
 
     One each, or several if there are more than `most` revolutions. UsageError if a log holds fewer
-    than ten whole revolutions, or an acceleration without its mean level.
+    than FEWEST whole revolutions, or an acceleration without its mean level, unless it needs
+    no `level`.
     """
     stacks = Stacks()
     for recording in recordings:
@@ -116,7 +121,7 @@ def stacks_from_logs(
         else:
             source, said = outward(source)
             stretches = stretches_of(recording, source, observable, angles=angles, most=most)
-            stacks.add(recording.log, with_level(stretches, recording.log))
+            stacks.add(recording.log, with_level(stretches, recording.log) if level else stretches)
         if said:
             stacks.note(f"{recording.log}: {said}")
     return stacks
@@ -140,13 +145,13 @@ def stretches_of(
     samples = Samples(channel)
     runs = list(_runs(passages, samples))
     n = sum(len(run) for run in runs)
-    if n < 10:
+    if n < FEWEST:
         refuse_swapped_surface(recording, channel, radius)
         if passages.doubt:
             raise UsageError(passages.doubt, file=recording.log)
         raise UsageError(
             f"{n} whole revolutions in channel {channel.name}",
-            allowed="at least ten are needed to see what repeats",
+            allowed=f"at least {FEWEST} are needed to see what repeats",
             do="give a longer log",
             file=recording.log,
         )

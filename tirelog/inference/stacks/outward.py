@@ -80,6 +80,6 @@ def _check_level(stack: Stack, log: str) -> None:
         f"turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
         allowed=f"allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed (AC coupling, "
         "a piezo element), or the unit is wrong",
-        do="mend unit, scale or offset, or compare patch_width or phase_shift, which need no level",
+        do="mend unit, scale or offset, or give the model coupling_Hz, the sensor's high-pass",
         file=log,
     )

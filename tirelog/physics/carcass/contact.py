@@ -9,8 +9,8 @@ road and never pulls:
 
 with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
 waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
-is the one of the undamped ring with its own tension: what damping and effects on the structure
-change in the pressure is of second order and left out.
+is the one of the undamped ring with all its tension, that of effects too; what damping and effects
+on the foundation change in the pressure is left out.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import solve
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
 
 from tirelog.errors import ModelError
 from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
@@ -29,43 +31,91 @@ from tirelog.vocabulary.arrays import FloatArray
 #: Farthest angle from the patch centre [rad] that may touch the road.
 REACH = 0.8
 _NODES = int(REACH / STEP)
-_PHI = np.arange(-_NODES, _NODES + 1) * STEP
+#: The angles of one half of the patch: the undamped ring's contact is even about its centre.
+_PHI = np.arange(_NODES + 1) * STEP
+_COS, _SIN = np.cos(_PHI), np.sin(_PHI)
+#: Their sums.
+_LAG = np.arange(2 * _PHI.size - 1) * STEP
+#: How often each of them stands in the whole patch.
+_TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
 #: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as
 #: _TABLE and interpolated.
 _FEW, _TABLE = 4, 12
+#: The same of tensions, which differ by less from log to log and with the speed.
+_FEW_TENSIONS, _TENSIONS = 8, 4
+#: Steps of the search for the angles that touch; from anywhere it takes some six.
+_MOST_STEPS = 100
 
 
 @dataclass(frozen=True)
 class Contact:
     """A solved contact: pressure [N/m] at angles, patch and hub drop.
 
-    Pressure [N/m] at `phi_rad` (both (j,)), half length [m] and centre [m] of the patch, and the
-    hub's drop delta [m].
+    Pressure [N/m] at `phi_rad` (both (j,)), half length [m] of the patch, and the hub's drop delta
+    [m].
     """
 
     phi_rad: FloatArray
     pressure_N_m: FloatArray
     half_length_m: float
-    centre_m: float
     drop_m: float
 
 
+@dataclass(frozen=True)
+class _Yield:
+    """A of one carcass: how far the ring yields upwards [m] under vertical pressure [N/m].
+
+    With the lag k = i - j of two angles and c = cos phi, s = sin phi
+
+        A_ij h = c_i c_j d_k + s_i s_j a_k + (c_i s_j - s_i c_j) b_k
+
+    where a, b, d have the modes 1 / Z_n, i n / Z_n, n^2 / Z_n: `spectra` (3, GRID / 2 + 1) of them.
+    By sums of angles it is f_k + g_k cos(phi_i + phi_j), with
+
+        f_k = (d_k + a_k) cos(phi_k) / 2 - b_k sin(phi_k),    g_k = (d_k - a_k) / 2
+
+    both even: `by_difference` are f, g and cos (3, j, j) at i - j, `by_sum` at i + j (views).
+    """
+
+    spectra: ComplexArray
+    by_difference: FloatArray
+    by_sum: FloatArray
+
+    def among(self, on: NDArray[np.int64]) -> FloatArray:
+        """A h among some angles of the half patch, (k, k); the other half presses likewise."""
+        whole = on[-1] == on.size - 1
+        here = np.s_[: on.size, : on.size] if whole else np.ix_(on, on)
+        f, g, cos = (table[here] for table in self.by_difference)
+        f_far, g_far, cos_far = (table[here] for table in self.by_sum)
+        matrix: FloatArray = f + g * cos_far
+        first = 0 if on[0] else 1  # the angle zero has no other half
+        matrix[:, first:] += (f_far + g_far * cos)[:, first:]
+        return matrix
+
+    def under(self, on: NDArray[np.int64], p: FloatArray) -> FloatArray:
+        """u [m] at all angles of the half patch under p (k,) at some and the same beyond."""
+        loads = np.zeros((2, GRID))
+        loads[0, on], loads[1, on] = _COS[on] * p, _SIN[on] * p
+        loads[0, -on], loads[1, -on] = loads[0, on], -loads[1, on]
+        a, b, d = self.spectra
+        cp, sp = rfft(loads, axis=-1)
+        along_cos, along_sin = irfft(np.stack([d * cp + b * sp, a * sp - b * cp]), GRID, axis=-1)
+        yielded: FloatArray = _COS * along_cos[: _PHI.size] + _SIN * along_sin[: _PHI.size]
+        return yielded
+
+
 @lru_cache(maxsize=8)
-def _yield_matrix(carcass: RingCarcass) -> FloatArray:
-    """A h: vertical yield [m] at phi_i per pressure [N/m] at phi_j, (j, j)."""
+def _yield(carcass: RingCarcass) -> _Yield:
     n = np.arange(GRID // 2 + 1, dtype=np.float64)
     inverse = 1.0 / modal_impedance(n, carcass).real
-    a, b, d = (
-        np.fft.irfft(x, GRID) * (GRID / (2.0 * np.pi * carcass.R))
-        for x in (inverse, 1j * n * inverse, n**2 * inverse)
-    )
-    gap = np.arange(_PHI.size)
-    difference = (gap[:, None] - gap[None, :]) % GRID
-    c, s = np.cos(_PHI), np.sin(_PHI)
-    yielding = np.outer(c, c) * d[difference] + np.outer(s, s) * a[difference]
-    yielding += (np.outer(c, s) - np.outer(s, c)) * b[difference]
-    matrix: FloatArray = yielding * (carcass.R * STEP)
-    return matrix
+    spectra = np.stack([inverse + 0j, 1j * n * inverse, n**2 * inverse + 0j])
+    a, b, d = irfft(spectra, GRID, axis=-1)[:, : _LAG.size]
+    cos, sin = np.cos(_LAG), np.sin(_LAG)
+    by_lag = np.stack([0.5 * (d + a) * cos - b * sin, 0.5 * (d - a), cos])
+    size = _PHI.size
+    there_and_back = np.concatenate([by_lag[:, size - 1 : 0 : -1], by_lag[:, :size]], axis=1)
+    by_difference = sliding_window_view(there_and_back, size, axis=1)[:, ::-1]
+    return _Yield(spectra, by_difference, sliding_window_view(by_lag, size, axis=1))
 
 
 @lru_cache(maxsize=512)
@@ -80,65 +130,82 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
             allowed="a load above zero is allowed",
             do="correct load_N",
         )
-    A, h = _yield_matrix(carcass), carcass.R * STEP
-    shape = carcass.R * (1.0 - np.cos(_PHI))
-    active = np.abs(_PHI) <= 0.15
-    for _ in range(100):
-        on = np.flatnonzero(active)
-        system = np.zeros((on.size + 1, on.size + 1))
-        system[:-1, :-1] = A[np.ix_(on, on)]
-        system[np.arange(on.size), np.arange(on.size)] += 1.0 / carcass.k_t
-        system[:-1, -1], system[-1, :-1] = -1.0, h
-        solution = solve(system, np.append(-shape[on], load_N))
-        p, drop = solution[:-1], float(solution[-1])
-        depth = drop - shape - A[:, on] @ p
-        pressing = depth > 0.0
-        if not pressing.any():
-            pressing[np.argmax(depth)] = True
-        if pressing[0] or pressing[-1]:
-            raise ModelError(
-                f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side",
-                allowed="a shorter one is allowed",
-                do="give a stiffer foundation or a lower load",
-            )
-        if np.array_equal(pressing, active):
-            return _contact(on, p, depth, drop, carcass.R)
-        active = pressing
+    for begin in (_touched_last[0], _PHI <= 0.15):
+        found = _balance(carcass, load_N, begin)
+        if found is not None:
+            return found
     raise ModelError(
         "the contact with the flat road found no balance",
         do="give a smaller stiffness contrast or patch_half_length_m",
     )
 
 
-def _contact(on: np.ndarray, p: FloatArray, depth: FloatArray, drop: float, R: float) -> Contact:
-    """Edges where the depth crosses zero, between the last node that presses and the next one."""
-    first, last = on[0], on[-1]
-    entry = _PHI[first] - STEP * depth[first] / (depth[first] - depth[first - 1])
-    leave = _PHI[last] + STEP * depth[last] / (depth[last] - depth[last + 1])
-    return Contact(
-        _PHI[on], p, 0.5 * R * float(leave - entry), 0.5 * R * float(leave + entry), drop
-    )
+#: Angles that touched when a contact was solved last. A contact is one of its kind, solved anew
+#: with the angles that it ends with: where the search begins changes its steps and no digit.
+_touched_last: list[NDArray[np.bool_]] = [_PHI <= 0.15]
+
+
+def _balance(carcass: RingCarcass, load_N: float, active: NDArray[np.bool_]) -> Contact | None:
+    """The contact, looked for from these `active` angles on; None if it is not found."""
+    yielding, h = _yield(carcass), carcass.R * STEP
+    shape = carcass.R * (1.0 - _COS)
+    for _ in range(_MOST_STEPS):
+        on = np.flatnonzero(active)
+        system = np.zeros((on.size + 1, on.size + 1))
+        system[:-1, :-1] = yielding.among(on)
+        system[np.arange(on.size), np.arange(on.size)] += 1.0 / carcass.k_t
+        system[:-1, -1], system[-1, :-1] = -1.0, h * _TWICE[on]
+        solution = np.linalg.solve(system, np.append(-shape[on], load_N))
+        p, drop = solution[:-1], float(solution[-1])
+        depth = drop - shape - yielding.under(on, p)
+        pressing = depth > 0.0
+        if not pressing.any():
+            pressing[np.argmax(depth)] = True
+        beyond, pressing[-1] = pressing[-1], False  # on the way it may grow beyond
+        if np.array_equal(pressing, active):
+            if beyond:
+                raise ModelError(
+                    f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side",
+                    allowed="a shorter one is allowed",
+                    do="give a stiffer foundation or a lower load",
+                )
+            _touched_last[0] = active
+            return _contact(on, p, depth, drop, carcass.R)
+        active = pressing
+    return None
+
+
+def _contact(
+    on: NDArray[np.int64], p: FloatArray, depth: FloatArray, drop: float, R: float
+) -> Contact:
+    """The whole patch; its edges where the depth crosses zero beyond the last node that presses."""
+    last = on[-1]
+    edge = float(_PHI[last] + STEP * depth[last] / (depth[last] - depth[last + 1]))
+    mirrored = slice(1 if on[0] == 0 else 0, None)
+    phi = np.concatenate([-_PHI[on][mirrored][::-1], _PHI[on]])
+    return Contact(phi, np.concatenate([p[mirrored][::-1], p]), R * edge, drop)
 
 
 def pressure_modes(
     carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """(L, modes of p, modes of p xi / L), interpolated between solved loads.
+    """(L, modes of p, modes of p xi / L), interpolated between solved loads and tensions.
 
-    For columns of load and inflation p0 b, (n or 1, 1) each.
+    For columns of load and p0 b (with what other tension there is, over R), (n or 1, 1) each.
     """
     load, pb = np.broadcast_arrays(load_N, pb_N_m)
     half, modes, tilted = (
-        np.empty((load.shape[0], size), dtype)
+        np.zeros((load.shape[0], size), dtype)
         for size, dtype in ((1, float), (MODES, complex), (MODES, complex))
     )
-    for value in np.unique(pb):
-        rows = np.flatnonzero(pb[:, 0] == value)
-        solved = replace(carcass, pb=float(value))
-        nodes, weights = _nodes(load[rows, 0])
+    tensions, shares = _nodes(pb[:, 0], _FEW_TENSIONS, _TENSIONS)
+    for tension, share in zip(tensions, shares.T):
+        rows = np.flatnonzero(share)
+        solved = replace(carcass, pb=float(tension))
+        nodes, weights = _nodes(load[rows, 0], _FEW, _TABLE)
         table = [_laid_out(solve_contact(solved, float(node)), solved.R) for node in nodes]
         for target, column in zip((half, modes, tilted), zip(*table)):
-            target[rows] = weights @ np.stack(column)
+            target[rows] += share[rows, None] * (weights @ np.stack(column))
     return half, modes, tilted
 
 
@@ -151,16 +218,16 @@ def _laid_out(contact: Contact, R: float) -> tuple[FloatArray, ComplexArray, Com
     return np.array([contact.half_length_m]), modes[0], modes[1]
 
 
-def _nodes(load: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Loads to solve, (k,), and the weights (n, k) that interpolate from them."""
-    distinct, inverse = np.unique(load, return_inverse=True)
-    if distinct.size <= _FEW:
+def _nodes(values: FloatArray, few: int, table: int) -> tuple[FloatArray, FloatArray]:
+    """Values to solve at, (k,), and the weights (n, k) that interpolate from them."""
+    distinct, inverse = np.unique(values, return_inverse=True)
+    if distinct.size <= few:
         return distinct, np.eye(distinct.size)[inverse]
     low, high = distinct[0], distinct[-1]
-    angle = (np.arange(_TABLE) + 0.5) * np.pi / _TABLE
+    angle = (np.arange(table) + 0.5) * np.pi / table
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
-    barycentric = (-1.0) ** np.arange(_TABLE) * np.sin(angle)
-    distance = load[:, None] - nodes
+    barycentric = (-1.0) ** np.arange(table) * np.sin(angle)
+    distance = values[:, None] - nodes
     exact = distance == 0.0
     ratio = barycentric / np.where(exact, 1.0, distance)
     weights = np.where(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tirelog.physics.parameters import Parameter
-from tirelog.vocabulary.observables import OBSERVABLES
+from tirelog.vocabulary.observables import ACCELERATION, OBSERVABLES
 
 CARCASSES = ("beam", "ring", "coupled_ring")
 CONTACTS = ("prescribed", "flat_road")
@@ -73,7 +73,7 @@ _BEAM = (
     _p("line_mass_kg_m", "kg/m", "mu", 4.5, 1e-3, 100.0, free=False),
 )
 _RING = (
-    _p("flexural_stiffness_N_m2", "N m^2", "EI", 2.0, 0.1, 100.0),
+    _p("flexural_stiffness_N_m2", "N m^2", "EI", 2.0, 1e-3, 100.0),
     _p("line_mass_kg_m", "kg/m", "rho A", 3.15, 1e-3, 100.0, free=False),
     _p("radial_stiffness_N_m2", "N/m^2", "k_w", 6.3e5, 1e4, 1e8),
     _p("tangential_stiffness_N_m2", "N/m^2", "k_v", 6.3e5, 1e3, 1e9),
@@ -88,7 +88,38 @@ _RING = (
         2e6,
         free=False,
     ),
-    _p("width_m", "m", "b", 0.14, 0.01, 2.0, free=False),
+    _p(
+        "width_m",
+        "m",
+        "b, on which p0 bears: the belt's tension is p0 b R",
+        0.14,
+        0.01,
+        2.0,
+        free=False,
+    ),
+)
+#: What an accelerometer passes on: without the first it is as quick as can be, without the second
+#: it has its mean level.
+FASTEST_HZ = 1e6
+_ACCELEROMETER = (
+    _p(
+        "bandwidth_Hz",
+        "Hz",
+        "the accelerometer's low-pass, second order; 1e6: none",
+        FASTEST_HZ,
+        10.0,
+        FASTEST_HZ,
+        free=False,
+    ),
+    _p(
+        "coupling_Hz",
+        "Hz",
+        "its high-pass (AC coupling, a piezo element), first order; 0: none",
+        0.0,
+        0.0,
+        100.0,
+        free=False,
+    ),
 )
 #: What the coupled ring has beside the ring: it rolls with damping, on a hub that has mass, with
 #: bristles that cling to the road.
@@ -190,7 +221,13 @@ def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tup
     patch = _TREAD if flat_road else _PATCH
     stages = OBSERVABLES[observable].reads
     level = _LEVEL if "regressors" in stages else ()
-    chosen = (*structure, *patch, *_LOAD, *level)
+    sensor: tuple[Parameter, ...] = ()
+    if observable == ACCELERATION:
+        # an accelerometer shows the belt's tension at the edges of the patch, and no data sheet
+        # tells the belt's width: a section is a third wider
+        structure = tuple(replace(p, free=True) if p.name == "width_m" else p for p in structure)
+        sensor = _ACCELEROMETER
+    chosen = (*structure, *patch, *_LOAD, *sensor, *level)
     if "lever_arm" in stages:
         return chosen
     # the others do not read the lever arm; the numbers of geometry not even the structure

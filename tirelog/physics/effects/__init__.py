@@ -27,6 +27,7 @@ from tirelog.physics.effects.regressors import (
     SPEED_TREND,
     TELEMETRY_DELAY,
     TOOTH_PITCH,
+    WIND_UP,
 )
 
 #: Every effect of the catalogue, in the contract's order.
@@ -52,6 +53,7 @@ CATALOGUE: tuple[Effect, ...] = (
     TELEMETRY_DELAY,
     TOOTH_PITCH,
     INFLATION,
+    WIND_UP,
 )
 BY_ID = {effect.id: effect for effect in CATALOGUE}
 

@@ -33,6 +33,10 @@ def _crosstalk(v: Values, drive: Drive, site: Site, observable: str) -> FloatArr
     return v["per_relative_load_rad"] * (site.load_N / v["nominal_load_N"] - 1.0)
 
 
+def _wind_up(v: Values, drive: Drive, site: Site, observable: str) -> FloatArray:
+    return v["per_force_rad_N"] * drive.longitudinal_force_N
+
+
 def _delay(v: Values, drive: Drive, site: Site, observable: str) -> FloatArray:
     return v["delay_s"] * drive.speed_m_s / site.radius_m
 
@@ -83,6 +87,31 @@ LOAD_CROSSTALK = Effect(
     reads=("load",),
     observables=_PHASE,
     regressor=_crosstalk,
+)
+WIND_UP = Effect(
+    id="wind_up",
+    mechanism="sidewalls that the longitudinal force winds up, F_x / (2 pi R^2 k_v)",
+    follows=(("longitudinal_force_N", 1),),
+    acts_on=("regressors",),
+    parameters=(
+        Parameter(
+            "per_force_rad_N",
+            "rad/N",
+            "1 / (2 pi R^2 k_v), k_v of the sidewalls against winding up",
+            0.0,
+            -1e-3,
+            1e-3,
+            probe=1e-5,
+        ),
+    ),
+    strength=("per_force_rad_N",),
+    source="P4 III, errata",
+    valid="a force that is measured; without one per_acceleration_rad_s2_m stands for it, and the "
+    "drag of constant speed is in speed_trend",
+    signature="phase shift in proportion to the measured force, also at constant speed",
+    needs=("longitudinal_force_N",),
+    observables=_PHASE,
+    regressor=_wind_up,
 )
 TELEMETRY_DELAY = Effect(
     id="telemetry_delay",

@@ -235,6 +235,10 @@ def _only(
             )
 
 
+#: free in a new model of acceleration; a file without it holds it at its start value
+_MAY_LACK = ("width_m",)
+
+
 def _base(
     numbers: Mapping[str, Any], known: tuple[Parameter, ...], source: _Text
 ) -> tuple[Parameter, ...]:
@@ -242,7 +246,7 @@ def _base(
     given = dict(numbers)
     if "reference_load_N" not in given and "load_N" in given:
         given["reference_load_N"] = _number(given["load_N"], known[0], source, "load_N").value
-    lacking = [p.name for p in known if p.free and p.name not in given]
+    lacking = [p.name for p in known if p.free and p.name not in (*given, *_MAY_LACK)]
     if lacking:
         raise source.error(
             f"[parameters] lacks {', '.join(lacking)}",

@@ -218,6 +218,11 @@ class Model(Predicting):
         """Names of the parameters that a fit moves."""
         return [name for name, p in self.parameters.items() if p.free]
 
+    @property
+    def ac_coupled(self) -> bool:
+        """Is it of an accelerometer whose mean level is removed?"""
+        return bool(self.values.get("coupling_Hz"))
+
     def missing_conditions(self, conditions: Conditions) -> dict[str, list[str]]:
         """Effect -> fields of the conditions that it needs and some revolution lacks."""
         lacking = {e.id: e.effect.missing(conditions) for e in self.effects}

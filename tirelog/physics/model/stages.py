@@ -18,6 +18,7 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import beam, contact, ring
 from tirelog.physics.carcass.hardening import hardened_load
+from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray
@@ -99,6 +100,19 @@ LOAD_NAMES = (
     "patch_half_length_m",
     "radius_m",
 )
+STRUCTURE_NAMES = (
+    "flexural_stiffness_N_m2",
+    "foundation_stiffness_N_m2",
+    "line_mass_kg_m",
+    "radial_stiffness_N_m2",
+    "tangential_stiffness_N_m2",
+    "radial_damping_N_s_m2",
+    "tangential_damping_N_s_m2",
+    "inflation_pressure_Pa",
+    "width_m",
+    "radius_m",
+)
+FLAT_ROAD_NAMES = (*STRUCTURE_NAMES, "load_N", "tread_stiffness_N_m2")
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
 
 
@@ -136,6 +150,13 @@ def loads(task: Task) -> FloatArray:
     return F
 
 
+def _load_key(task: Task, *hooks: str) -> tuple[Any, ...]:
+    """The values that the load stage reads; on a flat road the belt's tension too."""
+    if task.flat_road:
+        return task.key(FLAT_ROAD_NAMES, *LOAD_HOOKS, "structure", *hooks)
+    return task.key(LOAD_NAMES, *LOAD_HOOKS, *hooks)
+
+
 def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     """The patch and the modes of its pressure without effects.
 
@@ -145,7 +166,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     R = b["radius_m"]
     tilted = bool(task.having("tilt"))
     if task.flat_road:
-        half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, _inflation_pb(task))
+        pb = _inflation_pb(task) + structure(task).tension / R
+        half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, pb)
         return Site(F, half, R), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if np.any(half >= np.pi * R):
@@ -160,8 +182,7 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
 
 def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
     """`site_and_base_pressure`, once per set of values."""
-    names = None if task.flat_road else LOAD_NAMES
-    key = (*task.key(names, *LOAD_HOOKS), bool(task.having("tilt")))
+    key = (*_load_key(task), bool(task.having("tilt")))
     return task.once("site", key, lambda: site_and_base_pressure(task))
 
 
@@ -186,10 +207,7 @@ class Pressed:
 
 def pressure(task: Task) -> Pressed:
     """What the road does to the tread with all effects, once per set of values."""
-    names = None if task.flat_road else LOAD_NAMES
-    return task.once(
-        "pressure", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: _pressure(task)
-    )
+    return task.once("pressure", _load_key(task, *PRESSURE_HOOKS), lambda: _pressure(task))
 
 
 def _pressure(task: Task) -> Pressed:
@@ -235,10 +253,9 @@ def load_on_carcass(task: Task) -> ComplexArray:
     pressed = pressure(task)
     if task.carcass == "beam":
         return pressed.normal
-    names = None if task.flat_road else LOAD_NAMES
     return task.once(
         "ring load",
-        task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS),
+        _load_key(task, *PRESSURE_HOOKS),
         lambda: ring.equivalent_load(pressed.normal, pressed.traction),
     )
 
@@ -316,20 +333,6 @@ class Response:
     cubic: FloatArray | float
 
 
-STRUCTURE_NAMES = (
-    "flexural_stiffness_N_m2",
-    "foundation_stiffness_N_m2",
-    "line_mass_kg_m",
-    "radial_stiffness_N_m2",
-    "tangential_stiffness_N_m2",
-    "radial_damping_N_s_m2",
-    "tangential_damping_N_s_m2",
-    "inflation_pressure_Pa",
-    "width_m",
-    "radius_m",
-)
-
-
 def response(task: Task) -> Response:
     """The carcass's response, once per set of values."""
     return task.once("response", task.key(STRUCTURE_NAMES, "structure"), lambda: _response(task))
@@ -390,25 +393,17 @@ def waveform(
         tau = pressure(task).traction
         return np.zeros((1, MODES), np.complex128) if tau is None else tau, 0.0
     if observable == "frame_acceleration":
-        return sensed(task, frame_acceleration(task)) * gain(task), 0.0
-    load, r, R = load_on_carcass(task), response(task), task.base["radius_m"]
-    if np.any(r.cubic):
-        load = hardened_load(load, r.displacement, r.cubic)
+        return accelerometer(task, sensed(task, frame_acceleration(task))) * gain(task), 0.0
     if observable == "displacement":
-        return load * r.displacement, 0.0
+        return hardened(task) * response(task).displacement, 0.0
     if observable == "strain":
-        modes = sensed(task, load * (lever_m * r.curvature))
+        modes = sensed(task, hardened(task) * (lever_m * response(task).curvature))
         for lever in task.hooks(lambda effect: effect.lever).values():
             modes = modes * lever()
         return modes * gain(task), baseline(task)
-    spin = task.drive.speed_m_s**2
-    curved = (
-        load * r.curvature
-        if task.carcass == "ring"
-        else load * (r.curvature - r.displacement / R**2)
-    )
-    factor = gain(task)
-    return sensed(task, curved * spin + frame_acceleration(task)) * factor, -spin / R * factor
+    spin, curved = task.drive.speed_m_s**2, bending(task)
+    factor, seen = gain(task), sensed(task, curved * spin + frame_acceleration(task))
+    return accelerometer(task, seen) * factor, turning_level(task) * factor
 
 
 def frame_acceleration(task: Task) -> ComplexArray:
@@ -426,6 +421,55 @@ def frame_acceleration(task: Task) -> ComplexArray:
     modes = np.zeros((a_x.shape[0], MODES), np.complex128)
     modes[:, 1:2] = 0.5 * (-STANDARD_GRAVITY_M_S2 + 1j * a_x)
     return modes
+
+
+def hardened(task: Task) -> ComplexArray:
+    """Modes of the load on the carcass, less what a hardened foundation takes."""
+    load, r = load_on_carcass(task), response(task)
+    return hardened_load(load, r.displacement, r.cubic) if np.any(r.cubic) else load
+
+
+def bending(task: Task) -> ComplexArray:
+    """Modes of what the tread is less curved by than a circle, w'' + w / R^2 outwards [1/m]."""
+    load, r = hardened(task), response(task)
+    if task.carcass == "ring":
+        return load * r.curvature
+    return load * (r.curvature - r.displacement / task.base["radius_m"] ** 2)
+
+
+def turning_level(task: Task) -> FloatArray:
+    """What a turning accelerometer reads on average, -c^2 / R, (n or 1, 1).
+
+    Of an AC-coupled one what its high-pass leaves of that while the speed changes slowly.
+    """
+    speed, R, coupling = task.drive.speed_m_s, task.base["radius_m"], task.base.get("coupling_Hz")
+    if not coupling:
+        return -(speed**2) / R
+    rate = -2.0 * speed * np.nan_to_num(task.drive.acceleration_m_s2) / R
+    return np.asarray(rate / (2.0 * np.pi * coupling), dtype=np.float64)
+
+
+def accelerometer(task: Task, modes: ComplexArray) -> ComplexArray:
+    """The waveform (n or 1, K) within the accelerometer's own band.
+
+    A second-order low-pass (Butterworth), less the delay that it has at low frequencies: a delay
+    moves the patch, and where that is counts from itself. A first-order high-pass.
+    """
+    low, high = task.base.get("bandwidth_Hz", FASTEST_HZ), task.base.get("coupling_Hz", 0.0)
+    if low >= FASTEST_HZ and not high:
+        return modes
+
+    def passed() -> ComplexArray:
+        turns = task.drive.speed_m_s / (2.0 * np.pi * task.base["radius_m"])
+        frequency = turns * np.arange(MODES)
+        x = frequency / low
+        through = np.exp(1j * np.sqrt(2.0) * x) / (1.0 + 1j * np.sqrt(2.0) * x - x**2)
+        if high:
+            through = through * (frequency / (frequency - 1j * high))
+        return np.asarray(through, dtype=np.complex128)
+
+    key = task.key(("radius_m", "bandwidth_Hz", "coupling_Hz"))
+    return modes * task.once("accelerometer", key, passed)
 
 
 def gain(task: Task) -> FloatArray | float:

@@ -276,6 +276,7 @@ class Sensor:
     `lost_run` on average; a grating also loses the share `lost_at_flanks` of the samples at which
     strain changes along the tread by more than half of the most. `jitter_s` moves the moment of
     sampling about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise.
+    `coupling_Hz` is the high-pass of an AC-coupled instrument (first order; 0: none).
     Encoder:
     `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`),
     `missing_teeth`, `extra_teeth`.
@@ -300,6 +301,7 @@ class Sensor:
     lag_s: float = _within(0.0, 0.0, 1.0)
     delay_s: float = _within(0.0, 0.0, 1.0)
     bandwidth_Hz: float | None = _within(None, 1.0, 1e6)
+    coupling_Hz: float = _within(0.0, 0.0, 100.0)
     baseline: float = _within(0.0, -0.1, 0.1)
     reference_wavelength_nm: float = _within(1550.0, 100.0, 1e5)
     strain_gain: float = _within(1.27, 0.1, 100.0)

@@ -235,6 +235,21 @@ def in_source_units(world: World, trace: Trace, clean: FloatArray) -> FloatArray
     return clean * PER_SI.get(sensor.kind, 1.0)
 
 
+def coupled(trace: Trace, values: FloatArray) -> FloatArray:
+    """Values (n,) behind the high-pass of an AC-coupled instrument: a charge that leaks away.
+
+    The charge follows the value with the time constant; at the log's start it has followed it
+    for long.
+    """
+    cut, rate = trace.sensor.coupling_Hz, trace.sensor.sampling_rate_Hz
+    if not cut or not values.size:
+        return values
+    kept = np.exp(-2.0 * np.pi * cut / rate)
+    settled = values[: max(1, round(rate / cut))].mean()
+    charge, _ = lfilter([1.0 - kept], [1.0, -kept], values, zi=np.array([kept * settled]))
+    return np.asarray(values - charge, float)
+
+
 def flanks(world: World, trace: Trace, told: FloatArray) -> NDArray[np.bool_]:
     """Where the strain changes along the tread by more than FLANK of the most, (n,).
 

@@ -1,0 +1,176 @@
+"""The self-test of `diagnose` on wheels with an in-tire accelerometer (P4), truth by a ring.
+
+    python -m benchmarks.wheel_hidden [--kinds null,belt_tension,...] [--seeds 1000:1004]
+                                      [-o results.csv]      one row per case, as it is done
+    python -m benchmarks.wheel_hidden --summary results.csv rates with Wilson intervals
+
+A case is two logs of a minute, at 2.0 and 1.6 bar, of a tire that is drawn: stiffnesses, belt and
+tread 0.6 to 1.6 times the ordinary ones, a belt narrower than the setup's tire. `shift_` kinds are
+of the phase shift, with the forces measured; the others of the acceleration. Seeds below 1000 are
+for choosing, from 1000 on for reporting.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.hidden import wilson
+from benchmarks.wheel_cases import TORSIONAL_STIFFNESS_N_M2, Instruments, wheel_channels
+from tirelog.diagnosis.diagnose import diagnose
+from tirelog.inference.measured import measured
+from tirelog.physics.model.from_setup import new_model
+from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenario.planted import PLANTABLE, Planted
+from tirelog.simulation.scenario.schema import Manoeuvre, Road, Scenario, TrueConditions, TrueTire
+
+PRESSURES_PA = (2.0e5, 1.6e5)
+SPEEDS_M_S = (10.0, 20.0, 12.0, 22.0, 15.0, 24.0)
+#: sizes of effects other than the simulator's ordinary ones
+SIZES = {"belt_tension": {"tension_mass_kg_m": 3.0}}
+WAVEFORM = (
+    "load_transfer", "belt_tension", "traction", "viscous_damping", "hysteresis", "edge_impact",
+    "stiffening", "aero_load", "rough_contact", "pressure_offset",
+)  # fmt: skip
+SHIFT = ("shift_wind_up", "shift_telemetry_delay")
+KINDS = ("null", "scatter", *WAVEFORM, "shift_null", *SHIFT)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case and what was said of it."""
+
+    kind: str
+    seed: int
+    verdict: str
+    named: str
+    excess_over_floor: float
+    reduced_chi2: float
+    ranking: str
+    seconds: float
+
+
+def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
+    """The two logs of a case."""
+    draw = np.random.default_rng(seed)
+    speeds = draw.uniform(0.95, 1.05, len(SPEEDS_M_S)) * SPEEDS_M_S
+    plan: list[Manoeuvre] = []
+    for i, speed in enumerate(speeds):
+        if i:
+            hurry = abs(speed - speeds[i - 1]) / draw.uniform(1.5, 3.0)
+            plan.append(Manoeuvre(float(max(2.0, hurry)), float(speed), None))
+        plan.append(Manoeuvre(7.0, float(speed), None))
+    other = draw.uniform(0.6, 1.6, 4)
+    usual = TrueTire()
+    shift = kind.startswith("shift_")
+    tire = replace(
+        usual,
+        torsional_stiffness_N_m2=TORSIONAL_STIFFNESS_N_M2 if kind == "shift_wind_up" else None,
+        flexural_stiffness_N_m2=float(2.0 * other[0]),
+        radial_stiffness_N_m2=float(usual.radial_stiffness_N_m2 * other[1]),
+        tangential_stiffness_N_m2=float(usual.tangential_stiffness_N_m2 * other[2]),
+        tread_stiffness_N_m2=float(usual.tread_stiffness_N_m2 * other[3]),
+        width_belt_m=float(draw.uniform(0.11, 0.16)),
+    )
+    name = kind.removeprefix("shift_")
+    effects: tuple[Planted, ...] = ()
+    if name in PLANTABLE:
+        sizes = {**PLANTABLE[name].parameters, **SIZES.get(name, {})}
+        effects = (Planted(name, "exact", sizes),)
+    channels = wheel_channels(Instruments(forces=shift))
+    if not shift:
+        del channels["encoder"]
+    for number, pressure in enumerate(PRESSURES_PA):
+        yield Scenario(
+            manoeuvres=tuple(plan),
+            channels=channels,
+            tire=tire,
+            truth="ring",
+            conditions=TrueConditions(inflation_pressure_Pa=pressure),
+            road=Road(0.01, load_scatter=0.01 if kind == "scatter" else 0.0),
+            effects=effects,
+            seed=seed + 500_000 * number,
+        )
+
+
+def run(kind: str, seed: int) -> Row:
+    """One case from the scenario to the verdict."""
+    logs = [
+        to_recording(simulate(log), f"log_{i + 1}") for i, log in enumerate(scenarios(kind, seed))
+    ]
+    observable = "phase_shift" if kind.startswith("shift_") else "radial_acceleration"
+    model, _ = new_model("ring", logs[0].setup, observable=observable)
+    begun = time.process_time()
+    found = diagnose(measured(logs, observable).stacks, model)
+    excess = max(found.rmse_heldout_before**2 / found.noise_floor**2 - 1.0, 0.0)
+    return Row(
+        kind,
+        seed,
+        found.verdict,
+        "+".join(found.selected),
+        float(np.sqrt(excess)),
+        found.reduced_chi2_before,
+        " ".join(f"{c.effect}:{c.excess_removed:.3f}" for c in found.effects[:3]),
+        time.process_time() - begun,
+    )
+
+
+def summary(rows: Iterable[dict[str, str]]) -> Iterator[str]:
+    """Rates by kind, and over all."""
+    rows = list(rows)
+    nulls = [r for r in rows if r["kind"] in ("null", "scatter", "shift_null")]
+    yield "nulls, nothing missing   " + wilson(
+        sum(r["verdict"] == "nothing_missing" for r in nulls), len(nulls)
+    )
+    single = [r for r in rows if r not in nulls]
+    right = [r for r in single if r["named"] == r["kind"].removeprefix("shift_")]
+    yield "effects, named           " + wilson(len(right), len(single))
+    yield "of these, named alone    " + wilson(
+        sum(r["verdict"] == "missing" for r in right), len(single)
+    )
+    false = [r for r in rows if r["named"] and r not in right]
+    yield "false names              " + wilson(len(false), len(rows))
+    for r in rows:
+        if r not in right and (r in single or r["verdict"] != "nothing_missing"):
+            yield f"  not: {r['kind']}/{r['seed']}: {r['verdict']} {r['named']} ({r['ranking']})"
+    seconds = sorted(float(r["seconds"]) for r in rows)
+    if seconds:
+        yield f"CPU {seconds[len(seconds) // 2]:.1f} s each (median), {seconds[-1]:.1f} s at most"
+
+
+def main() -> None:
+    """Run cases, or sum up what has run."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--seeds", default="1000:1004", help="first:last+1")
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--summary", type=Path)
+    options = parser.parse_args()
+    if options.summary:
+        with options.summary.open(newline="") as stream:
+            print("\n".join(summary(csv.DictReader(stream))))
+        return
+    first, last = (int(x) for x in options.seeds.split(":"))
+    rows = []
+    stream = options.output.open("a", newline="") if options.output else sys.stdout
+    writer = csv.DictWriter(stream, list(Row.__dataclass_fields__))
+    if not options.output or stream.tell() == 0:
+        writer.writeheader()
+    for seed in range(first, last):
+        for kind in options.kinds.split(","):
+            row = asdict(run(kind, seed))
+            rows.append({k: str(v) for k, v in row.items()})
+            writer.writerow(row)
+            stream.flush()
+    print("\n".join(summary(rows)))
+
+
+if __name__ == "__main__":
+    main()
