@@ -16,7 +16,6 @@ from tirelog.diagnosis.naming import worth_it
 from tirelog.diagnosis.rules import (
     ALARM_P,
     GAIN_SIGMAS,
-    LEAST_SHARE_OF_FLOOR,
     NUISANCE_SHARE,
     TWINS,
 )
@@ -35,25 +34,24 @@ _MOST_REFITTED = 2
 
 @dataclass(frozen=True)
 class AssessedNuisance:
-    """A nuisance with its evidence: family-wise p, held-out gain and error, removed [unit^2]."""
+    """A nuisance with its evidence: family-wise p, held-out gain and its error.
+
+    Its size is judged once it is fitted: what scatters takes it for its own before.
+    """
 
     effects: SharedEffects
     p: float
     gain: float
     gain_error: float
-    removed: float
 
     @property
     def group(self) -> str:
         return self.effects.group[0]
 
-    def alarms(self, floor_square: float) -> bool:
-        """The three rules that an effect must pass."""
-        return (
-            self.p <= ALARM_P
-            and self.gain > GAIN_SIGMAS * self.gain_error
-            and self.removed > LEAST_SHARE_OF_FLOOR * floor_square
-        )
+    @property
+    def alarms(self) -> bool:
+        """It repeats and gains, as an effect must."""
+        return self.p <= ALARM_P and self.gain > GAIN_SIGMAS * self.gain_error
 
 
 def groups_of(base: Base) -> tuple[str, ...]:
@@ -97,12 +95,9 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
     _, p = flip_test(scores, base.cells.manoeuvres)
     assessed = []
     for x, own in zip(effects, p, strict=True):
-        held_white, held_plain = held_out_losses(
-            base.cells, base.white, base.plain, base.fit, x.columns
-        )
+        held_white, _ = held_out_losses(base.cells, base.white, base.plain, base.fit, x.columns)
         gain, error = gain_and_error(base.held_white, held_white)
-        removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
-        assessed.append(AssessedNuisance(x, float(own), gain, error, removed))
+        assessed.append(AssessedNuisance(x, float(own), gain, error))
     return sorted(assessed, key=lambda a: -a.gain)
 
 
@@ -112,20 +107,21 @@ def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
     A nuisance of fewer amplitudes that does as much comes first: the more there are, the more of
     anything they imitate. And one that leaves most of the excess imitates what it is not.
     """
-    alarming = [a for a in assess_nuisances(base, allowed) if a.alarms(base.floor.square)]
+    alarming = [a for a in assess_nuisances(base, allowed) if a.alarms]
     tried = []
     for a in alarming[:_MOST_REFITTED]:
         try:
-            tried.append((len(a.effects), with_nuisance(base, a.effects)))
+            refitted = with_nuisance(base, a.effects)
         except ModelError:
             continue
-    tried = [t for t in tried if base.excess - t[1].excess >= NUISANCE_SHARE * base.excess]
+        removed = base.noise_chi2 - refitted.noise_chi2
+        if removed >= NUISANCE_SHARE * (base.noise_chi2 - base.fit.freedom):
+            tried.append((removed, len(a.effects), refitted))
     if not tried:
         return None
-    _, best = min(tried, key=lambda t: float(t[1].held_white.sum()))
-    as_much = TWINS**2 * (base.excess - best.excess)
-    alike = [t for t in tried if base.excess - t[1].excess >= as_much]
-    return min([*alike, (len(base.cells), best)], key=lambda t: t[0])[1]
+    most = max(removed for removed, *_ in tried)
+    alike = [t for t in tried if t[0] >= TWINS**2 * most]
+    return min(alike, key=lambda t: (t[1], -t[0]))[2]
 
 
 def with_nuisance(base: Base, effects: SharedEffects) -> Base:

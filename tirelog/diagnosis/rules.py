@@ -49,9 +49,9 @@ FEWEST_MANOEUVRES = int(
     _number("FEWEST_MANOEUVRES", 8, "manoeuvres", "a two-sided p of ALARM_P needs so many")
 )
 NUISANCE_SHARE = _number(
-    "NUISANCE_SHARE", 0.4, "share of the excess",
-    "that a nuisance must remove to come in: of two at once the larger removes half; those of an "
-    "effect that nothing explains remove a third",
+    "NUISANCE_SHARE", 0.4, "share of what chi-square is above its degrees of freedom",
+    "that a nuisance must remove to come in: of two at once the larger removes half; those beside "
+    "an effect that nothing explains remove a third",
 )  # fmt: skip
 # ---- which one is it? ----------------------------------------------------------------------------
 CONTENDER = _number(
