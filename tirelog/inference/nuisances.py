@@ -57,6 +57,7 @@ _DRIFTING = {
     "patch_half_length_m": "patch length",
     "foundation_stiffness_N_m2": "foundation stiffness",
     "radial_stiffness_N_m2": "radial stiffness",
+    "tangential_stiffness_N_m2": "tangential stiffness",
     "tread_stiffness_N_m2": "tread stiffness",
     "flexural_stiffness_N_m2": "bending stiffness",
 }
@@ -91,10 +92,14 @@ def drift(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffect
     if not driven:
         return None
     names = [name for name in _DRIFTING if name in fit.model.parameters]
-    slopes = _relative_slopes(cells, fit.model, names)
-    shapes = np.concatenate([slopes, np.ones_like(cells.phi)[..., None]], axis=-1)
-    sizes = np.r_[np.full(len(names), known.size("relative")), known.size("baseline") * _rms(fit)]
-    words = [*(_DRIFTING[name] for name in names), "baseline"]
+    columns_of = [_relative_slopes(cells, fit.model, names)]
+    words = [_DRIFTING[name] for name in names]
+    if (by_pressure := _pressure_slope(cells, fit.model)) is not None:
+        columns_of.append(by_pressure[..., None])
+        words.append("inflation pressure")
+    sizes = np.r_[np.full(len(words), known.size("relative")), known.size("baseline") * _rms(fit)]
+    shapes = np.concatenate([*columns_of, np.ones_like(cells.phi)[..., None]], axis=-1)
+    words.append("baseline")
     parts = _parts(cells, whole, 3 * len(words))
     # warming slows down: a straight line and a bend about it; and one log is warmer than another
     factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, _BEND)}
@@ -286,6 +291,30 @@ def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatA
 def _length_slope(cells: Cells, model: Model) -> FloatArray:
     """Change of the prediction per relative change of the patch length, (C, m)."""
     return np.asarray(_relative_slopes(cells, model, ["patch_half_length_m"])[..., 0])
+
+
+def _pressure_slope(cells: Cells, model: Model) -> FloatArray | None:
+    """Change of the prediction per relative change of the inflation pressure, (C, m).
+
+    None if nothing of the model stands under it.
+    """
+    name = "inflation_pressure_Pa"
+    if name not in model.parameters:
+        return None
+    up, down = (
+        model.with_values({name: model.values[name] * factor}).predict(
+            replace(
+                cells.conditions,
+                inflation_pressure_Pa=cells.conditions.inflation_pressure_Pa * factor,
+            ),
+            surface=cells.surface,
+            observable=cells.observable,
+            **cells.angles,
+        )
+        for factor in (1.0 + _STEP, 1.0 - _STEP)
+    )
+    slope: FloatArray = (up - down) / (2.0 * _STEP)
+    return slope if np.any(slope[np.isfinite(slope)]) else None
 
 
 def _radius_slope(cells: Cells, model: Model) -> FloatArray | None:
