@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case
+from benchmarks.nuisance_worlds import CaseOf
 from tirelog.diagnosis.beside import allowed_nuisances, groups_of
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude, search_effects
+from tirelog.diagnosis.naming import quiet
+from tirelog.diagnosis.nuisance_sizes import nuisances_found
+from tirelog.inference.nuisances import shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
@@ -93,10 +97,56 @@ def test_a_radius_that_is_wrong_and_grows_is_no_effect():
 
 def test_a_load_that_wanders_is_in_the_floor():
     how = replace(SHORT, plan="mixed")
-    quiet, restless = (
+    calm, restless = (
         start(measured(Nuisances(load_wander=LoadWander(share, 2.0)), how=how), MODEL)
         for share in (0.0, 0.03)
     )
-    assert quiet.floor.scatter.wander_sd < 0.005 < 0.012 < restless.floor.scatter.wander_sd < 0.05
+    assert calm.floor.scatter.wander_sd < 0.005 < 0.012 < restless.floor.scatter.wander_sd < 0.05
     assert restless.reduced_chi2 < 1.2
-    np.testing.assert_array_less(quiet.floor.between, restless.floor.between)
+    np.testing.assert_array_less(calm.floor.between, restless.floor.between)
+
+
+def test_loads_that_scatter_by_3_percent_leave_a_null_at_its_floor():
+    logs = CaseOf("scatter_3", 2).scenarios()
+    stacks = stacks_from_logs([to_recording(simulate(x), f"log_{i}") for i, x in enumerate(logs)])
+    base = start(stacks, Model.new("beam", radius_m=logs[0].tire.rolling_radius_m))
+    assert 0.015 < base.floor.scatter.load_sd < 0.04
+    assert base.reduced_chi2 < 1.15  # 2 and more if a waveform were straight in its load
+    assert quiet(base, base.floor.square)
+
+
+def test_another_patch_law_is_fitted_and_told():
+    logs = [
+        replace(log, tire=replace(log.tire, patch_load_exponent=0.8))
+        for log in case((), seed=412, how=replace(SHORT, plan="mixed"))
+    ]
+    stacks = stacks_from_logs(
+        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=64
+    )
+    base = start(stacks, MODEL)
+    assert base.reduced_chi2 > 5.0
+    found = search_effects(base)
+    exponent = found.before.model.parameters["patch_load_exponent"]
+    assert groups_of(found.before) == ("patch_law",)
+    assert abs(exponent.value - 0.8) < max(4.0 * exponent.se, 0.01)
+    (told,) = (n for n in nuisances_found(found.before) if n.nuisance == "patch_law")
+    assert told.stayed
+    assert told.parts[0].value == pytest.approx(exponent.value - 0.5)
+    assert found.before.reduced_chi2 < 1.2
+
+
+def test_nuisances_are_seen_where_bins_are_empty(wheel_null):
+    base = start(wheel_null, MODEL)
+    cells = base.cells
+    values, phi = cells.values.copy(), cells.phi.copy()
+    values[::3, ::9] = phi[::3, ::9] = np.nan
+    holed = replace(cells, values=values, phi=phi)
+    for name in ("wheel", "drift", "rolling"):
+        effects = shared_effects(
+            holed,
+            replace(base.fit, prediction=np.where(np.isfinite(phi), base.fit.prediction, np.nan)),
+            name,
+        )
+        assert effects is not None, name
+        assert np.isfinite(effects.columns).all(), name
+        assert np.isfinite(effects.sd).all(), name

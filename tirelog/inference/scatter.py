@@ -216,8 +216,9 @@ def _deviations(
         return 0.0, np.zeros(values.size)
     left, about = values - hat @ values, values - values.mean()
     of_all, of_rest = float(about @ about), float(left @ left)
-    ratio = (of_all - of_rest) / (followed - 1.0) / max(of_rest / rest, 1e-300)
-    if not followed > 1.0 or stats.f.sf(ratio, followed - 1.0, rest) > _FOLLOWS_P:
+    more = followed - 1.0
+    ratio = (of_all - of_rest) / max(more, 1e-9) / max(of_rest / rest, 1e-300)
+    if more < 0.5 or stats.f.sf(ratio, more, rest) > _FOLLOWS_P:
         expected = float(noise.sum()) * free / values.size
         return float(np.sqrt(max((of_all - expected) / free, 0.0))), about
     expected = float(((1.0 - np.diag(hat)) * noise).sum())

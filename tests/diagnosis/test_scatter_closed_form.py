@@ -1,0 +1,79 @@
+"""Scatter of manoeuvres and the errors that it leaves, against direct sums."""
+
+import numpy as np
+
+from tirelog.inference.metric.offsets import Levelled
+from tirelog.inference.metric.projection import RANK, solve_scaled
+from tirelog.inference.scatter import Scatter, _deviations
+
+
+def hat_of(columns):
+    return columns @ np.linalg.pinv(columns)
+
+
+def test_manoeuvres_that_only_scatter_keep_all_of_it():
+    random = np.random.default_rng(3)
+    speed = np.linspace(-1.0, 1.0, 24)
+    hat = hat_of(np.stack([np.ones(24), speed, speed**2], axis=1))
+    values = 0.02 * random.standard_normal(24)
+    sd, left = _deviations(values, np.zeros(24), hat, 1.0)
+    np.testing.assert_allclose(left, values - values.mean())
+    np.testing.assert_allclose(sd, values.std(ddof=1))
+
+
+def test_what_surely_follows_is_no_scatter():
+    random = np.random.default_rng(4)
+    speed = np.linspace(-1.0, 1.0, 24)
+    hat = hat_of(np.stack([np.ones(24), speed, speed**2], axis=1))
+    scatter = 0.001 * random.standard_normal(24)
+    sd, left = _deviations(0.03 * speed**2 + scatter, np.zeros(24), hat, 1.0)
+    np.testing.assert_allclose(left, scatter - hat @ scatter, atol=1e-12)
+    assert 0.0006 < sd < 0.0014
+
+
+def test_what_noise_does_is_taken_off():
+    hat = hat_of(np.ones((10, 1)))
+    values = np.tile([1.0, -1.0], 5)
+    sd, _ = _deviations(values, np.full(10, 0.75), hat, 1.0)
+    np.testing.assert_allclose(sd**2, (10.0 - 0.75 * 9.0) / 9.0)
+
+
+def test_scatter_weighs_each_cell_with_its_own_deviation():
+    scatter = Scatter(
+        0.02, 0.0, 0.0, np.array([0.01, 0.03]), np.array([1e-4, 9e-4]), np.array([0.0, 4.0])
+    )
+    columns = np.ones((2, 3, 2)) * np.array([2.0, 0.5])
+    np.testing.assert_allclose(
+        scatter.square(columns), [[4e-4] * 3, [3.6e-3 + 1.0] * 3], rtol=1e-12
+    )
+
+
+def test_errors_of_parameters_add_the_trace_of_their_covariance():
+    random = np.random.default_rng(5)
+    manoeuvre, log = np.repeat(np.arange(5), 2), np.zeros(10, np.int64)
+    columns, residual = random.standard_normal((10, 4, 3)), random.standard_normal((10, 4))
+    other = random.standard_normal((10, 4, 3))
+    none = np.zeros((10, 4))
+    white = Levelled.of(columns, residual, none, manoeuvre, log)
+    white = Levelled.joined([white], np.zeros(5, np.int64))
+    plain = Levelled.of(other, residual, none, manoeuvre, log)
+    for m, added in enumerate(white.of_errors(plain)):
+        kept = columns[manoeuvre != m].reshape(-1, 3)
+        own = other[manoeuvre == m].reshape(-1, 3)
+        np.testing.assert_allclose(added, np.trace(own @ np.linalg.inv(kept.T @ kept) @ own.T))
+
+
+def test_equations_are_solved_on_the_directions_that_have_support():
+    random = np.random.default_rng(6)
+    columns = random.standard_normal((3, 20, 6))
+    columns[1, :, 5] = columns[1, :, 4]  # two that are one
+    columns[2, :, 0] = 0.0
+    target = random.standard_normal((3, 20))
+    gram = np.swapaxes(columns, 1, 2) @ columns
+    right = (np.swapaxes(columns, 1, 2) @ target[..., None])[..., 0]
+    found = solve_scaled(gram, right)
+    for i in range(3):
+        scale = np.linalg.norm(columns[i], axis=0)
+        scale = np.where(scale > 0.0, scale, np.inf)
+        wanted = np.linalg.lstsq(columns[i] / scale, target[i], rcond=np.sqrt(RANK))[0] / scale
+        np.testing.assert_allclose(found[i], wanted, atol=1e-9)
