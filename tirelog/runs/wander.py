@@ -99,11 +99,14 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lacks.astype(np.int8), [0]])))
     missing, gaps = np.zeros(lacking.size, np.int64), []
     level = np.concatenate([[0.0], np.cumsum(lacking)])
+    # a pace that is not even walks away a little, too, over as many ticks
+    walks = level[2 * _LASTS :] - level[: -2 * _LASTS]
+    least = max(_MISSING, _UNUSUAL * 1.4826 * float(np.median(np.abs(walks - np.median(walks)))))
     for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         # what one tick lacks the next may have too many: a sample late by a moment is not missing
         before = np.median(level[max(start - _LASTS, 0) : start + 1])
         lasting = round(float(np.median(level[stop : stop + _LASTS + 1]) - before))
-        if lasting >= _MISSING:
+        if lasting >= least:
             at = start + int(lacking[start:stop].argmax())
             missing[at] = lasting
             gaps.append((int(index[at + 1]), lasting))
