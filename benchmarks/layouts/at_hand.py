@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import tempfile
 from collections.abc import Iterator
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +86,7 @@ def _messages(path: Path) -> Verdict:
     topics: set[str] = set()
     decoder, decoders = DecoderFactory(), {}
     # the decoder prints what it does not understand
-    with path.open("rb") as stream, redirect_stdout(io.StringIO()):
+    with path.open("rb") as stream, redirect_stderr(io.StringIO()):
         for schema, channel, message in make_reader(stream).iter_messages():
             topics.add(channel.topic)
             try:

@@ -15,7 +15,7 @@ from scipy.io import savemat, wavfile
 from tests.cli.conftest import Command, pulse_rows
 from tirelog.data.setup import load_setup
 
-ROWS = np.array([[float(x) for x in row.split(",")] for row in pulse_rows()])
+ROWS = np.array([[float(x) for x in row.split(",")] for row in pulse_rows(1.6)])
 T, STRAIN = ROWS[:, 0], ROWS[:, 1]
 TWIN = 1542.0 + 2e-4 * np.sin(T)
 SPEED, LOAD = 12.0 + 0.1 * np.sin(T), 3.4 + 0.01 * np.cos(T)
@@ -59,7 +59,7 @@ def mcap(path: Path) -> None:
             )
             for topic in ("/tire", "/vehicle")
         }
-        for k in range(3000):
+        for k in range(T.size):
             at = 1_700_000_000_000_000_000 + round(T[k] * 1e9)
             both = {"gratings": [round(STRAIN[k], 4), round(TWIN[k], 5)], "note": "x"}
             for topic, what in (("/tire", both), ("/vehicle", {"speed": round(SPEED[k], 4)})):
@@ -177,7 +177,7 @@ def test_info_of_what_cannot_be_read(place: Path, tirelog: Command) -> None:
     assert "TDMS" in told.err
 
 
-@pytest.mark.parametrize("suffix", ["csv", "txt", "parquet", "h5", "mat", "mcap"])
+@pytest.mark.parametrize("suffix", ["csv", "mcap"])
 def test_a_drafted_setup_reads_the_log_and_gives_its_speed(
     suffix: str, place: Path, tirelog: Command
 ) -> None:

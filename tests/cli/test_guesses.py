@@ -18,7 +18,7 @@ NAMES = sorted({word for words, _ in _WORDS for word in words} | _ALONG | {"volt
     st.sampled_from([0.0, 1e-9, 1e-4, 0.3, 2.0, 40.0, 900.0, 1550.0, 2.2e5, 1e30]),
     st.sampled_from([0.0, 1e-6, 0.1, 3.0]),
 )
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_a_guess_is_a_kind_with_a_unit_of_it(
     name: str, unit: str, size: float, moves: float
 ) -> None:

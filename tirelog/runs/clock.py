@@ -19,8 +19,9 @@ number):
   is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
   fall by one period is a repeated row, which gets a segment of its own, half a period after its
   neighbour; a larger one is a clock that was set back: the sample clock runs on.
-* stamps coarser than the samples that stray from such a clock by more than two of their ticks: its
-  rate wanders, and times follow the stamps (`tirelog.runs.wander`).
+* stamps coarser than the samples: what a tick lacks for good is a gap. If they stray from such a
+  clock by more than two of their ticks, its rate wanders, and times follow the stamps
+  (`tirelog.runs.wander`).
 * stamps that stray from such a clock by more than a tenth of a period and more than their
   resolution, ascend, and come without a declared rate (setup or file): the samples have no clock of
   their own (wheel speeds on a bus), and their times are the stamps.
@@ -38,8 +39,8 @@ import numpy as np
 
 from tirelog.data.recording import TimeAxis
 from tirelog.errors import ReadError, SetupError
-from tirelog.runs.stamps import Piece, Stamps
-from tirelog.runs.wander import Wandering, wandering
+from tirelog.runs.stamps import Jump, Piece, Stamps
+from tirelog.runs.wander import Wandering, coarse_ticks, wandering
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Doubt, Quality
 
@@ -191,7 +192,9 @@ class ClockFit:
                 "the stamps do not rise; the declared rate was used for the time axis"
             )
             return self._by_rate(declared)
-        if found := wandering(stamps, rough, self.resolution_s):
+        # where samples are numbered, their numbers say which are missing
+        seen = None if self.counted else coarse_ticks(stamps, rough, self.resolution_s)
+        if seen and (found := wandering(seen, self.resolution_s)):
             if not self.setup_rate_Hz:
                 return self._wandering(found)
             self.remarks.append(
@@ -199,7 +202,10 @@ class ClockFit:
                 f"{found.high_Hz:.4g} Hz; without sampling_rate_Hz in the setup they are followed"
             )
         noise = max(stamps.noise(rough), 0.0 if stamps.bunched else 0.3 * self.resolution_s)
-        jumps, passing = stamps.jumps(rough, noise)
+        jumps: list[Jump] = [Jump(index, n * rough) for index, n in seen.gaps] if seen else []
+        passing: list[tuple[int, int]] = []
+        if not seen:
+            jumps, passing = stamps.jumps(rough, noise)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
         coarse = stamps.bunched or self.counted
         wanders = spread > max(_JITTER * period, self.resolution_s)

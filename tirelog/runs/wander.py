@@ -29,6 +29,10 @@ _LEAST_PER_TICK = 4.0
 _STRAYS_TICKS = 2.0
 #: samples that a tick lacks before they count as missing: a steady one has one more or less
 _MISSING = 1.6
+#: ticks on each side of a gap that say whether it lasts
+_LASTS = 5
+#: and they lack more than so many times what ticks usually lack or have too many
+_UNUSUAL = 6.0
 
 
 @dataclass(frozen=True)
@@ -62,8 +66,23 @@ class Wandering:
         return np.asarray(found, np.float64)
 
 
-def wandering(stamps: Stamps, period: float, resolution_s: float) -> Wandering | None:
-    """The clock of these stamps if its rate wanders; None if one rate will do, or none is seen.
+@dataclass(frozen=True)
+class Ticks:
+    """First samples of ticks: their clock index and stamp [s], shape (n,) each.
+
+    `missing` (n - 1,): samples that lack between one and the next; `gaps` the same as (first sample
+    behind, samples missing).
+    """
+
+    stamps: Stamps
+    k: IntArray
+    stamp_s: FloatArray
+    missing: IntArray
+    gaps: tuple[tuple[int, int], ...]
+
+
+def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | None:
+    """The ticks of stamps that are coarser than their samples and always rise, else None.
 
     `period` is roughly the sample's [s], `resolution_s` the tick of the stamps.
     """
@@ -75,22 +94,49 @@ def wandering(stamps: Stamps, period: float, resolution_s: float) -> Wandering |
     steps, samples = np.diff(stamp), np.diff(k)
     rate = _running_median(samples / steps)
     lacking = steps * rate - samples
-    missing = np.where(lacking > np.maximum(_MISSING, 0.5 * resolution_s * rate), lacking, 0.0)
-    missing = np.rint(missing).astype(np.int64)
-    whole = k + np.concatenate([[0], np.cumsum(missing)])
-    if (
-        np.ptp(stamp - np.polyval(np.polyfit(whole, stamp, 1), whole))
-        <= _STRAYS_TICKS * resolution_s
-    ):
+    usual = 1.4826 * float(np.median(np.abs(lacking - np.median(lacking))))
+    lacks = lacking > max(_MISSING, _UNUSUAL * usual)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], lacks.astype(np.int8), [0]])))
+    missing, gaps = np.zeros(lacking.size, np.int64), []
+    level = np.concatenate([[0.0], np.cumsum(lacking)])
+    # a pace that is not even walks away a little, too, over as many ticks
+    walks = level[2 * _LASTS :] - level[: -2 * _LASTS]
+    least = max(_MISSING, _UNUSUAL * 1.4826 * float(np.median(np.abs(walks - np.median(walks)))))
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        # what one tick lacks the next may have too many: a sample late by a moment is not missing
+        before = np.median(level[max(start - _LASTS, 0) : start + 1])
+        lasting = round(float(np.median(level[stop : stop + _LASTS + 1]) - before))
+        if lasting >= least:
+            at = start + int(lacking[start:stop].argmax())
+            missing[at] = lasting
+            gaps.append((int(index[at + 1]), lasting))
+    return Ticks(stamps, k, stamp, missing, tuple(gaps))
+
+
+def wandering(seen: Ticks, resolution_s: float) -> Wandering | None:
+    """The clock behind ticks of `resolution_s` if its rate wanders; None if one rate will do."""
+    stamp = seen.stamp_s
+    if _strays(seen) <= _STRAYS_TICKS * resolution_s:
         return None
+    whole = seen.k + np.concatenate([[0], np.cumsum(seen.missing)])
     groups = whole.size // _TICKS
     at = whole[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
     time = stamp[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
     rates = np.diff(at) / np.diff(time)
     low, middle, high = np.percentile(rates, [5.0, 50.0, 95.0])
-    where = np.flatnonzero(missing)
-    gaps = tuple(zip(index[where + 1].tolist(), missing[where].tolist(), strict=True))
-    return Wandering(stamps, at, time, float(middle), float(low), float(high), gaps)
+    return Wandering(seen.stamps, at, time, float(middle), float(low), float(high), seen.gaps)
+
+
+def _strays(seen: Ticks) -> float:
+    """How far [s] the ticks between two gaps reach about lines of one period, at most."""
+    piece = np.concatenate([[0], np.cumsum(seen.missing > 0)])
+    size = np.bincount(piece)
+    k = seen.k - (np.bincount(piece, seen.k) / size)[piece]
+    stamp = seen.stamp_s - (np.bincount(piece, seen.stamp_s) / size)[piece]
+    residual = stamp - k * (k @ stamp) / max(float(k @ k), 1.0)
+    starts = np.concatenate([[0], np.cumsum(size)[:-1]])
+    reach = np.maximum.reduceat(residual, starts) - np.minimum.reduceat(residual, starts)
+    return float(reach.max())
 
 
 def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArray]:

@@ -64,7 +64,8 @@ UNITS: dict[str, tuple[str, float, float]] = {
 #: other spellings that instruments use, lower-cased
 SPELLINGS = {
     "µe": "microstrain", "με": "microstrain", "µε": "microstrain", "ue": "microstrain",
-    "µm/m": "um/m", "°c": "degC", "c": "degC", "celsius": "degC", "°f": "degF", "kmh": "km/h",
+    "µm/m": "um/m", "um\\m": "um/m", "µm\\m": "um/m", "kmh": "km/h",
+    "°c": "degC", "c": "degC", "celsius": "degC", "°f": "degF",
     "kph": "km/h", "m/s²": "m/s^2", "ms^-2": "m/s^2", "m s-2": "m/s^2", "m/s**2": "m/s^2",
     "sec": "s", "second": "s", "seconds": "s", "volt": "V", "volts": "V", "-": "1", "": "1",
     "counts": "count", "steps": "step", "µm": "um", "nanometer": "nm", "kelvin": "K",

@@ -362,10 +362,10 @@ def _header(
 def _uncommented(cells: list[str], width: int) -> list[str]:
     """A header's cells without a comment mark in front (numpy writes `# a b c`).
 
-    Alone, as in `#;time`, it is a name if it has a column.
+    Alone, as in `#;time`, it is a name if all have a column with it.
     """
     if cells[0] in _MARKS:
-        return cells[1:] if filled(cells) > width else cells
+        return cells[1:] if filled(cells) != width else cells
     mark = next((mark for mark in _MARKS if cells[0].startswith(mark)), "")
     return [cells[0].removeprefix(mark).strip().strip('"'), *cells[1:]]
 
