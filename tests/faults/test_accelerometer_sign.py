@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
+from tirelog.api.answers import measure
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import UsageError
 from tirelog.inference.measured import measured
+from tirelog.physics import Model
 from tirelog.runs.ingest import open_recording
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -82,3 +84,13 @@ def test_an_accelerometer_without_its_level_is_refused(recording, how):
 def test_a_sensor_s_own_gain_and_zero_are_let_through(recording, how):
     read, values = recording
     assert measured([with_values(read, how(values))], "radial_acceleration").notes == ()
+
+
+def test_a_model_of_an_ac_coupled_sensor_needs_no_level(recording):
+    read, values = recording
+    coupled = with_values(read, AC["ac"](values))
+    model = Model.new("ring", "radial_acceleration")
+    with pytest.raises(UsageError, match="give the model coupling_Hz"):
+        measure([coupled], model)
+    (stack,) = measure([coupled], model.with_values({"coupling_Hz": 0.5})).stacks
+    assert len(stack) > 30

@@ -164,6 +164,14 @@ def test_new_says_what_it_had_to_guess(here, capsys):
     assert "guess" not in capsys.readouterr().err
 
 
+def test_new_says_that_a_beam_does_not_lie_flat_under_an_accelerometer(here, capsys):
+    for carcass in ("beam", "ring"):
+        made = ["--observable", "radial_acceleration", "--carcass", carcass, "-o", "a.toml"]
+        run(["model", "new", "--setup", "s.toml", *made])
+        told = capsys.readouterr().err
+        assert ("does not lie flat" in told) == (carcass == "beam")
+
+
 def test_new_predicts_what_the_setups_channels_measure(here):
     wheel = (
         SETUP[: SETUP.index("[channels")]

@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.wheel_cases import Instruments, wheel_scenario
 from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Manoeuvre
 from tirelog.wheel.phase_shift import measure_phase_shift
 
@@ -34,3 +35,28 @@ def test_goals_at_10_m_s(noise_g, shift_deg, width_deg):
         (found.width_deg - found.width_deg.mean(), found.width_se_deg),
     ):
         assert 0.92 < np.mean(np.abs(error) < 1.96 * se) <= 1.0
+
+
+@pytest.mark.parametrize("pressure_Pa", [2.0e5, 1.6e5])
+def test_width_in_manoeuvres_follows_the_contact_of_a_ring(pressure_Pa):
+    """Load that moves by a tenth: what the width misses of the contact's edges is no part of it."""
+    transfer = Planted("load_transfer", "exact", {"coefficient": 0.3})
+    plan = wheel_scenario(seed=8003, pressure_Pa=pressure_Pa, effects=(transfer,), roughness=0.0)
+    moves = ((6, 12.0), (5, 23.0), (6, 23.0), (3, 12.0), (5, 12.0))
+    ring = replace(
+        plan,
+        truth="ring",
+        effects=(transfer,),
+        manoeuvres=tuple(Manoeuvre(float(s), v, None) for s, v in moves),
+    )
+    simulated = simulate(ring)
+    found = next(measure_phase_shift(to_recording(simulated, "log")))
+    true = simulated.truth["channels"]["acceleration"]["passages"]
+    nearest = np.abs(np.array(true["time_s"])[:, None] - found.time_s).argmin(axis=0)
+    contact = np.array(true["patch_width_deg"])[nearest]
+    good = found.good
+    error = (found.width_deg - contact)[good]
+    assert np.std(contact[good]) > 0.35
+    # half levels alone miss an eighth of what moves, and 0.075 degrees
+    assert abs(np.polyfit(contact[good], error, 1)[0]) < 0.06
+    assert error.std() < 0.05

@@ -9,7 +9,7 @@ from tirelog.physics.model.limits import check_pressure
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import STRAIN_KINDS
-from tirelog.vocabulary.observables import waveform_of
+from tirelog.vocabulary.observables import ACCELERATION, waveform_of
 
 #: numbers that are this tire's or this drive's own, so that a start value is a guess
 _OWN = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
@@ -23,7 +23,7 @@ def new_model(
     contact: str | None = None,
     values: Mapping[str, float] | None = None,
 ) -> tuple[Model, list[str]]:
-    """(A model without effects, which of its values are only guessed).
+    """(A model without effects, what its values and its carcass leave open).
 
     `values` go before what the setup knows, and this before start values.
 
@@ -39,12 +39,18 @@ def new_model(
         for name in _OWN
         if name in model.parameters and name not in given
     ]
-    if not guessed:
-        return model, []
-    return model, [
-        f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
-        f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
-    ]
+    notes = []
+    if guessed:
+        notes.append(
+            f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
+            f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
+        )
+    if model.carcass == "beam" and model.observable == ACCELERATION:
+        notes.append(
+            "a beam does not lie flat in the patch, where an accelerometer reads nothing; "
+            "a ring does: --carcass ring"
+        )
+    return model, notes
 
 
 def measured_waveform(setup: Setup | None) -> str:

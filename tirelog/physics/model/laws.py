@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from tirelog.errors import ModelError
 from tirelog.physics.model.stages import Task, bending, loaded_site, waveform
 from tirelog.physics.spectral import GRID, MODES, STEP, to_grid
 from tirelog.vocabulary.arrays import FloatArray
@@ -33,54 +32,32 @@ def phase_shift(task: Task, lever_m: float) -> FloatArray:
 def patch_width(task: Task, lever_m: float) -> FloatArray:
     """The angle [rad] between the fronts beside what the phase shift has (P4).
 
-    A front is where an accelerometer reads half of its level outside (errata). Of a ring it is
-    where its belt is bent half as much as a round one, and that is inside the contact's edge, by
-    less where the load is low. A beam does not lie flat: of it the angle is the contact's length.
+    Of a ring it is between the two steepest places of what an accelerometer reads: the fronts keep
+    their distance from these while load and pressure move them, and `offset_rad` is that distance.
+    A beam does not lie flat: of it the angle is the contact's length.
     """
     site = loaded_site(task)[0]
     if task.carcass == "ring":
-        return _with_regressors(task, "patch_width", _between_half_levels(task))
+        return _with_regressors(task, "patch_width", _between_steepest(task))
     return _with_regressors(task, "patch_width", 2.0 * site.half_length_m / site.radius_m)
 
 
-def _between_half_levels(task: Task) -> FloatArray:
-    """Angle (n or 1, 1) between the two places where the belt's curvature is 1 / (2 R).
+def _between_steepest(task: Task) -> FloatArray:
+    """Angle (n or 1, 1) between the places where the belt's curvature changes most on either side.
 
-    On the grid's values and slopes by Hermite's cubic, so that it follows the parameters smoothly.
+    By the parabola through three of the grid's slopes.
     """
-    modes = bending(task) * task.base["radius_m"]
-    rise = to_grid(modes) - 0.5
-    slope = to_grid(1j * np.arange(MODES) * modes) * STEP
-    fronts = []
+    slope = to_grid(1j * np.arange(MODES) * bending(task))
+    rows = np.arange(slope.shape[0])
+    places = []
     for way in (1, -1):
-        # grid points from the patch's middle on, one way round
-        first, last = (
-            np.concatenate([x[:, :1], x[:, 1:][:, ::way]], axis=1) for x in (rise, slope)
-        )
-        inside = np.cumprod(first[:, : GRID // 2] > 0.0, axis=1, dtype=np.int64).sum(axis=1)
-        if np.any(inside == 0) or np.any(inside == GRID // 2):
-            raise ModelError(
-                "the belt is nowhere, or everywhere, bent to half of the road's flatness",
-                allowed="a patch that is flat in its middle is allowed",
-                do="give another load or stiffness",
-            )
-        at = np.arange(inside.size), inside - 1
-        beyond = at[0], inside
-        fronts.append(
-            (inside - 1) + _root(first[at], first[beyond], way * last[at], way * last[beyond])
-        )
-    return np.asarray((fronts[0] + fronts[1])[:, None] * STEP, dtype=np.float64)
-
-
-def _root(left: FloatArray, right: FloatArray, rise: FloatArray, run: FloatArray) -> FloatArray:
-    """Where Hermite's cubic through values of two signs and slopes there is zero, in [0, 1]."""
-    bend, twist = 3.0 * (right - left) - 2.0 * rise - run, 2.0 * (left - right) + rise + run
-    place = left / (left - right)
-    for _ in range(4):
-        value = left + place * (rise + place * (bend + place * twist))
-        steep = rise + place * (2.0 * bend + 3.0 * place * twist)
-        place = np.clip(place - value / np.where(steep == 0.0, np.inf, steep), 0.0, 1.0)
-    return np.asarray(place, dtype=np.float64)
+        # grid points from the patch's middle on, one way round; the belt's curvature falls
+        fall = -way * np.concatenate([slope[:, :1], slope[:, 1:][:, ::way]], axis=1)
+        at = np.clip(np.argmax(fall[:, : GRID // 2], axis=1), 1, GRID // 2)
+        before, here, after = (fall[rows, at + k] for k in (-1, 0, 1))
+        bend = before - 2.0 * here + after
+        places.append(at + 0.5 * (before - after) / np.where(bend < 0.0, bend, -np.inf))
+    return np.asarray((places[0] + places[1])[:, None] * STEP, dtype=np.float64)
 
 
 def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float) -> FloatArray:

@@ -13,6 +13,11 @@ reaches the Cramer-Rao bound of a shift; the cubic uses what lies about the cros
 crossing is what a front is. Where the form changes with speed or load the matched place and the
 crossing part, and the regression gives the difference back: on the average the matched front is the
 cubics'.
+
+A patch that grows lifts the lobes beside it, and half of the level then lies farther inside: on a
+ring by an eighth of what the patch has grown, while the steepest part of the flank keeps its
+distance from the edge of the contact to a hundredth. So a width that moves is followed by that part
+(`_grown`); of the usual width the fronts are at half of the level.
 """
 
 from __future__ import annotations
@@ -36,6 +41,17 @@ KNOTS = 0.35
 #: a matched place farther from the crossing than so many standard errors is not taken: noise does
 #: it once in 2e6; half of it would drop one in 80
 FAR = 5.0
+#: a width follows the steepest part of the flanks if it moves by more than so many of its errors:
+#: what the noise moves would be followed too.  Half of it would let an eighth of noise in
+MOVED = 3.0
+#: degree of the polynomial through a flank: the least that has a steepest place and its own lobes;
+#: a cubic sees an eighth of what a ring's fronts move by, two more see nothing else
+DEGREE_OF_FLANK = 5
+#: half width of its window, in level over the flank's slope, and not beyond the patch's middle, or
+#: the other flank is in it; half as wide, noise moves the steepest place as much as the patch does
+FLANK_REACH = 1.5
+#: steps that centre the window on the steepest place
+CENTRINGS = 4
 #: steps of the least squares, and the longest of them [deg]
 STEPS, LONGEST = 3, 1.0
 
@@ -101,7 +117,9 @@ def matched(
         result[side], error[side] = _shifts(channel, wheel, flanks.take(side), form)
     result += _difference(place - result, result[n:] - result[:n], flanks, good)
     known = np.isfinite(result) & (np.abs(result - place) < FAR * se)
-    return np.where(known, result, place), np.where(known, error, se)
+    result, error = np.where(known, result, place), np.where(known, error, se)
+    lead = _grown(channel, wheel, flanks.moved(result), result, error, slope, good)
+    return result + lead, error
 
 
 def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray, FloatArray, float]:
@@ -239,3 +257,105 @@ def _difference(
                 rows = rows & (np.abs(left) < 4 * 1.4826 * float(np.median(np.abs(left[rows]))))
         result[side] = design @ solved
     return result
+
+
+def _grown(
+    channel: Channel,
+    wheel: WheelAngle,
+    flanks: Flanks,
+    place: FloatArray,
+    se: FloatArray,
+    slope: FloatArray,
+    good: np.ndarray,
+) -> FloatArray:
+    """How much farther the flanks' steepest parts move than their half levels, shape (2 n,) [rad].
+
+    With the patch's width, from its usual one, as much outwards on both sides, so that the middle
+    stays; zero if the width hardly moves.
+    """
+    n = flanks.passages
+    width, own = place[n:] - place[:n], np.hypot(se[:n], se[n:])
+    known = good[:n] & np.isfinite(width) & np.isfinite(own)
+    if known.sum() < LEAST:
+        return np.zeros(2 * n)
+    usual, spread = float(np.mean(width[known])), float(np.std(width[known]))
+    if spread < MOVED * float(np.median(own[known])):
+        return np.zeros(2 * n)
+    grown = np.nan_to_num((width - usual) / spread)
+    leads = []
+    for side in (np.arange(n), n + np.arange(n)):
+        rows = _some(side[known])
+        steep = float(np.median(np.abs(slope[rows])))
+        reach = min(FLANK_REACH / steep, 0.5 * usual)
+        u, y, z = _around(channel, wheel, flanks.take(rows), grown[rows % n], reach)
+        leads.append(_lead(u, y, z, reach))
+    outwards = 0.5 * (leads[1] - leads[0])
+    return np.concatenate([-outwards * grown, outwards * grown])
+
+
+def _around(
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, grown: FloatArray, reach: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(angle from the front [rad], level, how much the patch has grown) of the samples (s,)."""
+    parts: list[tuple[FloatArray, ...]] = []
+    first, last = _samples(channel, wheel, flanks, (-2.0 * reach, 2.0 * reach))
+    for group, start, values in groups(channel, first, last):
+        owner, u, y = normalised(
+            values, start, channel, wheel, flanks.take(group), first[group], last[group]
+        )
+        inside = np.isfinite(y) & (np.abs(u) < 2.0 * reach)
+        parts.append((u[inside], y[inside], grown[group][owner[inside]]))
+    u, y, z = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return u, y, z
+
+
+def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
+    """How far the steepest place leads the half level if z is one more [rad].
+
+    By a polynomial whose coefficients are linear in z, in a window around the steepest place; zero
+    if there is none.
+    """
+    powers = np.arange(DEGREE_OF_FLANK + 1)
+    centre = 0.0
+    for _ in range(CENTRINGS):
+        x = (u - centre) / reach
+        inside = np.abs(x) < 1.0
+        weight = np.sqrt(1.0 - x[inside] ** 2)
+        columns = weight[:, None] * x[inside, None] ** powers
+        design = np.concatenate([columns, z[inside, None] * columns], axis=1)
+        solved = np.linalg.lstsq(design, weight * y[inside], rcond=1e-9)[0]
+        usual, change = solved[: powers.size], solved[powers.size :]
+        steepest = _steepest(usual)
+        if steepest is None:
+            return 0.0
+        centre += steepest * reach
+    leads = []
+    for form in (usual - change, usual + change):
+        steepest = _steepest(form)
+        half = None if steepest is None else _half_level(form, steepest)
+        if steepest is None or half is None:
+            return 0.0
+        leads.append(steepest - half)
+    return 0.5 * (leads[1] - leads[0]) * reach
+
+
+def _steepest(form: FloatArray) -> float | None:
+    """Where a polynomial in the window is steepest; None if that is near an end."""
+    slope = np.polynomial.polynomial.polyder(form)
+    turns = np.polynomial.polynomial.polyroots(np.polynomial.polynomial.polyder(slope))
+    places = np.real(turns[(np.abs(np.imag(turns)) < 1e-9) & (np.abs(np.real(turns)) < 0.9)])
+    if not places.size:
+        return None
+    return float(places[np.argmax(np.abs(np.polynomial.polynomial.polyval(places, slope)))])
+
+
+def _half_level(form: FloatArray, near: float) -> float | None:
+    """Where a polynomial is half of the level, next to a place; None if it is not."""
+    x = np.linspace(-1.0, 1.0, 2001)
+    above = np.polynomial.polynomial.polyval(x, form) > 0.5
+    crossing = np.flatnonzero(above[1:] != above[:-1])
+    if not crossing.size:
+        return None
+    left = int(crossing[np.argmin(np.abs(x[crossing] - near))])
+    low, high = np.polynomial.polynomial.polyval(x[left : left + 2], form) - 0.5
+    return float(x[left] + (x[left + 1] - x[left]) * low / (low - high))
