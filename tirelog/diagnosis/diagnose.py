@@ -63,6 +63,7 @@ from tirelog.diagnosis.naming import (
 )
 from tirelog.diagnosis.nuisance_sizes import (
     NuisanceFound,
+    alike_sentences,
     nuisance_sentences,
     nuisances_found,
 )
@@ -76,6 +77,7 @@ from tirelog.diagnosis.rules import (
     MOST_EFFECTS,
     REST_SHARE,
     TOGETHER,
+    TWINS,
     Evidence,
     verdict_of,
 )
@@ -96,13 +98,15 @@ class Found:
     """What the search came to.
 
     The base before, the steps, the base with all that was named, and what later names made
-    needless.
+    needless. `alike`: pairs of a nuisance and an effect that removed as much, of which one was
+    taken.
     """
 
     before: Base
     steps: tuple[Step, ...]
     after: Base
     dropped: tuple[str, ...] = ()
+    alike: tuple[tuple[str, str], ...] = ()
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -167,6 +171,7 @@ class Diagnosis:
         told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
+            | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
             | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
             | {"suspects": [asdict(s) for s in self.suspects]}
@@ -208,7 +213,7 @@ def search_effects(
         return Found(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
-    steps, after, ground = _climb(base, extra, progress, allowed_nuisances(base))
+    steps, after, ground, alike = _climb(base, extra, progress, allowed_nuisances(base))
     beside = groups_of(after)
     needed = needed_nuisances(after) if beside != groups_of(base) else beside
     if ground is not None and needed == beside:
@@ -216,10 +221,10 @@ def search_effects(
     else:
         progress(f"once more beside {' and '.join(needed) or 'no nuisance'}")
         base = settled(with_nuisances(base, needed))
-        steps, after, _ = _climb(base, extra, progress, ())
+        steps, after, *_ = _climb(base, extra, progress, ())
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
-        return Found(base, tuple(steps), after)
+        return Found(base, tuple(steps), after, alike=alike)
     progress("looking for what could stand in place of each")
     after, dropped = without_needless(after, named)
     after = settled(after) if dropped else after
@@ -227,19 +232,22 @@ def search_effects(
     steps = [
         replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
     ]
-    return Found(base, tuple(steps), after, dropped)
+    return Found(base, tuple(steps), after, dropped, alike)
 
 
 def _climb(
     base: Base, extra: tuple[Effect, ...], progress: Progress, nuisances: Sequence[str]
-) -> tuple[list[Step], Base, Base | None]:
+) -> tuple[list[Step], Base, Base | None, tuple[tuple[str, str], ...]]:
     """The steps from a base upwards, the base at their top, and the one they stand on.
+
+    And the pairs of a nuisance and an effect that these data cannot tell apart.
 
     Before each step the best of the `nuisances` that earns its place comes in if it leaves less
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
     all nuisances; on none if one came in after an effect.
     """
     steps: list[Step] = []
+    alike: list[tuple[str, str]] = []
     after, excess = base, base.excess
     ground: Base | None = base
     while True:
@@ -248,6 +256,9 @@ def _climb(
         step = None
         if rival is None or named or _may_do_as_well(after, rival, extra):
             step = next_step(after, named, excess, extra) if named else first_step(after, extra)
+        named_now = None if step is None else step.named
+        if rival is not None and named_now and _as_much(after, rival, named_now.base):
+            alike.append((groups_of(rival)[-1], named_now.id))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
             after = settled(rival)
@@ -256,11 +267,11 @@ def _climb(
         assert step is not None
         steps.append(step)
         if step.named is None:
-            return steps, after, ground
+            return steps, after, ground, tuple(alike)
         progress(f"named {step.named.id}; looking for another")
         after = settled(step.named.base)
         if len(steps) == MOST_EFFECTS:
-            return steps, after, ground
+            return steps, after, ground, tuple(alike)
 
 
 def _may_do_as_well(base: Base, rival: Base, extra: tuple[Effect, ...]) -> bool:
@@ -281,6 +292,12 @@ def _leaves_less(rival: Base, step: Step) -> bool:
     return step.named is None or float(rival.held_white.sum()) < float(
         step.named.base.held_white.sum()
     )
+
+
+def _as_much(base: Base, one: Base, other: Base) -> bool:
+    """Does each of two refits remove as much of chi-square, to what forms differ by?"""
+    removed = sorted(base.noise_chi2 - refitted.noise_chi2 for refitted in (one, other))
+    return removed[0] >= TWINS**2 * removed[1]
 
 
 def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
@@ -338,6 +355,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     suspected = suspects(result) if verdict in ("unknown", "scatter", "partial") else ()
     advice, notes = _advice(found, verdict)
     notes += nuisance_sentences(beside, result)
+    notes += alike_sentences(found.alike, selected, [n.nuisance for n in beside if n.stayed])
     if verdict in ("unknown", "scatter", "partial"):
         notes += check_sentences(checks)
     notes += of_rounding(before)

@@ -166,6 +166,29 @@ def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
     return [_sentence(nuisance, base) for nuisance in found if nuisance.stayed]
 
 
+#: what parts a nuisance from an effect that looks like it
+_PARTED_BY = {
+    "wheel": "a second grating at another angle of the wheel",
+    "drift": "a log whose temperature is measured, or the same manoeuvres in another order",
+    "rolling": "a measured way, which gives the rolling radius",
+    "patch_law": "a log at a third load",
+}
+
+
+def alike_sentences(
+    alike: Sequence[tuple[str, str]], selected: Sequence[str], stayed: Sequence[str]
+) -> list[str]:
+    """Where a nuisance and an effect do the same: the one not taken, and what parts them."""
+    said = []
+    for nuisance, effect in alike:
+        parts = f"{_PARTED_BY[nuisance]} parts them"
+        if nuisance in stayed and effect not in selected:
+            said.append(f"{effect} would remove as much as the {nuisance} does: {parts}.")
+        elif effect in selected and nuisance not in stayed:
+            said.append(f"A {nuisance} would remove as much as {effect} does: {parts}.")
+    return said
+
+
 def _sentence(found: NuisanceFound, base: Base) -> str:
     most = max((abs(part.value) / part.ordinary for part in found.parts), default=0.0)
     told = [
@@ -183,8 +206,14 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
         does = "balance the wheel or mount the tire anew" if much else "within what wheels do"
         return f"Beside the model stands the wheel: {said}; {does}."
     if found.nuisance == "drift":
+        baseline = any(part.name.startswith("baseline") for part in told)
+        or_effect = (
+            f" A baseline that moves is what thermal_drift does, too: {_PARTED_BY['drift']} parts "
+            "them."
+        )
         return (
             f"Beside the model stands a drift: {said}; as of a tire that warms or loses pressure."
+            f"{or_effect if baseline else ''}"
         )
     if found.nuisance == "rolling":
         return (

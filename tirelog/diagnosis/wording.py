@@ -5,12 +5,14 @@ The only place where a diagnosis is put into words.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.diagnosis.rules import QUIET_FLOORS
 from tirelog.diagnosis.sign_flips import least_p
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -88,6 +90,17 @@ _PARITY = {
 }
 
 
+def _above_floor(facts: Mapping[str, Any]) -> str:
+    """How far a held-out error is above the floor, if it is."""
+    floors = math.sqrt(max(facts["before"], 0.0) / facts["floor"]) if facts["floor"] > 0.0 else 0.0
+    if floors <= QUIET_FLOORS:
+        return ""
+    return (
+        f"; held out it is {floors:.3g} floors, as chance has it where {facts['manoeuvres']} "
+        "manoeuvres scatter"
+    )
+
+
 def sentence_of(facts: Mapping[str, Any]) -> str:
     """The verdict in one sentence; what is no physics first if conditions may be wrong."""
     verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
@@ -98,7 +111,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     if verdict == "nothing_missing":
         return (
             f"Nothing is missing that this data could show: what the model{_beside(facts)} leaves "
-            "is the noise floor."
+            f"is the noise floor{_above_floor(facts)}."
         )
     if verdict == "scatter":
         return f"{_scatter(facts)} {_first_check(facts)}"
