@@ -25,7 +25,7 @@ from tirelog.inference.base import Base, refit
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.projection import per_manoeuvre
-from tirelog.inference.nuisances import freed, frees, shared_by, shared_effects
+from tirelog.inference.nuisances import freed, frees, is_drift, shared_by, shared_effects
 from tirelog.physics.model.model import Model
 
 #: alarming nuisances that are fitted in full, the best first
@@ -114,6 +114,8 @@ def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
             refitted = with_nuisance(base, a.effects)
         except ModelError:
             continue
+        if a.group == "drift" and not _drifts(refitted):
+            continue
         removed = base.noise_chi2 - refitted.noise_chi2
         if removed >= NUISANCE_SHARE * (base.noise_chi2 - base.fit.freedom):
             tried.append((removed, len(a.effects), refitted))
@@ -122,6 +124,15 @@ def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
     most = max(removed for removed, *_ in tried)
     alike = [t for t in tried if t[0] >= TWINS**2 * most]
     return min(alike, key=lambda t: (t[1], -t[0]))[2]
+
+
+def _drifts(base: Base) -> bool:
+    """Is the drift beside this base one?"""
+    held = base.cells.shared
+    if held is None:
+        return False
+    own = [i for i, group in enumerate(held.group) if group == "drift"]
+    return is_drift(held.of_groups(["drift"]), base.fit.amplitudes[own])
 
 
 def with_nuisance(base: Base, effects: SharedEffects) -> Base:

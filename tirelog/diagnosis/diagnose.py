@@ -66,6 +66,7 @@ from tirelog.diagnosis.nuisance_sizes import (
     alike_sentences,
     nuisance_sentences,
     nuisances_found,
+    scatter_sentences,
 )
 from tirelog.diagnosis.results import Candidate, Comparison, plain_values
 from tirelog.diagnosis.rules import (
@@ -355,6 +356,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     suspected = suspects(result) if verdict in ("unknown", "scatter", "partial") else ()
     advice, notes = _advice(found, verdict)
     notes += nuisance_sentences(beside, result)
+    notes += scatter_sentences(result)
     notes += alike_sentences(found.alike, selected, [n.nuisance for n in beside if n.stayed])
     if verdict in ("unknown", "scatter", "partial"):
         notes += check_sentences(checks)

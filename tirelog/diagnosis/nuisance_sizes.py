@@ -166,6 +166,18 @@ def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
     return [_sentence(nuisance, base) for nuisance in found if nuisance.stayed]
 
 
+def scatter_sentences(base: Base) -> list[str]:
+    """What the noise floor mostly is, if that is scatter of the load; nothing otherwise."""
+    floor, scatter = base.floor, base.floor.scatter
+    if floor.between <= floor.within or scatter.load_sd <= 0.0:
+        return []
+    within = f", {100.0 * scatter.wander_sd:.2g} % within them" if scatter.wander_sd > 0.0 else ""
+    return [
+        f"Most of the noise floor is scatter of the load: {100.0 * scatter.load_sd:.2g} % between "
+        f"manoeuvres{within}."
+    ]
+
+
 #: what parts a nuisance from an effect that looks like it
 _PARTED_BY = {
     "wheel": "a second grating at another angle of the wheel",

@@ -186,6 +186,22 @@ def shared_effects(
     return replace(found, columns=columns) if np.isfinite(columns).all() else None
 
 
+def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
+    """Do fitted amplitudes of a drift differ between logs by less than they move along them?
+
+    What stands apart from log to log and moves in none belongs to the logs: their load, their
+    pressure, or physics that follows them.
+    """
+    sized = dict(zip(shared.names, (amplitudes / shared.sd).tolist(), strict=True))
+    moved = sum(x * x for name, x in sized.items() if " along " in name and " bend " not in name)
+    levels: dict[str, list[float]] = {}
+    for name, x in sized.items():
+        if " level in " in name:
+            levels.setdefault(name.split(" level in ")[0], []).append(_LEVEL * x)
+    apart = sum(float(((np.array(x) - np.mean(x)) ** 2).sum()) for x in levels.values())
+    return bool(apart <= moved)
+
+
 def frees(model: Model, name: str) -> str | None:
     """The parameter of the model that a nuisance makes free; None if it is a linear effect."""
     parameter = model.parameters.get(PATCH_LAW_PARAMETER)
