@@ -182,3 +182,11 @@ def test_a_disk_that_is_full_while_hdf5_is_written(tmp_path: Path) -> None:
         "tirelog: error: o.h5: cannot be written (File too large)"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
+@pytest.mark.parametrize(("seconds", "rate"), [(10_143.0, 1.0), (601.0, 10_000.0)])
+def test_a_log_that_memory_does_not_hold_is_refused(seconds: float, rate: float) -> None:
+    data = grating(sampling_rate_Hz=rate)
+    data["manoeuvres"] = [{"duration_s": seconds, "speed_m_s": 12.0}]
+    with pytest.raises(UsageError, match="too long to be simulated"):
+        scenario_of(data)

@@ -208,6 +208,10 @@ def _planted(data: Any, file: str | None) -> Planted:
     return Planted(name, form, {**allowed, **{k: float(v) for k, v in given.items()}})
 
 
+#: a drive of so long [s], and so many samples of one channel, are simulated at most: a sample takes
+#: up to 140 bytes, so that 850 MB suffice (ten minutes at 10 kHz); twice as many would take 1.7 GB
+LONGEST_S = 7200.0
+MOST_SAMPLES = 6_000_000
 _TABLES = {"tire": TrueTire, "conditions": TrueConditions, "vehicle": Vehicle, "road": Road}
 _PLAIN = {
     "truth": TRUTHS,
@@ -320,6 +324,14 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
 
 def _check(scenario: Scenario, file: str | None) -> None:
     """What one table alone cannot say."""
+    fastest = max(sensor.sampling_rate_Hz for sensor in scenario.channels.values())
+    if scenario.duration_s > LONGEST_S or scenario.duration_s * fastest > MOST_SAMPLES:
+        raise UsageError(
+            f"a log of {scenario.duration_s:.6g} s at {fastest:g} Hz is too long to be simulated",
+            allowed=f"allowed are {LONGEST_S:g} s and {MOST_SAMPLES:.0e} samples of a channel",
+            do="drive less, sample slower, or simulate several logs",
+            file=file,
+        )
     names = [effect.name for effect in scenario.effects]
     for name in names:
         if names.count(name) > 1:
