@@ -214,7 +214,14 @@ def search_effects(
         return Found(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
-    steps, after, ground, alike = _climb(base, extra, progress, allowed_nuisances(base))
+    climb = _climb(base, extra, progress, allowed_nuisances(base))
+    if climb.passed_over is not None and not quiet(climb.after, climb.after.floor.square):
+        # an effect that came before a nuisance may have taken its place
+        progress(f"once more with {groups_of(climb.passed_over)[-1]} first")
+        other = _climb(settled(climb.passed_over), extra, progress, allowed_nuisances(base))
+        if other.after.reduced_chi2 < climb.after.reduced_chi2:
+            climb = other
+    steps, after, ground, alike = climb.steps, climb.after, climb.ground, tuple(climb.alike)
     beside = groups_of(after)
     needed = needed_nuisances(after) if beside != groups_of(base) else beside
     if ground is not None and needed == beside:
@@ -222,7 +229,8 @@ def search_effects(
     else:
         progress(f"once more beside {' and '.join(needed) or 'no nuisance'}")
         base = settled(with_nuisances(base, needed))
-        steps, after, *_ = _climb(base, extra, progress, ())
+        again = _climb(base, extra, progress, ())
+        steps, after = again.steps, again.after
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
         return Found(base, tuple(steps), after, alike=alike)
@@ -236,43 +244,59 @@ def search_effects(
     return Found(base, tuple(steps), after, dropped, alike)
 
 
+@dataclass
+class _Climb:
+    """Steps from a base upwards, the base at their top, and the one they stand on.
+
+    `alike`: pairs of a nuisance and an effect that these data cannot tell apart; `passed_over`: the
+    base with the nuisance that the first effect came before, if there was one.
+    """
+
+    after: Base
+    ground: Base | None
+    steps: list[Step]
+    alike: list[tuple[str, str]]
+    passed_over: Base | None = None
+
+
 def _climb(
     base: Base, extra: tuple[Effect, ...], progress: Progress, nuisances: Sequence[str]
-) -> tuple[list[Step], Base, Base | None, tuple[tuple[str, str], ...]]:
-    """The steps from a base upwards, the base at their top, and the one they stand on.
-
-    And the pairs of a nuisance and an effect that these data cannot tell apart.
+) -> _Climb:
+    """The search from a base upwards.
 
     Before each step the best of the `nuisances` that earns its place comes in if it leaves less
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
     all nuisances; on none if one came in after an effect.
     """
-    steps: list[Step] = []
-    alike: list[tuple[str, str]] = []
-    after, excess = base, base.excess
-    ground: Base | None = base
+    climb, excess = _Climb(base, base, [], []), base.excess
     while True:
-        named = [s.named.id for s in steps if s.named is not None]
+        after = climb.after
+        named = [s.named.id for s in climb.steps if s.named is not None]
         rival = None if quiet(after, after.floor.square) else best_nuisance(after, nuisances)
         step = None
         if rival is None or named or _may_do_as_well(after, rival, extra):
             step = next_step(after, named, excess, extra) if named else first_step(after, extra)
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now.base):
-            alike.append((groups_of(rival)[-1], named_now.id))
+            climb.alike.append((groups_of(rival)[-1], named_now.id))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
-            after = settled(rival)
-            ground, excess = (None, excess) if steps else (after, after.excess)
+            climb.after = settled(rival)
+            if climb.steps:
+                climb.ground = None
+            else:
+                climb.ground, excess = climb.after, climb.after.excess
             continue
         assert step is not None
-        steps.append(step)
+        if not climb.steps and step.named is not None:
+            climb.passed_over = rival
+        climb.steps.append(step)
         if step.named is None:
-            return steps, after, ground, tuple(alike)
+            return climb
         progress(f"named {step.named.id}; looking for another")
-        after = settled(step.named.base)
-        if len(steps) == MOST_EFFECTS:
-            return steps, after, ground, tuple(alike)
+        climb.after = settled(step.named.base)
+        if len(climb.steps) == MOST_EFFECTS:
+            return climb
 
 
 def _may_do_as_well(base: Base, rival: Base, extra: tuple[Effect, ...]) -> bool:
