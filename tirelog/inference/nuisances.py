@@ -336,13 +336,11 @@ def _pressure_slope(cells: Cells, model: Model) -> FloatArray | None:
 def _radius_slope(cells: Cells, model: Model) -> FloatArray | None:
     """Change of the prediction per relative change of the radius with which the tread passes.
 
-    Speeds are angles times that radius, and of a beam lengths too; a ring has its own.
+    Speeds and lengths are angles times that radius, and a ring is as large.
     """
     ends = []
     for step in (_STEP, -_STEP):
-        moved = model
-        if "patch_half_length_m" in model.parameters:
-            moved = model.with_values({"radius_m": model.values["radius_m"] * (1.0 + step)})
+        moved = model.with_values({"radius_m": model.values["radius_m"] * (1.0 + step)})
         ends.append(
             moved.predict(
                 replace(cells.conditions, speed_m_s=cells.conditions.speed_m_s * (1.0 + step)),
