@@ -9,9 +9,10 @@ from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
 from tirelog.diagnosis.beside import allowed_nuisances, groups_of
 from tirelog.diagnosis.compare import start
-from tirelog.diagnosis.diagnose import conclude, search_effects
+from tirelog.diagnosis.diagnose import conclude
 from tirelog.diagnosis.naming import quiet
 from tirelog.diagnosis.nuisance_sizes import nuisances_found
+from tirelog.diagnosis.search import search_effects
 from tirelog.inference.nuisances import shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model

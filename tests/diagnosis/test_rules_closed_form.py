@@ -1,7 +1,9 @@
 """The table of verdicts: each rule by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from tirelog.diagnosis.nuisance_sizes import alike_sentences
@@ -46,8 +48,29 @@ def test_a_held_out_error_above_the_floor_is_said():
     assert "1.12 floors" in sentence_of({**facts, "before": 1.2544})
 
 
-def test_a_nuisance_and_an_effect_that_do_the_same_are_told():
-    pair = [("wheel", "ring_curvature")]
-    assert "ring_curvature would remove as much" in alike_sentences(pair, (), ["wheel"])[0]
-    assert "A wheel would remove as much" in alike_sentences(pair, ("ring_curvature",), [])[0]
-    assert alike_sentences(pair, (), []) == []
+@pytest.mark.parametrize(("measured", "parted"), [(np.nan, "measured temperature"), (300.0, "")])
+def test_a_nuisance_and_an_effect_that_do_nearly_the_same_are_told(measured, parted):
+    conditions = SimpleNamespace(temperature_K=np.full(3, measured))
+    base = SimpleNamespace(cells=SimpleNamespace(conditions=conditions))
+    pair = [("drift", "thermal_drift")]
+    (taken,) = alike_sentences(pair, (), ["drift"], base)
+    assert taken.startswith("In place of a drift, thermal_drift would do nearly as well")
+    assert parted in taken
+    assert ("measured temperature" in taken) == bool(parted)
+    (named,) = alike_sentences(pair, ("thermal_drift",), [], base)
+    assert named.startswith("In place of thermal_drift, a drift would do nearly as well")
+    assert alike_sentences(pair, (), [], base) == []
+
+
+def test_what_repeats_is_never_said_not_to():
+    facts = {
+        "verdict": "scatter", "selected": (), "share": 0.0, "beside": (), "suspects": (),
+        "before": 1.02, "floor": 1.0, "manoeuvres": 20, "chi2": 1.4, "observable": "strain",
+        "unit": "strain", "unexplained": {"significant": True},
+        "scatter": {"size": 1e-7, "like_load": True, "follows": "", "grows": True,
+                    "together": ()},
+    }  # fmt: skip
+    said = sentence_of(facts)
+    assert "does not repeat" not in said
+    assert "repeats, but is too small to matter" in said
+    assert "does not repeat" in sentence_of({**facts, "unexplained": {"significant": False}})

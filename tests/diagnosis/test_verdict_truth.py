@@ -9,9 +9,10 @@ import pytest
 
 from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
-from tirelog.diagnosis import diagnose as diagnosis
+from tirelog.diagnosis import search
 from tirelog.diagnosis.compare import remarks_of, start
-from tirelog.diagnosis.diagnose import conclude, search_effects
+from tirelog.diagnosis.diagnose import conclude
+from tirelog.diagnosis.search import search_effects
 from tirelog.diagnosis.separation import ALLOWED, driven
 from tirelog.diagnosis.sign_flips import least_p
 from tirelog.diagnosis.wording import probability, rounding_sentences, sentence_of
@@ -92,7 +93,7 @@ def test_a_load_that_wanders_on_the_road_is_in_the_floor_and_said_with_its_size(
     assert result.rmse_heldout_before < 1.05 * result.noise_floor
     assert result.reduced_chi2_before < 1.2
     assert result.noise_floor_within < 0.5 * result.noise_floor
-    assert any("scatter of the load: 2" in note for note in result.notes)
+    assert any("as if loads scattered by 2" in note for note in result.notes)
 
 
 def test_tension_over_inertia_is_found_and_what_stands_at_a_bound_stays_there(tight, tension_found):
@@ -113,8 +114,8 @@ def test_tension_over_inertia_is_found_and_what_stands_at_a_bound_stays_there(ti
 
 
 def test_the_last_effect_that_is_looked_for_is_in_the_model_too(tight, tension_found, monkeypatch):
-    monkeypatch.setattr(diagnosis, "MOST_EFFECTS", 1)
-    monkeypatch.setattr(diagnosis, "first_step", lambda base, extra: tension_found.steps[0])
+    monkeypatch.setattr(search, "MOST_EFFECTS", 1)
+    monkeypatch.setattr(search, "first_step", lambda base, extra: tension_found.steps[0])
     found = search_effects(tight)
     assert found.named == ("belt_tension",)
     assert [effect.id for effect in found.after.model.effects] == ["belt_tension"]

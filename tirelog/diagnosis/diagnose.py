@@ -18,7 +18,7 @@ The verdicts:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -28,11 +28,7 @@ import numpy as np
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.assessment import Assessed
 from tirelog.diagnosis.beside import (
-    allowed_nuisances,
-    best_nuisance,
     groups_of,
-    needed_nuisances,
-    with_nuisances,
     with_nuisances_on,
 )
 from tirelog.diagnosis.checks import (
@@ -51,15 +47,7 @@ from tirelog.diagnosis.compare import (
 )
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import (
-    Step,
-    assess_all,
-    contend,
-    first_step,
-    group_of,
-    next_step,
     quiet,
-    regrouped,
-    without_needless,
 )
 from tirelog.diagnosis.nuisance_sizes import (
     NuisanceFound,
@@ -75,47 +63,19 @@ from tirelog.diagnosis.rules import (
     FEWEST_MANOEUVRES,
     LEAST_SHARE_OF_FLOOR,
     MOST,
-    MOST_EFFECTS,
     REST_SHARE,
     TOGETHER,
-    TWINS,
     Evidence,
     verdict_of,
 )
+from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
-from tirelog.inference.base import Base, settled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES
-
-Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Found:
-    """What the search came to.
-
-    The base before, the steps, the base with all that was named, and what later names made
-    needless. `alike`: pairs of a nuisance and an effect that removed as much, of which one was
-    taken.
-    """
-
-    before: Base
-    steps: tuple[Step, ...]
-    after: Base
-    dropped: tuple[str, ...] = ()
-    alike: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        return tuple(
-            step.named.id
-            for step in self.steps
-            if step.named is not None and step.named.id not in self.dropped
-        )
 
 
 @dataclass(frozen=True)
@@ -200,131 +160,6 @@ def diagnose(
     return conclude(found, single_revolutions(measured))
 
 
-def search_effects(
-    base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None
-) -> Found:
-    """Steps until nothing more is worth naming, beside the nuisances that earn their place.
-
-    With too few manoeuvres: one step, contenders refitted, nothing named.
-    """
-    if base.cells.manoeuvres < FEWEST_MANOEUVRES:
-        step = first_step(base, extra)
-        contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
-        group = group_of(contenders) if contenders else ()
-        return Found(
-            base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
-        )
-    climb = _climb(base, extra, progress, allowed_nuisances(base))
-    if climb.passed_over is not None and not quiet(climb.after, climb.after.floor.square):
-        # an effect that came before a nuisance may have taken its place
-        progress(f"once more with {groups_of(climb.passed_over)[-1]} first")
-        other = _climb(settled(climb.passed_over), extra, progress, allowed_nuisances(base))
-        if other.after.reduced_chi2 < climb.after.reduced_chi2:
-            climb = other
-    steps, after, ground, alike = climb.steps, climb.after, climb.ground, tuple(climb.alike)
-    beside = groups_of(after)
-    needed = needed_nuisances(after) if beside != groups_of(base) else beside
-    if ground is not None and needed == beside:
-        base = ground  # nuisances came in before any effect: the steps stand as they are
-    else:
-        progress(f"once more beside {' and '.join(needed) or 'no nuisance'}")
-        base = settled(with_nuisances(base, needed))
-        again = _climb(base, extra, progress, ())
-        steps, after = again.steps, again.after
-    named = [s.named.id for s in steps if s.named is not None]
-    if len(named) < 2:
-        return Found(base, tuple(steps), after, alike=alike)
-    progress("looking for what could stand in place of each")
-    after, dropped = without_needless(after, named)
-    after = settled(after) if dropped else after
-    groups = regrouped(after, [name for name in named if name not in dropped], extra)
-    steps = [
-        replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
-    ]
-    return Found(base, tuple(steps), after, dropped, alike)
-
-
-@dataclass
-class _Climb:
-    """Steps from a base upwards, the base at their top, and the one they stand on.
-
-    `alike`: pairs of a nuisance and an effect that these data cannot tell apart; `passed_over`: the
-    base with the nuisance that the first effect came before, if there was one.
-    """
-
-    after: Base
-    ground: Base | None
-    steps: list[Step]
-    alike: list[tuple[str, str]]
-    passed_over: Base | None = None
-
-
-def _climb(
-    base: Base, extra: tuple[Effect, ...], progress: Progress, nuisances: Sequence[str]
-) -> _Climb:
-    """The search from a base upwards.
-
-    Before each step the best of the `nuisances` that earns its place comes in if it leaves less
-    than the best effect: what both explain is then the nuisance's. The steps stand on the base with
-    all nuisances; on none if one came in after an effect.
-    """
-    climb, excess = _Climb(base, base, [], []), base.excess
-    while True:
-        after = climb.after
-        named = [s.named.id for s in climb.steps if s.named is not None]
-        rival = None if quiet(after, after.floor.square) else best_nuisance(after, nuisances)
-        step = None
-        if rival is None or named or _may_do_as_well(after, rival, extra):
-            step = next_step(after, named, excess, extra) if named else first_step(after, extra)
-        named_now = None if step is None else step.named
-        if rival is not None and named_now and _as_much(after, rival, named_now.base):
-            climb.alike.append((groups_of(rival)[-1], named_now.id))
-        if rival is not None and (step is None or _leaves_less(rival, step)):
-            progress(f"beside the model: {groups_of(rival)[-1]}")
-            climb.after = settled(rival)
-            if climb.steps:
-                climb.ground = None
-            else:
-                climb.ground, excess = climb.after, climb.after.excess
-            continue
-        assert step is not None
-        if not climb.steps and step.named is not None:
-            climb.passed_over = rival
-        climb.steps.append(step)
-        if step.named is None:
-            return climb
-        progress(f"named {step.named.id}; looking for another")
-        climb.after = settled(step.named.base)
-        if len(climb.steps) == MOST_EFFECTS:
-            return climb
-
-
-def _may_do_as_well(base: Base, rival: Base, extra: tuple[Effect, ...]) -> bool:
-    """Could an effect, once refitted, leave as little as a nuisance does?
-
-    Not if the nuisance leaves the floor, and none comes near to it by its linear strength: refits
-    of effects take most of a search.
-    """
-    if rival.excess > LEAST_SHARE_OF_FLOOR * rival.floor.square:
-        return True
-    assessed, _ = assess_all(base, extra)
-    most = max((a.removed for a in assessed if a.alarms(base.floor.square)), default=0.0)
-    return most > 0.5 * MOST * (base.excess - rival.excess)
-
-
-def _leaves_less(rival: Base, step: Step) -> bool:
-    """Is the held-out loss beside a nuisance below that with the effect of a step?"""
-    return step.named is None or float(rival.held_white.sum()) < float(
-        step.named.base.held_white.sum()
-    )
-
-
-def _as_much(base: Base, one: Base, other: Base) -> bool:
-    """Does each of two refits remove as much of chi-square, to what forms differ by?"""
-    removed = sorted(base.noise_chi2 - refitted.noise_chi2 for refitted in (one, other))
-    return removed[0] >= TWINS**2 * removed[1]
-
-
 def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     """The verdict and everything that is said with it."""
     before, after = found.before, found.after
@@ -381,7 +216,8 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     advice, notes = _advice(found, verdict)
     notes += nuisance_sentences(beside, result)
     notes += scatter_sentences(result)
-    notes += alike_sentences(found.alike, selected, [n.nuisance for n in beside if n.stayed])
+    stayed = [n.nuisance for n in beside if n.stayed]
+    notes += alike_sentences(found.alike, selected, stayed, result)
     if verdict in ("unknown", "scatter", "partial"):
         notes += check_sentences(checks)
     notes += of_rounding(before)
@@ -412,7 +248,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "observable": before.model.observable,
         "unit": OBSERVABLES[before.model.observable].unit,
         "chi2": before.reduced_chi2,
-        "beside": tuple(n.nuisance for n in beside if n.stayed),
+        "beside": tuple(stayed),
         "groups": groups,
         "unexplained": unexplained,
         "manoeuvres": before.cells.manoeuvres,

@@ -18,11 +18,11 @@ import numpy as np
 
 from tirelog.diagnosis.beside import groups_of, with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
-from tirelog.diagnosis.diagnose import Found, Progress, search_effects
 from tirelog.diagnosis.naming import Step
 from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
+from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
 from tirelog.inference.base import Base

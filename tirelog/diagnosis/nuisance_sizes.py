@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.beside import groups_of
+from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.inference.base import Base
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.metric.offsets import Nuisance as Projected
 from tirelog.inference.metric.offsets import Offsets
 from tirelog.inference.nuisances import frees, shared_effects
+from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, shown
@@ -167,37 +169,43 @@ def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
 
 
 def scatter_sentences(base: Base) -> list[str]:
-    """What the noise floor mostly is, if that is scatter of the load; nothing otherwise."""
-    floor, scatter = base.floor, base.floor.scatter
-    if floor.between <= floor.within or scatter.load_sd <= 0.0:
+    """What the noise floor mostly is, if that is what loads that scatter would do; else nothing."""
+    scatter = base.floor.scatter
+    columns = scatter_columns(base.cells, base.fit)
+    by_load = replace(scatter, baseline_square=np.zeros_like(scatter.baseline_square))
+    square = base.plain.weights**2 * np.nan_to_num(by_load.square(columns))
+    if float(square.sum()) / base.plain.weight <= 0.5 * base.floor.square:
         return []
-    within = f", {100.0 * scatter.wander_sd:.2g} % within them" if scatter.wander_sd > 0.0 else ""
+    within = f" and by {100.0 * scatter.wander_sd:.2g} % within" if scatter.wander_sd > 0.0 else ""
     return [
-        f"Most of the noise floor is scatter of the load: {100.0 * scatter.load_sd:.2g} % between "
-        f"manoeuvres{within}."
+        "Most of the noise floor is as if loads scattered by "
+        f"{100.0 * scatter.load_sd:.2g} % between manoeuvres{within}."
     ]
 
 
-#: what parts a nuisance from an effect that looks like it
-_PARTED_BY = {
-    "wheel": "a second grating at another angle of the wheel",
-    "drift": "a log whose temperature is measured, or the same manoeuvres in another order",
-    "rolling": "a measured way, which gives the rolling radius",
-    "patch_law": "a log at a third load",
-}
+def _parted_by(nuisance: str, base: Base) -> str:
+    """What parts a nuisance from an effect that looks like it."""
+    measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
+    return {
+        "wheel": "a second grating at another angle of the wheel",
+        "drift": "the same manoeuvres in another order"
+        + ("" if measured else ", or a measured temperature"),
+        "rolling": "a measured way, which gives the rolling radius",
+        "patch_law": "a log at a third load",
+    }[nuisance]
 
 
 def alike_sentences(
-    alike: Sequence[tuple[str, str]], selected: Sequence[str], stayed: Sequence[str]
+    alike: Sequence[tuple[str, str]], selected: Sequence[str], stayed: Sequence[str], base: Base
 ) -> list[str]:
-    """Where a nuisance and an effect do the same: the one not taken, and what parts them."""
+    """Where a nuisance and an effect do nearly the same: the one not taken, and what parts them."""
     said = []
     for nuisance, effect in alike:
-        parts = f"{_PARTED_BY[nuisance]} parts them"
+        name, parts = NUISANCES_SAID[nuisance], f"{_parted_by(nuisance, base)} parts them"
         if nuisance in stayed and effect not in selected:
-            said.append(f"{effect} would remove as much as the {nuisance} does: {parts}.")
+            said.append(f"In place of {name}, {effect} would do nearly as well: {parts}.")
         elif effect in selected and nuisance not in stayed:
-            said.append(f"A {nuisance} would remove as much as {effect} does: {parts}.")
+            said.append(f"In place of {effect}, {name} would do nearly as well: {parts}.")
     return said
 
 
@@ -220,8 +228,8 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
     if found.nuisance == "drift":
         baseline = any(part.name.startswith("baseline") for part in told)
         or_effect = (
-            f" A baseline that moves is what thermal_drift does, too: {_PARTED_BY['drift']} parts "
-            "them."
+            " A baseline that moves is what thermal_drift does, too: "
+            f"{_parted_by('drift', base)} parts them."
         )
         return (
             f"Beside the model stands a drift: {said}; as of a tire that warms or loses pressure."

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tirelog.diagnosis.sign_flips import gain_and_error
 
 if TYPE_CHECKING:
-    from tirelog.diagnosis.diagnose import Found
+    from tirelog.diagnosis.search import Found
 
 
 def removed_errors(found: Found) -> dict[str, float]:

@@ -77,7 +77,7 @@ MUCH_ROUNDING = 0.5
 #: more logs than these are not spelled out in a command
 _MOST_LOGS = 12
 #: nuisances as a part of a sentence
-_BESIDE = {
+NUISANCES_SAID = {
     "wheel": "the wheel's own run-out and force variation",
     "drift": "a drift",
     "rolling": "another rolling radius",
@@ -96,8 +96,8 @@ def _above_floor(facts: Mapping[str, Any]) -> str:
     if floors <= QUIET_FLOORS:
         return ""
     return (
-        f"; held out it is {floors:.3g} floors, as chance has it where {facts['manoeuvres']} "
-        "manoeuvres scatter"
+        f"; held out it is {floors:.3g} floors, no more than {facts['manoeuvres']} manoeuvres "
+        "leave uncertain in its parameters"
     )
 
 
@@ -171,7 +171,9 @@ def _first_check(facts: Mapping[str, Any]) -> str:
 def _beside(facts: Mapping[str, Any]) -> str:
     """The nuisances that stand beside the model, as a part of a sentence."""
     beside = facts["beside"]
-    return f" with {' and '.join(_BESIDE[name] for name in beside)} beside it" if beside else ""
+    return (
+        f" with {' and '.join(NUISANCES_SAID[name] for name in beside)} beside it" if beside else ""
+    )
 
 
 def _nearest(facts: Mapping[str, Any]) -> str:
@@ -248,6 +250,11 @@ def _scatter(facts: Mapping[str, Any]) -> str:
         )
     else:
         goes = " It follows nothing that the logs hold."
+    if facts["unexplained"]["significant"]:
+        return (
+            f"What is left repeats, but is too small to matter: held out {floors:.2f} floors, "
+            f"reduced chi-square {facts['chi2']:.3g}."
+        )
     return (
         "What is left does not repeat from manoeuvre to manoeuvre, and is more than noise: "
         f"{scatter['size'] * factor:.3g} {unit} "
