@@ -1,7 +1,7 @@
 """Nuisances beside the candidates: which of them earn a place, and how large they are.
 
-Base -> each nuisance's shared effects -> the flips, the held-out gain and the size that an
-        effect must show -> the base with the best of them, fitted again
+Base -> each nuisance's shared effects -> the flips and the held-out gain that an effect must show,
+        and the share of chi-square's excess that it removes -> the base with the best, fitted again
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
 
 
 def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
-    """The base with the nuisance that gains most, if one earns its place.
+    """The base with the nuisance that removes most of chi-square, if one earns its place.
 
     A nuisance of fewer amplitudes that does as much comes first: the more there are, the more of
     anything they imitate. And one that leaves most of the excess imitates what it is not.

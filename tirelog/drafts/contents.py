@@ -88,13 +88,6 @@ def contents(log: str) -> Contents:
     """
     with _local(log) as path, path.open("rb") as raw:
         head = read_head(raw, log)
-        if not head:
-            raise ReadError(
-                "is empty",
-                allowed="a log has at least a header and samples",
-                do="record it again",
-                file=log,
-            )
         stream = LogStream(head, raw, False)
         with opened_log(str(path), head, stream, log) as opened:
             inside = listed(opened.format, opened.path or path, log)

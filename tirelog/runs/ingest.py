@@ -258,13 +258,6 @@ def ingest(
     ) as raw:  # before its setup: a log that is not there is no log without a setup
         setup = _setup_for(log, setup)
         head = read_head(raw, log)
-        if not head:
-            raise ReadError(
-                "is empty",
-                allowed="a log has at least a header and samples",
-                do="record it again",
-                file=log,
-            )
         stream = LogStream(head, raw, hashed)
         with opened_log(log, head, stream) as opened:
             if opened.format == "HDF5" and opened.path is not None and is_run(opened.path):
@@ -283,13 +276,23 @@ def ingest(
 
 
 def read_head(raw: BinaryIO, log: str) -> bytes:
-    """The first bytes, also of a pipe that hands out less than it is asked for."""
+    """The first bytes, also of a pipe that hands out less than it is asked for.
+
+    ReadError: there are none.
+    """
     head = b""
     try:
         while len(head) < HEAD_BYTES and (part := raw.read(HEAD_BYTES - len(head))):
             head += part
     except OSError as problem:
         raise _unreadable(log, problem) from None
+    if not head:
+        raise ReadError(
+            "is empty",
+            allowed="a log has at least a header and samples",
+            do="record it again",
+            file=log,
+        )
     return head
 
 

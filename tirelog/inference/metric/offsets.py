@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -170,6 +169,23 @@ class Nuisance:
 
 
 @dataclass(frozen=True)
+class _Rest:
+    """For each of some manoeuvres (n of them, at `rows`) what all the others say.
+
+    Normal equations of the columns, gram (n, p, p) and right (n, p), the offset eliminated; of the
+    offset of its log the products with columns (n, p), itself and the residual (n,): those of the
+    manoeuvre's own cells if its log has no other.
+    """
+
+    rows: slice
+    gram: FloatArray
+    right: FloatArray
+    cross: FloatArray
+    size: FloatArray
+    level: FloatArray
+
+
+@dataclass(frozen=True)
 class Levelled:
     """Normal equations of each manoeuvre with its log's offset beside the columns.
 
@@ -237,14 +253,12 @@ class Levelled:
         with the rest held.
         """
         theta, offset = np.empty_like(self.cross), np.empty_like(self.size)
-        for rows, gram, right, own, others, alone in self._without_each():
-            theta[rows] = solve_scaled(gram, right)
-            cross = np.where(alone[:, None], own[2], others[2])
-            size, level = (
-                np.where(alone, own[3], others[3]),
-                np.where(alone, own[4], others[4]) - (cross * theta[rows]).sum(axis=1),
+        for rest in self._without_each():
+            theta[rest.rows] = solve_scaled(rest.gram, rest.right)
+            level = rest.level - (rest.cross * theta[rest.rows]).sum(axis=1)
+            offset[rest.rows] = np.divide(
+                level, rest.size, out=np.zeros_like(level), where=rest.size > 0
             )
-            offset[rows] = np.divide(level, size, out=np.zeros_like(level), where=size > 0)
         return theta, offset
 
     def of_errors(self, of: Levelled) -> FloatArray:
@@ -254,14 +268,13 @@ class Levelled:
         that all the others leave.
         """
         added = np.empty_like(self.size)
-        for rows, gram, *_ in self._without_each():
-            spread = solve_scaled(gram[:, None], of.normal.gram[rows])
-            added[rows] = np.einsum("mii->m", spread)
+        for rest in self._without_each():
+            spread = solve_scaled(rest.gram[:, None], of.normal.gram[rest.rows])
+            added[rest.rows] = np.einsum("mii->m", spread)
         return added
 
-    def _without_each(self) -> Iterator[tuple[Any, ...]]:
-        """Some manoeuvres at a time: their numbers, the normal equations (..., p, p), (..., p) of
-        all the others, the sums of each and those of the others of its log, whether it has none."""
+    def _without_each(self) -> Iterator[_Rest]:
+        """What all the others leave, some manoeuvres at a time."""
         everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
         of_log = [_sums(x, self.log) for x in everything]
         gram_of_log, right_of_log = _without_offset(*of_log)
@@ -281,7 +294,11 @@ class Levelled:
                 "mii->mi", whole[0] - own[0]
             )  # a column that the offsets take is none
             gram = np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0)
-            yield rows, gram, np.where(seen, right, 0.0), own, others, alone
+            cross, size, level = (
+                np.where(alone.reshape(-1, *([1] * (mine.ndim - 1))), mine, other)
+                for mine, other in zip(own[2:], others[2:], strict=True)
+            )
+            yield _Rest(rows, gram, np.where(seen, right, 0.0), cross, size, level)
 
     def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
         """(theta (p,), offset (M,)) by which the optimum is missed.

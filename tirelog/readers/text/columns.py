@@ -11,34 +11,27 @@ blanks and underscores are forgiven if that leaves one column), or `#3`, the thi
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from tirelog.data.setup import ChannelSetup, Setup
-from tirelog.errors import ReadError, SetupError, nearest
-from tirelog.readers.rates import unit_by_size
-from tirelog.readers.text.layout import SAMPLE_ROWS, Layout, filled
-from tirelog.readers.text.times import MISSING, fraction_digits, has_clock, one_ns
+from tirelog.errors import ReadError, SetupError
+from tirelog.readers.text.column_names import absent, bare, find_column
+from tirelog.readers.text.layout import Layout, filled
+from tirelog.readers.text.time_column import (
+    TIME_NAMES,
+    ascending,
+    most_decimals,
+    stamp_columns,
+    stated_unit,
+    steps_of,
+    time_factor,
+)
+from tirelog.readers.text.times import MISSING, fraction_digits, one_ns
 from tirelog.vocabulary import units
 
-_TIME_NAMES = re.compile(
-    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time"
-    r"|t|sec|seconds|zeit|tempo)",
-    re.I,
-)
-#: words that make a name one of a time, however they are joined: RunningTime_s, elapsed_ms
-_TIME_WORDS = {"time", "timestamp", "elapsed", "runtime", "uptime", "zeit", "millis", "micros"}
-#: whole names of times, without blanks and underscores: of LabVIEW, of Arduino sketches
-_TIMES = {"xvalue", "ms", "us", "ns", "msec", "usec"}
-#: last words of a time's name that tell its unit, beside the units themselves
-_UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us", "micros": "us",
-               "microseconds": "us", "nanos": "ns", "nanoseconds": "ns"}  # fmt: skip
-#: times whose unit is known from the instrument alone: Xsens sensors count microseconds
-_KNOWN_UNITS = {"sampletimefine": "us"}
 #: a channel of edges has no column: its stamps are the signal
 EDGES = "edges"
 _NUMBER_NAMES = re.compile(
@@ -50,9 +43,6 @@ _NUMBER_NAMES = re.compile(
 #: a double holds powers of ten up to this one exactly; no instrument writes as many decimals
 MOST_DECIMALS = 22
 _ERROR_NAMES = re.compile(r".*(error|fault).*", re.I)
-#: steps of a column without a name differ by less than this share of the usual one if it is taken
-#: for the time: loggers without a clock of their own stray by some percent, signals by all
-_NEARLY = 0.5
 #: a bracket behind a name that holds letters, so that it may be meant for a unit
 _STRANGE_UNIT = re.compile(r"\S\s*[\[(]\s*([^\[\]()]*[^\W\d_%][^\[\]()]*|%)\s*[\])]$")
 
@@ -99,17 +89,17 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
             continue
         column = find_column(layout, what.source)
         if column is None:
-            missing[channel] = _absent(layout, what.source)
+            missing[channel] = absent(layout, what.source)
         else:
             values[channel] = column
     if not values and not peaks and not edges:
         raise ReadError(
             "; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name
         )
-    (time, clock, form, factor), guessed = _time(layout, setup, set(values.values()))
+    (time, clock, form, factor), guessed = stamp_columns(layout, setup, set(values.values()))
     if edges and not guessed and time is None:
         time = _of_edges(layout, name)
-        factor = _time_factor(layout, setup, time)
+        factor = time_factor(layout, setup, time)
     if edges and time is not None and form == "number":
         _check_edges(layout, setup, time)
     number = _sample_number(layout, {*values.values(), time})
@@ -132,7 +122,7 @@ def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
 
     Those that no channel of the setup need name.
     """
-    (time, clock, _, _), _ = _time(layout, setup, set())
+    (time, clock, _, _), _ = stamp_columns(layout, setup, set())
     number = _sample_number(layout, {time})
     errors = [k for k, text in enumerate(layout.names) if _ERROR_NAMES.fullmatch(text)]
     taken = {k for k in (time, clock, number, *errors) if k is not None}
@@ -159,7 +149,7 @@ def _of_edges(layout: Layout, name: str) -> int:
     ReadError: there is none.
     """
     for k, kind in enumerate(layout.kinds[: layout.width]):
-        steps = _steps(layout, k)
+        steps = steps_of(layout, k)
         if kind == "number" and steps and min(steps) >= 0.0 and max(steps) > 0.0:
             return k
     raise ReadError(
@@ -173,7 +163,7 @@ def _of_edges(layout: Layout, name: str) -> int:
 def _check_edges(layout: Layout, setup: Setup, time: int) -> None:
     """SetupError: the times of the edges are whole numbers, and nothing says of what."""
     whole = all(layout.decimal not in row[time] for row in layout.rows if len(row) > time)
-    if whole and setup.log.time_unit is None and _stated_unit(layout, time) is None:
+    if whole and setup.log.time_unit is None and stated_unit(layout, time) is None:
         raise SetupError(
             "the times of the edges are whole numbers without a unit",
             allowed="allowed are s, ms, us, ns",
@@ -230,13 +220,13 @@ def _is_row_number(layout: Layout) -> bool:
 
     The name that would be its own is that of the second one, as far as can be told.
     """
-    first, kinds = _bare(layout.names[0]), layout.kinds
+    first, kinds = bare(layout.names[0]), layout.kinds
     if not _whole_and_rising(layout, 0) or _NUMBER_NAMES.fullmatch(first):
         return False
-    steps = _steps(layout, 0)
+    steps = steps_of(layout, 0)
     counts = sum(step == 1 for step in steps) >= 0.5 * len(steps)
     return counts and not (
-        _TIME_NAMES.fullmatch(first) and kinds[1] == "number" and not _ascending(layout, 1)
+        TIME_NAMES.fullmatch(first) and kinds[1] == "number" and not ascending(layout, 1)
     )
 
 
@@ -244,7 +234,7 @@ def _whole_and_rising(layout: Layout, column: int) -> bool:
     """True for whole numbers of which each is larger than the one before."""
     cells = [row[column] for row in layout.rows if len(row) > column]
     return all(re.fullmatch(r"\d{1,18}", cell) for cell in cells) and all(
-        step > 0 for step in _steps(layout, column)
+        step > 0 for step in steps_of(layout, column)
     )
 
 
@@ -301,218 +291,10 @@ def _trailing(layout: Layout) -> bool:
     return len(layout.names) == layout.width - 1 and layout.kinds[layout.width - 1] == "blank"
 
 
-def find_column(layout: Layout, source: str) -> int | None:
-    """The column of a source, None if there is none."""
-    if match := re.fullmatch(r"#(\d+)", source.strip()):
-        column = int(match[1]) - 1
-        return column if 0 <= column < max(layout.width, len(layout.kinds)) else None
-    if not source.strip():
-        return None
-    for same in (
-        str,
-        str.strip,
-        _bare,
-        lambda text: _loose(_bare(text)),
-        lambda text: _loose(_bare(text.lstrip("#%/ "))),
-    ):
-        hits = [k for k, text in enumerate(layout.names) if same(text) == same(source)]
-        if len(hits) == 1 or (hits and same is str):
-            return hits[0]
-    return None
-
-
-def _bare(name: str) -> str:
-    return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
-
-
-def _loose(name: str) -> str:
-    return re.sub(r"[\s_.\-]+", "", name).lower()
-
-
-def _absent(layout: Layout, source: str) -> str:
-    """What is wrong with a source that is no column, and which columns there are."""
-    if layout.misfit:
-        return (
-            f"no column {source!r} can be told: the header has {len(layout.misfit)} names and "
-            f"the rows have {layout.width} cells; allowed are #1 to #{layout.width}"
-        )
-    if not layout.names:
-        return f"no column {source!r}: the log has no header; allowed are #1 to #{layout.width}"
-    shown = ", ".join(text for text in layout.names[:12] if text) + (
-        ", ..." if len(layout.names) > 12 else ""
-    )
-    return f"no column {source!r}{nearest(source, layout.names)}; the log's columns are {shown}"
-
-
-def _time(
-    layout: Layout, setup: Setup, taken: set[int]
-) -> tuple[tuple[int | None, int | None, str, float], bool]:
-    """((column, column of the time of day, form, seconds per unit) of the stamps, guessed or not).
-
-    Guessed: neither the setup nor a name nor a form of words makes the column a time.
-    """
-    if setup.log.time:
-        column = find_column(layout, setup.log.time)
-        if column is None:
-            raise SetupError(
-                f"[log] time: {_absent(layout, setup.log.time)}",
-                do="mend time in the setup",
-                file=setup.file,
-            )
-        return _with_clock(layout, setup, column), False
-    best: tuple[int, int | None, str, float] | None = None
-    distinct = 0
-    for column in _time_candidates(layout, taken):
-        candidate = _with_clock(layout, setup, column)
-        parts = [c for c in candidate[:2] if c is not None]
-        seen = len({tuple(row[c] for c in parts) for row in layout.rows if len(row) > max(parts)})
-        if seen > distinct:  # of several, the one with the finest stamps
-            best, distinct = candidate, seen
-    if best is not None and distinct > 1:
-        return best, False
-    ramps = _ramps(layout, taken)
-    if ramps and (ramps[0] == _leading(layout) or len(ramps) == 1):  # of several, none is plain
-        alone = ramps[0] == _leading(layout) and not layout.names
-        return _with_clock(layout, setup, ramps[0]), not alone
-    return best or (None, None, "number", 1.0), False
-
-
-def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
-    """Columns that look like stamps.
-
-    Those whose cells are times, then numbers under a name of time.
-    """
-    kinds = layout.kinds[: layout.width]
-    found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
-    named = [
-        k
-        for k, text in enumerate(layout.names[: len(kinds)])
-        if _is_time_name(text) and kinds[k] == "number"
-    ]
-    return found + [k for k in named if k not in taken and _ascending(layout, k)]
-
-
-def _is_time_name(name: str) -> bool:
-    """True for the names of times, as programs join their words."""
-    bare = _bare(name).lstrip("#%/ ")
-    return bool(
-        _TIME_NAMES.fullmatch(bare)
-        or _TIME_WORDS.intersection(_words(bare))
-        or _loose(bare) in _TIMES
-    )
-
-
-def _words(name: str) -> list[str]:
-    """The words of a name in lower case: RunningTime_s is running, time, s."""
-    return [word.lower() for word in re.findall(r"[^\W\d_]?[^\W\d_A-Z]+|[A-Z]+|\d+", name)]
-
-
-def _leading(layout: Layout) -> int:
-    """The first column that is not blank."""
-    return next((k for k, kind in enumerate(layout.kinds[: layout.width]) if kind != "blank"), 0)
-
-
-def _ramps(layout: Layout, taken: set[int]) -> list[int]:
-    """Columns that rise as nothing but a time does, the likeliest first.
-
-    In steps that are not whole: the first column, in even ones if it has a name, whatever that is;
-    then any without a name whose steps are nearly equal.
-    """
-    leading, found = _leading(layout), []
-    for k in range(layout.counts_at if layout.counts else layout.width):
-        named = k < len(layout.names) and layout.names[k] != ""
-        cells = [row[k] for row in layout.rows if len(row) > k]
-        steps = _steps(layout, k) if layout.kinds[k] == "number" and k not in taken else []
-        whole = all(layout.decimal not in cell for cell in cells)
-        if whole or len(steps) < 2 or min(steps) <= 0.0 or (named and k != leading):
-            continue
-        usual, spread = float(np.median(steps)), max(steps) - min(steps)
-        exponents = any("e" in cell.lower() for cell in cells)
-        digit = 1e-6 * usual if exponents else 10.0 ** -most_decimals(cells, layout.decimal)
-        if k == leading:
-            good = not layout.names or spread <= 2.01 * digit
-        else:
-            good = spread <= max(2.01 * digit, _NEARLY * usual)
-        found += [k] if good else []
-    return found
-
-
-def _steps(layout: Layout, column: int) -> list[float]:
-    """Differences between the numbers of a column, row by row.
-
-    Not from the last sample row of the head's begin to the first of its end.
-    """
-    numbers = []
-    for row in layout.rows:
-        number = float("nan")
-        with suppress(ValueError):
-            number = (
-                float(row[column].replace(layout.decimal, ".")) if len(row) > column else number
-            )
-        numbers.append(number)
-    steps = [b - a for a, b in pairwise(numbers)]
-    if len(numbers) == 2 * SAMPLE_ROWS:
-        del steps[SAMPLE_ROWS - 1]
-    return [step for step in steps if step == step]
-
-
-def _ascending(layout: Layout, column: int) -> bool:
-    """True if a number column hardly ever falls."""
-    steps = _steps(layout, column)
-    return sum(step >= 0 for step in steps) >= 0.9 * len(steps)
-
-
-def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | None, str, float]:
-    """The stamps' column with its form.
-
-    A date alone is joined with the first column of times of day.
-    """
-    kind = layout.kinds[column]
-    if kind in ("iso", "dmy"):
-        if any(has_clock(row[column]) for row in layout.rows if len(row) > column):
-            return column, None, kind, 1.0
-        clock = next((k for k, other in enumerate(layout.kinds) if other == "hms"), None)
-        return column, clock, kind, 1.0
-    if kind == "hms":
-        date = [k for k, other in enumerate(layout.kinds[:column]) if other in ("iso", "dmy")]
-        bare = [
-            k for k in date if not any(has_clock(row[k]) for row in layout.rows if len(row) > k)
-        ]
-        return (bare[0], column, layout.kinds[bare[0]], 1.0) if bare else (column, None, "hms", 1.0)
-    return column, None, "number", _time_factor(layout, setup, column)
-
-
-def _time_factor(layout: Layout, setup: Setup, column: int) -> float:
-    """Seconds per unit of a numeric time column.
-
-    By the setup's `time_unit`, the header's unit, the name's suffix, else seconds.
-    """
-    if setup.log.time_unit:
-        return units.to_si(setup.log.time_unit, "time")[0]
-    unit = _stated_unit(layout, column)
-    if unit is None:  # a date in ms, us or ns since 1970 is known by its size
-        cells = [row[column] for row in layout.rows if len(row) > column]
-        numbers = [float(cell) for cell in cells if re.fullmatch(r"\d{1,19}", cell)]
-        unit = unit_by_size(numbers[0]) if numbers else "s"
-    return units.UNITS[unit][1]
-
-
-def _stated_unit(layout: Layout, column: int) -> str | None:
-    """The unit of time that a column's header or name tells, or None."""
-    unit = layout.units[column] if column < len(layout.units) else ""
-    if not unit and column < len(layout.names):
-        name = layout.names[column]
-        last = _words(name)[-1:] or [""]
-        unit = _KNOWN_UNITS.get(_loose(name)) or _UNIT_WORDS.get(last[0], "")
-        unit = unit or (last[0] if last[0] in ("s", "sec", "ms", "us", "ns", "min", "h") else "")
-    known = units.canonical(unit) if unit else None
-    return known if known and units.UNITS[known][0] == "time" else None
-
-
 def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
     """The column of sample numbers: whole numbers under such a name that rise by one step."""
     for k, text in enumerate(layout.names[: layout.width]):
-        if k in taken or layout.kinds[k] != "number" or not _NUMBER_NAMES.fullmatch(_bare(text)):
+        if k in taken or layout.kinds[k] != "number" or not _NUMBER_NAMES.fullmatch(bare(text)):
             continue
         cells = [row[k] for row in layout.rows if len(row) > k]
         if not all(re.fullmatch(r"\d+", cell) for cell in cells):
@@ -533,18 +315,6 @@ def resolution_s(layout: Layout, columns: Columns) -> float:
     if columns.form == "number":
         return columns.time_factor * 10.0 ** -most_decimals(texts, layout.decimal)
     return 10.0 ** -max(map(fraction_digits, texts), default=0)
-
-
-def most_decimals(cells: Sequence[str], decimal: str) -> int:
-    """The most decimals of these cells; 0 for whole numbers."""
-    return max(
-        (
-            len(cell.split(decimal)[1])
-            for cell in cells
-            if cell.count(decimal) == 1 and "e" not in cell.lower()
-        ),
-        default=0,
-    )
 
 
 def decimals(layout: Layout, column: int) -> int | None:

@@ -32,7 +32,6 @@ from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
     decimals,
-    most_decimals,
     placed,
     resolution_s,
     start_iso,
@@ -43,6 +42,7 @@ from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, s
 from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
 from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
+from tirelog.readers.text.time_column import most_decimals
 from tirelog.readers.text.times import MISSING, month_first, unwrap_midnight
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
