@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.inference.bends import bends
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.fit.cells import Fit, fit_channels, fit_model, take_cells
 from tirelog.inference.floor import (
@@ -43,6 +44,8 @@ _MOST_ROUNDS = 7
 #: loads that move by less from round to round, relative, have settled: a waveform bends by the
 #: tenth part of that; with twice as much, chi-square is 0.02 more where loads scatter by 3 %
 _SAME_LOAD = 0.004
+#: mean square by which the bends move from round to round, over the floor's: settled below it
+_SAME_BEND = 0.003
 
 
 @dataclass(frozen=True)
@@ -185,6 +188,7 @@ def _with_scatter(
     values = [channel.values for channel in cells]
     plain = [Plain.of(channel) for channel in cells]
     loads = [np.zeros(len(channel)) for channel in cells]
+    bent = [np.zeros(channel.values.shape) for channel in cells]
     for number in range(_MOST_ROUNDS):
         known = [
             _in_scatter(*channel)
@@ -197,7 +201,19 @@ def _with_scatter(
         missed = [channel.discrepancy for channel in known]
         before, loads = loads, [channel.floor.scatter.load for channel in known]
         moved = max(float(np.abs(a - b).max()) for a, b in zip(loads, before, strict=True))
-        if number > 0 and moved < _SAME_LOAD:
+        last, bent = (
+            bent,
+            [
+                measured - channel.cells.values
+                for measured, channel in zip(values, known, strict=True)
+            ],
+        )
+        turned = max(
+            float((channel.plain(now - then) ** 2).sum())
+            / (channel.plain.weight * channel.floor.square)
+            for channel, then, now in zip(known, last, bent, strict=True)
+        )
+        if number > 0 and moved < _SAME_LOAD and turned < _SAME_BEND:
             break
     return [
         replace(channel, cells=fit.cells, fit=fit) for channel, fit in zip(known, fits, strict=True)
@@ -210,17 +226,28 @@ def _in_scatter(
     """A channel in the metric with the scatter and the discrepancy that the fit leaves.
 
     The fit itself was made in the metric `used`, with another discrepancy, `missed` [unit^2].
-    Random effects are linear,
-    a waveform is not quite, in its load: of the measured `values` (C, m) goes what it bends.
+    Random effects are linear, a waveform is not quite: of the measured `values` (C, m) goes what
+    its load and its nuisances bend. The columns of these are of the fitted model.
     """
+    cells = _with_columns_of(fit, cells)
     slope, bend = load_slopes(cells, fit)
     columns = np.stack([slope, np.ones_like(slope)], axis=-1)
     scatter = measure_scatter(cells, fit, used, columns, missed)
-    cells = replace(cells, values=values - 0.5 * bend * scatter.load[:, None] ** 2)
+    bent = 0.5 * bend * scatter.load[:, None] ** 2 + bends(cells, fit)
+    cells = replace(cells, values=values - bent)
     floor = measure_floor(cells, plain, columns, scatter)
     discrepancy = _discrepancy(cells, plain, fit, floor)
     white = _metric(cells, discrepancy, columns, scatter)
     return FittedChannel(cells, white, plain, floor, fit, discrepancy)
+
+
+def _with_columns_of(fit: Fit, cells: Cells) -> Cells:
+    """The cells with the columns of their shared effects as the fitted model has them."""
+    if cells.shared is None:
+        return cells
+    anew = shared_by(cells, fit, cells.shared.groups)
+    same = anew is not None and anew.names == cells.shared.names
+    return replace(cells, shared=anew) if same else cells
 
 
 def _metric(cells: Cells, missed: float, columns: FloatArray, scatter: Scatter) -> Whitener:

@@ -18,7 +18,7 @@ repeats, which is why flips of manoeuvres take it for physics.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,8 @@ _BEND = 0.3
 #: size of the difference of its mean between logs over that of its slope: logs that warm by 20 K
 #: differ by up to half of that in the mean
 _LEVEL = 0.3
+#: what a drift moves beside the model's parameters
+_PRESSURE, _RADIUS, _BASELINE = "inflation_pressure_Pa", "radius_m", "baseline"
 #: what warms with the tire, of beam and ring
 _DRIFTING = {
     "patch_half_length_m": "patch length",
@@ -88,35 +90,57 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffect
 
 def drift(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
     """Patch length, stiffnesses and baseline along each log, or along all logs alike if many."""
+    names = [name for name in _DRIFTING if name in fit.model.parameters]
+    shapes = {name: _relative_slopes(cells, fit.model, [name])[..., 0] for name in names}
+    if (by_pressure := _pressure_slope(cells, fit.model)) is not None:
+        shapes[_PRESSURE] = by_pressure
+    shapes[_BASELINE] = np.ones_like(cells.phi)
+    sizes = dict.fromkeys(shapes, known.size("relative"))
+    sizes[_BASELINE] = known.size("baseline") * _rms(fit)
+    changes = _drifts(cells, whole, list(shapes))
+    if not changes:
+        return None
+    return SharedEffects(
+        np.stack([shapes[c.of] * c.factor[:, None] for c in changes], axis=-1),
+        np.array([c.size * sizes[c.of] for c in changes]),
+        tuple(c.name for c in changes),
+        ("drift",) * len(changes),
+    )
+
+
+@dataclass(frozen=True)
+class _Change:
+    """One amplitude of a drift.
+
+    What it is `of`; its `factor` (C,), the relative change of each cell per unit of amplitude; its
+    size over that of a slope along a log.
+    """
+
+    of: str
+    name: str
+    factor: FloatArray
+    size: float
+
+
+def _drifts(cells: Cells, whole: Cells, of: Sequence[str]) -> list[_Change]:
+    """The amplitudes of a drift of these things; none if no log has a way along it."""
     along, driven = _along_log(cells, whole)
     if not driven:
-        return None
-    names = [name for name in _DRIFTING if name in fit.model.parameters]
-    columns_of = [_relative_slopes(cells, fit.model, names)]
-    words = [_DRIFTING[name] for name in names]
-    if (by_pressure := _pressure_slope(cells, fit.model)) is not None:
-        columns_of.append(by_pressure[..., None])
-        words.append("inflation pressure")
-    sizes = np.r_[np.full(len(words), known.size("relative")), known.size("baseline") * _rms(fit)]
-    shapes = np.concatenate([*columns_of, np.ones_like(cells.phi)[..., None]], axis=-1)
-    words.append("baseline")
-    parts = _parts(cells, whole, 3 * len(words))
+        return []
+    parts = _parts(cells, whole, 3 * len(of))
     # warming slows down: a straight line and a bend about it; and one log is warmer than another
     factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, _BEND)}
     if len(parts) > 1:
         factors["level in"] = (np.ones(len(cells)), _LEVEL)
-    columns, labels, sized = [], [], []
-    for part, rows in parts.items():
-        for word, (factor, size) in factors.items():
-            columns.append(shapes * np.where(rows, factor, 0.0)[:, None, None])
-            labels += [f"{name} {word} {part or 'each log'}" for name in words]
-            sized.append(size * sizes)
-    return SharedEffects(
-        np.concatenate(columns, axis=-1),
-        np.concatenate(sized),
-        tuple(labels),
-        ("drift",) * len(labels),
-    )
+    words = _DRIFTING | {_PRESSURE: "inflation pressure", _BASELINE: "baseline"}
+    return [
+        _Change(
+            name, f"{words[name]} {word} {part or 'each log'}", np.where(rows, factor, 0.0), size
+        )
+        for part, rows in parts.items()
+        for word, (factor, size) in factors.items()
+        for name in of
+    ]
 
 
 def rolling(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
@@ -124,18 +148,24 @@ def rolling(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffe
     slope = _radius_slope(cells, fit.model)
     if slope is None:
         return None
-    factors = {"level": np.ones(len(cells))}
-    if np.ptp(whole.conditions.speed_m_s) > 0.03 * _RADIUS_SPEED:
-        factors["with speed"] = (cells.conditions.speed_m_s / _RADIUS_SPEED) ** 2
-    mean = _varied_load(whole)
-    if mean is not None:
-        factors["with load"] = cells.conditions.load_N / mean - 1.0
+    factors = _radius_factors(cells, whole)
     return SharedEffects(
         slope[..., None] * np.stack(list(factors.values()), axis=-1)[:, None, :],
         np.full(len(factors), known.size("radius")),
         tuple(f"radius {name}" for name in factors),
         ("rolling",) * len(factors),
     )
+
+
+def _radius_factors(cells: Cells, whole: Cells) -> dict[str, FloatArray]:
+    """Relative change (C,) of each cell's rolling radius per unit of each amplitude."""
+    factors = {"level": np.ones(len(cells))}
+    if np.ptp(whole.conditions.speed_m_s) > 0.03 * _RADIUS_SPEED:
+        factors["with speed"] = (cells.conditions.speed_m_s / _RADIUS_SPEED) ** 2
+    mean = _varied_load(whole)
+    if mean is not None:
+        factors["with load"] = cells.conditions.load_N / mean - 1.0
+    return factors
 
 
 def patch_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
@@ -184,6 +214,46 @@ def shared_effects(
         return None
     columns = np.where(np.isfinite(cells.values)[..., None], found.columns, 0.0)
     return replace(found, columns=columns) if np.isfinite(columns).all() else None
+
+
+def relative_changes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
+    """What the nuisances beside a fitted model change of its parameters, relative, (C,) each.
+
+    Those of `drift` and `rolling`; none if the cells have neither.
+    """
+    if cells.shared is None:
+        return {}
+    amplitudes = dict(zip(cells.shared.names, fit.amplitudes.tolist(), strict=True))
+    changes: dict[str, FloatArray] = {}
+    if "drift" in cells.shared.groups:
+        moving = [name for name in (*_DRIFTING, _PRESSURE) if name in fit.model.parameters]
+        for change in _drifts(cells, cells, moving):
+            moved = amplitudes.get(change.name, 0.0) * change.factor
+            changes[change.of] = changes.get(change.of, 0.0) + moved
+    if "rolling" in cells.shared.groups:
+        factors = _radius_factors(cells, cells)
+        changes[_RADIUS] = np.sum(
+            [amplitudes.get(f"radius {name}", 0.0) * x for name, x in factors.items()], axis=0
+        )
+    return {name: change for name, change in changes.items() if np.any(change)}
+
+
+def moved_prediction(cells: Cells, model: Model, factors: Mapping[str, float]) -> FloatArray:
+    """The prediction (C, m) of a model whose parameters are moved by these factors.
+
+    A pressure is a condition too, and so is a speed: it is an angle times the radius.
+    """
+    conditions = cells.conditions
+    return model.with_values({name: model.values[name] * x for name, x in factors.items()}).predict(
+        replace(
+            conditions,
+            speed_m_s=conditions.speed_m_s * factors.get(_RADIUS, 1.0),
+            inflation_pressure_Pa=conditions.inflation_pressure_Pa * factors.get(_PRESSURE, 1.0),
+        ),
+        surface=cells.surface,
+        observable=cells.observable,
+        **cells.angles,
+    )
 
 
 def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
@@ -314,21 +384,9 @@ def _pressure_slope(cells: Cells, model: Model) -> FloatArray | None:
 
     None if nothing of the model stands under it.
     """
-    name = "inflation_pressure_Pa"
-    if name not in model.parameters:
+    if _PRESSURE not in model.parameters:
         return None
-    up, down = (
-        model.with_values({name: model.values[name] * factor}).predict(
-            replace(
-                cells.conditions,
-                inflation_pressure_Pa=cells.conditions.inflation_pressure_Pa * factor,
-            ),
-            surface=cells.surface,
-            observable=cells.observable,
-            **cells.angles,
-        )
-        for factor in (1.0 + _STEP, 1.0 - _STEP)
-    )
+    up, down = (moved_prediction(cells, model, {_PRESSURE: 1.0 + s}) for s in (_STEP, -_STEP))
     slope: FloatArray = (up - down) / (2.0 * _STEP)
     return slope if np.any(slope[np.isfinite(slope)]) else None
 
@@ -338,16 +396,6 @@ def _radius_slope(cells: Cells, model: Model) -> FloatArray | None:
 
     Speeds and lengths are angles times that radius, and a ring is as large.
     """
-    ends = []
-    for step in (_STEP, -_STEP):
-        moved = model.with_values({"radius_m": model.values["radius_m"] * (1.0 + step)})
-        ends.append(
-            moved.predict(
-                replace(cells.conditions, speed_m_s=cells.conditions.speed_m_s * (1.0 + step)),
-                surface=cells.surface,
-                observable=cells.observable,
-                **cells.angles,
-            )
-        )
-    slope: FloatArray = (ends[0] - ends[1]) / (2.0 * _STEP)
+    up, down = (moved_prediction(cells, model, {_RADIUS: 1.0 + s}) for s in (_STEP, -_STEP))
+    slope: FloatArray = (up - down) / (2.0 * _STEP)
     return slope if np.any(slope) else None
