@@ -101,8 +101,10 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
     return sorted(assessed, key=lambda a: -a.gain)
 
 
-def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
+def best_nuisance(base: Base, allowed: Iterable[str], least: float = NUISANCE_SHARE) -> Base | None:
     """The base with the nuisance that removes most of chi-square, if one earns its place.
+
+    It removes at `least` so much of what chi-square is above its degrees of freedom.
 
     A nuisance of fewer amplitudes that does as much comes first: the more there are, the more of
     anything they imitate. And one that leaves most of the excess imitates what it is not.
@@ -117,7 +119,7 @@ def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
         if a.group == "drift" and not _drifts(refitted):
             continue
         removed = base.noise_chi2 - refitted.noise_chi2
-        if removed >= NUISANCE_SHARE * (base.noise_chi2 - base.fit.freedom):
+        if removed >= least * (base.noise_chi2 - base.fit.freedom):
             tried.append((removed, len(a.effects), refitted))
     if not tried:
         return None

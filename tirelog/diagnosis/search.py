@@ -32,6 +32,7 @@ from tirelog.diagnosis.rules import (
     LEAST_SHARE_OF_FLOOR,
     MOST,
     MOST_EFFECTS,
+    NUISANCE_SHARE,
     TWINS,
 )
 from tirelog.inference.base import Base, settled
@@ -85,6 +86,8 @@ def search_effects(
         other = _climb(settled(climb.passed_over), extra, progress, allowed_nuisances(base))
         if other.after.reduced_chi2 < climb.after.reduced_chi2:
             climb = other
+    if not quiet(climb.after, climb.after.floor.square):
+        climb = _with_one_to_begin(base, extra, progress, climb)
     steps, after, ground, alike = climb.steps, climb.after, climb.ground, tuple(climb.alike)
     beside = groups_of(after)
     needed = needed_nuisances(after) if beside != groups_of(base) else beside
@@ -108,6 +111,26 @@ def search_effects(
     return Found(base, tuple(steps), after, dropped, alike)
 
 
+def _with_one_to_begin(
+    base: Base, extra: tuple[Effect, ...], progress: Progress, climb: _Climb
+) -> _Climb:
+    """The search from a nuisance that alone removes too little, if what follows makes up for it.
+
+    Of two nuisances of a size neither removes most: together they must leave of chi-square's
+    excess what so many leave that earn their places one by one.
+    """
+    allowed = allowed_nuisances(base)
+    first = best_nuisance(base, allowed, least=0.0)
+    if first is None or groups_of(first)[-1] in groups_of(climb.after):
+        return climb
+    progress(f"once more with {groups_of(first)[-1]} to begin with")
+    other = _climb(settled(first), extra, progress, allowed)
+    came_in = len(groups_of(other.after)) - len(groups_of(base)) + other.named
+    left = (other.after.reduced_chi2 - 1.0) / (base.reduced_chi2 - 1.0)
+    enough = left <= (1.0 - NUISANCE_SHARE) ** came_in
+    return other if enough and other.after.reduced_chi2 < climb.after.reduced_chi2 else climb
+
+
 @dataclass
 class _Climb:
     """Steps from a base upwards, the base at their top, and the one they stand on.
@@ -121,6 +144,11 @@ class _Climb:
     steps: list[Step] = field(default_factory=list)
     alike: list[tuple[str, str]] = field(default_factory=list)
     passed_over: Base | None = None
+
+    @property
+    def named(self) -> int:
+        """How many effects it named."""
+        return sum(step.named is not None for step in self.steps)
 
 
 def _climb(
