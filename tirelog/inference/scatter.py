@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from tirelog.errors import ModelError
@@ -36,6 +37,8 @@ SURE_SIGMAS = 4.0
 #: they do, and what follows is no scatter. Effects of two floors follow with 1e-8 and less; loads
 #: that wander are alike in neighbours, which looks like 1e-3
 _FOLLOWS_P = 1e-4
+#: the same for a load that follows the speed within manoeuvres, of which a log may have five
+_AGREE_P = 1e-3
 #: a load that is estimated farther off than this is not what scatters
 _MOST_LOAD = 0.2
 
@@ -231,8 +234,8 @@ def wander_within(
     """Of the relative load between the cells of a manoeuvre: standard deviation, and (C,) each.
 
     By the method of moments, weighted by what each cell knows (DerSimonian and Laird 1986, with
-    covariates). Each manoeuvre has its own level, and what follows speed, log by log, is no wander;
-    0 if too few cells are left to show one, or they do not surely. Only of strain: an
+    covariates). Each manoeuvre has its own level, and what surely follows speed, log by log, is no
+    wander; 0 if too few cells are left to show one, or they do not surely. Only of strain: an
     acceleration's size follows the speed squared, so that a speed that is 0.3 % off looks like a
     load.
     """
@@ -249,22 +252,47 @@ def wander_within(
     speed = cells.conditions.speed_m_s / max(float(np.mean(cells.conditions.speed_m_s)), 1e-9) - 1.0
     level = (cells.manoeuvre[:, None] == np.arange(cells.manoeuvres)).astype(float)
     log = (cells.log[:, None] == np.unique(cells.log)).astype(float)
-    design = np.hstack([level, log * speed[:, None], log * speed[:, None] ** 2])[known]
     weight = 1.0 / variance[known]
-    root = np.sqrt(weight)[:, None] * design
-    hat = root @ np.linalg.pinv(root)
+    root, scaled = np.sqrt(weight), np.sqrt(weight) * load[known]
+    followed = np.hstack([level, log * speed[:, None], log * speed[:, None] ** 2])[known]
+    hat, left = _left_beside(root[:, None] * level[known], scaled)
+    hat_followed, left_followed = _left_beside(root[:, None] * followed, scaled)
+    with_speed = _left_beside(root[:, None] * level[known], root * speed[known])[1]
+    if _agree(with_speed * left, cells.manoeuvre[known], cells.log[known]):
+        hat, left = hat_followed, left_followed
     freedom = float(weight.size - np.trace(hat))
     if freedom < FEWEST_WANDERING:
         return none
-    scaled = np.sqrt(weight) * load[known]
-    left = scaled - hat @ scaled
     spread = float((weight * (1.0 - np.diag(hat))).sum())
     if float(left @ left) < freedom + SURE_SIGMAS * np.sqrt(2.0 * freedom):
         return none
     deviations = np.zeros(len(cells))
-    deviations[known] = left / np.sqrt(weight)
+    deviations[known] = left / root
     square = max((float(left @ left) - freedom) / max(spread, 1e-300), 0.0)
     return float(np.sqrt(square)), deviations
+
+
+def _agree(products: FloatArray, manoeuvre: NDArray[np.int64], log: NDArray[np.int64]) -> bool:
+    """Does the load follow the speed alike in a log's manoeuvres?
+
+    `products` (n,) of cells: load x speed, whitened. A load that wanders is alike in neighbouring
+    cells, so that it follows the speed within one manoeuvre, up in this and down in the next: the
+    manoeuvres are the sample of a t-test.
+    """
+    logs = np.unique(log)
+    for number in logs:
+        own = log == number
+        score = np.bincount(manoeuvre[own], products[own])
+        score = score[np.bincount(manoeuvre[own], np.abs(products[own])) > 0.0]
+        if score.size > 2 and stats.ttest_1samp(score, 0.0).pvalue <= _AGREE_P / logs.size:
+            return True
+    return False
+
+
+def _left_beside(design: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The projection (n, n) onto a design's columns, and what it leaves of values (n,)."""
+    hat = design @ np.linalg.pinv(design)
+    return hat, values - hat @ values
 
 
 def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
