@@ -13,7 +13,9 @@ from tirelog.diagnosis.diagnose import conclude
 from tirelog.diagnosis.naming import quiet
 from tirelog.diagnosis.nuisance_sizes import nuisances_found
 from tirelog.diagnosis.search import search_effects
-from tirelog.inference.nuisances import shared_effects
+from tirelog.inference.bends import bends
+from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.nuisances import relative_changes, shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
@@ -93,7 +95,49 @@ def test_a_radius_that_is_wrong_and_grows_is_no_effect():
     stacks = measured(Nuisances(rolling_radius=RollingRadius(-0.015, 0.02)))
     result = diagnosed(stacks)
     assert result.verdict == "nothing_missing"
-    assert [n.nuisance for n in result.nuisances if n.stayed] == ["rolling"]
+    (rolling,) = (n for n in result.nuisances if n.stayed)
+    assert rolling.nuisance == "rolling"
+    # a radius 3 % off moves the edges by their width: its derivative alone would give it wrong
+    (grows,) = (part for part in rolling.parts if part.name == "radius with speed")
+    assert abs(grows.value - 0.02) < 0.001
+
+
+def test_two_of_which_neither_removes_most_come_in_together():
+    runs_out = Nuisances(run_out=RunOut((3.0, 1.5), (30.0, 100.0)))
+    logs = [
+        replace(log, nuisances=runs_out, tire=replace(log.tire, patch_load_exponent=0.35))
+        for log in case((), seed=413, how=replace(SHORT, plan="mixed"))
+    ]
+    stacks = stacks_from_logs(
+        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=64
+    )
+    found = search_effects(start(stacks, MODEL))
+    assert found.named == ()
+    assert set(groups_of(found.before)) == {"wheel", "patch_law"}
+    assert quiet(found.before, found.before.floor.square)
+
+
+def test_bends_and_columns_together_are_the_model_with_its_parameters_moved(wheel_null):
+    base = start(wheel_null, MODEL)
+    drift, rolling = (shared_effects(base.cells, base.fit, name) for name in ("drift", "rolling"))
+    shared = SharedEffects.joined([drift, rolling])
+    own = [i for i, name in enumerate(shared.names) if not name.startswith("baseline")]
+    amplitudes = np.zeros(len(shared))
+    amplitudes[own] = 0.02 * np.random.default_rng(7).standard_normal(len(own))
+    cells = replace(base.cells, shared=shared)
+    fit = replace(base.fit, amplitudes=amplitudes, cells=cells)
+    changes = relative_changes(cells, fit)
+    assert {"patch_half_length_m", "foundation_stiffness_N_m2", "radius_m"} <= set(changes)
+    together = base.fit.prediction + shared.columns @ amplitudes + bends(cells, fit)
+    for c in (0, len(cells) - 1):
+        model = base.model.with_values(
+            {name: base.model.values[name] * (1.0 + change[c]) for name, change in changes.items()}
+        )
+        faster = cells.conditions.speed_m_s * (1.0 + changes["radius_m"])
+        whole = model.predict(
+            replace(cells.conditions, speed_m_s=faster), surface=cells.surface, **cells.angles
+        )
+        np.testing.assert_allclose(together[c], whole[c], rtol=1e-9, atol=1e-12)
 
 
 def test_a_load_that_wanders_is_in_the_floor():

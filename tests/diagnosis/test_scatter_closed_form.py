@@ -4,7 +4,7 @@ import numpy as np
 
 from tirelog.inference.metric.offsets import Levelled
 from tirelog.inference.metric.projection import RANK, solve_scaled
-from tirelog.inference.scatter import Scatter, _deviations
+from tirelog.inference.scatter import Scatter, _agree, _deviations
 
 
 def hat_of(columns):
@@ -29,6 +29,17 @@ def test_what_surely_follows_is_no_scatter():
     sd, left = _deviations(0.03 * speed**2 + scatter, np.zeros(24), hat, 1.0)
     np.testing.assert_allclose(left, scatter - hat @ scatter, atol=1e-12)
     assert 0.0006 < sd < 0.0014
+
+
+def test_what_follows_the_speed_in_one_manoeuvre_alone_follows_it_in_none():
+    manoeuvre, log = np.repeat(np.arange(6), 5), np.zeros(30, np.int64)
+    random = np.random.default_rng(8)
+    alike = 1.0 + 0.1 * random.standard_normal(30)
+    assert _agree(alike, manoeuvre, log)
+    assert not _agree(alike * np.repeat([9.0, -1.0, 1.0, -2.0, 1.0, -1.0], 5), manoeuvre, log)
+    # two logs, each its own way: each is asked alone
+    two = (manoeuvre >= 3).astype(np.int64)
+    assert _agree(np.where(two, -alike, alike) * 1.0, manoeuvre + 0, two)
 
 
 def test_what_noise_does_is_taken_off():
@@ -66,7 +77,7 @@ def test_errors_of_parameters_add_the_trace_of_their_covariance():
 def test_equations_are_solved_on_the_directions_that_have_support():
     random = np.random.default_rng(6)
     columns = random.standard_normal((3, 20, 6))
-    columns[1, :, 5] = columns[1, :, 4]  # two that are one
+    columns[1, :, 5] = columns[1, :, 4] + 1e-6 * random.standard_normal(20)  # two nearly one
     columns[2, :, 0] = 0.0
     target = random.standard_normal((3, 20))
     gram = np.swapaxes(columns, 1, 2) @ columns

@@ -162,9 +162,23 @@ def needed_nuisances(base: Base) -> tuple[str, ...]:
         kept = [g for g in groups if g != group]
         shared = base.cells.shared.of_groups(kept) if base.cells.shared else None
         less = _beside(base, shared, _free_of_law(base, kept))
-        if not worth_it(less, base):
+        if not _earns_it(less, base):
             base, groups = less, kept
     return tuple(groups)
+
+
+def _earns_it(less: Base, more: Base) -> bool:
+    """Does what `more` has beside the model, and `less` has not, earn its place there?
+
+    By its size, as an effect does, or by its share of chi-square's excess, as it came in: where
+    loads scatter, what a wheel does is small to the floor, and sure.
+    """
+    gain, error = gain_and_error(less.held_white, more.held_white)
+    removed = less.noise_chi2 - more.noise_chi2
+    surely = gain > GAIN_SIGMAS * error
+    return worth_it(less, more) or (
+        surely and removed >= NUISANCE_SHARE * (less.noise_chi2 - less.fit.freedom) > 0.0
+    )
 
 
 def _free_of_law(base: Base, groups: Sequence[str]) -> Model:

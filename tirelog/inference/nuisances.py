@@ -219,9 +219,9 @@ def shared_effects(
 def relative_changes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
     """What the nuisances beside a fitted model change of its parameters, relative, (C,) each.
 
-    Those of `drift` and `rolling`; none if the cells have neither.
+    Those of `drift` and `rolling`; none if the cells have neither, or it was fitted without them.
     """
-    if cells.shared is None:
+    if cells.shared is None or fit.amplitudes.size != len(cells.shared):
         return {}
     amplitudes = dict(zip(cells.shared.names, fit.amplitudes.tolist(), strict=True))
     changes: dict[str, FloatArray] = {}
