@@ -13,8 +13,10 @@ from tirelog.diagnosis.diagnose import conclude
 from tirelog.diagnosis.naming import quiet
 from tirelog.diagnosis.nuisance_sizes import nuisances_found
 from tirelog.diagnosis.search import search_effects
+from tirelog.inference.base import prepare
 from tirelog.inference.bends import bends
 from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.fit.cells import take_cells
 from tirelog.inference.nuisances import relative_changes, shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
@@ -103,7 +105,7 @@ def test_a_radius_that_is_wrong_and_grows_is_no_effect():
 
 
 def test_two_of_which_neither_removes_most_come_in_together():
-    runs_out = Nuisances(run_out=RunOut((3.0, 1.5), (30.0, 100.0)))
+    runs_out = Nuisances(run_out=RunOut((0.8, 0.4), (30.0, 100.0)))
     logs = [
         replace(log, nuisances=runs_out, tire=replace(log.tire, patch_load_exponent=0.35))
         for log in case((), seed=413, how=replace(SHORT, plan="mixed"))
@@ -138,6 +140,39 @@ def test_bends_and_columns_together_are_the_model_with_its_parameters_moved(whee
             replace(cells.conditions, speed_m_s=faster), surface=cells.surface, **cells.angles
         )
         np.testing.assert_allclose(together[c], whole[c], rtol=1e-9, atol=1e-12)
+
+
+def test_a_tire_that_drifts_far_on_a_wrong_radius_is_found_as_it_drifted(wheel_null):
+    """Edges move by their own width: the derivatives of the first fit say something else."""
+    base = start(wheel_null, MODEL.with_nuisance("wheel", "off"))
+    raw, model = base.raw, base.model
+    time, speed = raw.conditions.time_s, raw.conditions.speed_m_s
+    turn = np.where(raw.log == 0, 1.0, -1.0)  # one log warms up, the other cools down
+    along = turn * (time - time.mean()) / np.ptp(time)
+    values = raw.sd * np.random.default_rng(1).standard_normal(raw.values.shape)
+    for c in range(len(raw)):
+        cell, grown = take_cells(raw, np.array([c])), 1.0 + 0.06 * (speed[c] / 25.0) ** 2
+        factors = {
+            "patch_half_length_m": 1.0 + 0.06 * along[c],
+            "foundation_stiffness_N_m2": 1.0 - 0.06 * along[c],
+            "radius_m": grown,
+        }
+        moved = model.with_values({name: model.values[name] * x for name, x in factors.items()})
+        values[c] += moved.predict(
+            replace(cell.conditions, speed_m_s=speed[c : c + 1] * grown),
+            surface=cell.surface,
+            **cell.angles,
+        )[0]
+    known = MODEL.with_nuisance("rolling", "on").with_nuisance("drift", "on")
+    found = prepare(replace(raw, values=values), known)
+    size = dict(zip(found.cells.shared.names, found.fit.amplitudes.tolist(), strict=True))
+    assert found.reduced_chi2 < 1.2  # 1.7 with derivatives alone
+    assert abs(size["radius with speed"] - 0.06) < 0.002
+    assert abs(size["radius with load"]) < 0.005
+    assert abs(size["radius level"]) < 0.01
+    for log, way in (("log 1", 1.0), ("log 2", -1.0)):
+        assert abs(size[f"patch length along {log}"] - 0.06 * way) < 0.003
+        assert abs(size[f"foundation stiffness along {log}"] + 0.06 * way) < 0.006
 
 
 def test_a_load_that_wanders_is_in_the_floor():
