@@ -4,7 +4,7 @@ import numpy as np
 
 from tirelog.inference.metric.offsets import Levelled
 from tirelog.inference.metric.projection import RANK, solve_scaled
-from tirelog.inference.scatter import Scatter, _agree, _deviations
+from tirelog.inference.scatter import Scatter, _deviations, agreement
 
 
 def hat_of(columns):
@@ -32,14 +32,14 @@ def test_what_surely_follows_is_no_scatter():
 
 
 def test_what_follows_the_speed_in_one_manoeuvre_alone_follows_it_in_none():
-    manoeuvre, log = np.repeat(np.arange(6), 5), np.zeros(30, np.int64)
-    random = np.random.default_rng(8)
-    alike = 1.0 + 0.1 * random.standard_normal(30)
-    assert _agree(alike, manoeuvre, log)
-    assert not _agree(alike * np.repeat([9.0, -1.0, 1.0, -2.0, 1.0, -1.0], 5), manoeuvre, log)
-    # two logs, each its own way: each is asked alone
-    two = (manoeuvre >= 3).astype(np.int64)
-    assert _agree(np.where(two, -alike, alike) * 1.0, manoeuvre + 0, two)
+    manoeuvre = np.repeat(np.arange(12), 5)
+    log = np.repeat([0, 1], 30)
+    alike = 1.0 + 0.1 * np.random.default_rng(8).standard_normal(60)
+    # of 4,096 flips four are as alike: each of the two logs up or down as a whole
+    assert abs(agreement(alike, manoeuvre, log) - 4 / 4096) < 0.002
+    assert agreement(np.where(log, -alike, alike), manoeuvre, log) < 0.003
+    lone = alike * np.repeat([9.0, -1.0, 1.0, -2.0, 1.0, -1.0, 1.0, -1.0, 2.0, -8.0, 1.0, -1.0], 5)
+    assert agreement(lone, manoeuvre, log) > 0.2
 
 
 def test_what_noise_does_is_taken_off():

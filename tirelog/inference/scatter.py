@@ -37,8 +37,12 @@ SURE_SIGMAS = 4.0
 #: they do, and what follows is no scatter. Effects of two floors follow with 1e-8 and less; loads
 #: that wander are alike in neighbours, which looks like 1e-3
 _FOLLOWS_P = 1e-4
-#: the same for a load that follows the speed within manoeuvres, of which a log may have five
-_AGREE_P = 1e-3
+#: of a load that follows the speed within manoeuvres: if cells were a sample, it surely does with
+#: the first (misfits do with 1e-6 to 1e-31), and a wander, alike in neighbours, looks like 1e-5;
+#: between that and _FOLLOWS_P it does if manoeuvres agree by chance with the second at most
+_SURELY_FOLLOWS_P, _AGREE_P = 1e-6, 0.01
+#: flips of signs: 2,000 tell a probability of 0.01 to a fifth
+_FLIPS = 2000
 #: a load that is estimated farther off than this is not what scatters
 _MOST_LOAD = 0.2
 
@@ -257,9 +261,17 @@ def wander_within(
     followed = np.hstack([level, log * speed[:, None], log * speed[:, None] ** 2])[known]
     hat, left = _left_beside(root[:, None] * level[known], scaled)
     hat_followed, left_followed = _left_beside(root[:, None] * followed, scaled)
+    more = float(np.trace(hat_followed) - np.trace(hat))
+    rest = float(weight.size - np.trace(hat_followed))
     with_speed = _left_beside(root[:, None] * level[known], root * speed[known])[1]
-    if _agree(with_speed * left, cells.manoeuvre[known], cells.log[known]):
-        hat, left = hat_followed, left_followed
+    if more > 0.5 and rest > 0.5:
+        gone = float(left @ left - left_followed @ left_followed) / more
+        p = stats.f.sf(gone / max(float(left_followed @ left_followed) / rest, 1e-300), more, rest)
+        if p <= _SURELY_FOLLOWS_P or (
+            p <= _FOLLOWS_P
+            and agreement(with_speed * left, cells.manoeuvre[known], cells.log[known]) <= _AGREE_P
+        ):
+            hat, left = hat_followed, left_followed
     freedom = float(weight.size - np.trace(hat))
     if freedom < FEWEST_WANDERING:
         return none
@@ -272,21 +284,21 @@ def wander_within(
     return float(np.sqrt(square)), deviations
 
 
-def _agree(products: FloatArray, manoeuvre: NDArray[np.int64], log: NDArray[np.int64]) -> bool:
-    """Does the load follow the speed alike in a log's manoeuvres?
+def agreement(products: FloatArray, manoeuvre: NDArray[np.int64], log: NDArray[np.int64]) -> float:
+    """Probability by chance that the load follows the speed as alike in a log's manoeuvres.
 
     `products` (n,) of cells: load x speed, whitened. A load that wanders is alike in neighbouring
     cells, so that it follows the speed within one manoeuvre, up in this and down in the next: the
-    manoeuvres are the sample of a t-test.
+    manoeuvres are the sample, and their signs are flipped.
     """
-    logs = np.unique(log)
-    for number in logs:
-        own = log == number
-        score = np.bincount(manoeuvre[own], products[own])
-        score = score[np.bincount(manoeuvre[own], np.abs(products[own])) > 0.0]
-        if score.size > 2 and stats.ttest_1samp(score, 0.0).pvalue <= _AGREE_P / logs.size:
-            return True
-    return False
+    scores = np.bincount(manoeuvre, products)
+    of_log = np.zeros((scores.size, int(log.max()) + 1))
+    of_log[manoeuvre, log] = 1.0
+    square = np.maximum(scores**2 @ of_log, 1e-300)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (_FLIPS, scores.size))
+    flipped = ((signs * scores @ of_log) ** 2 / square).sum(axis=1)
+    measured = ((scores @ of_log) ** 2 / square).sum()
+    return (1.0 + float(np.sum(flipped >= measured * (1.0 - 1e-12)))) / (1.0 + _FLIPS)
 
 
 def _left_beside(design: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
