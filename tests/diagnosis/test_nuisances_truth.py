@@ -87,8 +87,18 @@ def test_a_nuisance_that_is_on_stands_beside_the_base(wheel_null):
 
 def test_an_effect_is_named_beside_the_wheel():
     stacks = measured(WHEEL, {"viscous_damping": {"damping_rate_1_s": 40.0}})
-    result = diagnosed(stacks)
+    found = search_effects(start(stacks, MODEL))
+    result = conclude(found, ())
+    assert result.verdict == "missing"
     assert result.selected == ("viscous_damping",)
+    # if a drift did the same, the name would stand, and not alone; what the model has is no rival
+    either = conclude(replace(found, alike=(("drift", "viscous_damping"),)), ())
+    assert either.verdict == "ambiguous"
+    assert either.sentence.startswith(
+        "viscous_damping is missing, or in place of viscous_damping a drift: these data cannot"
+    )
+    held = conclude(replace(found, alike=(("wheel", "viscous_damping"),)), ())
+    assert (held.verdict, held.sentence) == (result.verdict, result.sentence)
     damping = result.model.parameters["viscous_damping.damping_rate_1_s"]
     assert abs(damping.value - 40.0) < 4.0 * damping.se
 

@@ -11,7 +11,8 @@ The verdicts:
     missing          the selected effects remove at least 90 % of the excess, and nothing else of
                      size is left
     partial          they remove 70 to 90 %, or something repeatable is left
-    ambiguous        they would be 'missing', and another effect does the same to these data
+    ambiguous        they would be 'missing', and another effect, or a nuisance, does the same to
+                     these data
     unknown          there is repeatable structure that no effect explains (under 50 %)
     too_few          fewer manoeuvres than a test needs: a ranking, no alarm
 """
@@ -188,12 +189,17 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         counted, share = repeats, min(removed / repeats, 1.0)
         alone *= excess_before / repeats
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
+    or_nuisance = [
+        (nuisance, effect)
+        for nuisance, effect in found.alike
+        if effect in found.named and nuisance not in groups_of(after)
+    ]
     evidence = Evidence(
         few=few,
         named=len(found.named),
         share=share if enough else 0.0,
         rest=rest,
-        alike=bool(groups),
+        alike=bool(groups or or_nuisance),
         repeats=left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square,
         quiet=quiet(before, floor.square),
     )
@@ -250,6 +256,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "chi2": before.reduced_chi2,
         "beside": tuple(stayed),
         "groups": groups,
+        "or_nuisance": or_nuisance,
         "unexplained": unexplained,
         "manoeuvres": before.cells.manoeuvres,
         "before": before.square_held,
@@ -412,7 +419,7 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
         )
         rivals = [(r.id, r.base.model) for r in step.contenders[:3]]
     elif verdict == "ambiguous":
-        step = next(s for s in found.steps if s.named is not None and s.group)
+        step = next((s for s in found.steps if s.named is not None and s.group), step)
         rivals = [(r.id, r.base.model) for r in step.contenders if r.id in step.group]
     else:
         return [], notes

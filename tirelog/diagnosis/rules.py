@@ -134,7 +134,8 @@ class Evidence:
     few       fewer manoeuvres than FEWEST_MANOEUVRES
     named     how many effects alarmed, gained, were large enough and established
     share     of the excess that repeats, which they remove
-    rest      something of size repeats beside them;  alike  another effect does the same
+    rest      something of size repeats beside them
+    alike     another effect, or a nuisance, does the same
     repeats   something repeats that no effect is named for;  quiet  what is left is the floor
     """
 
@@ -182,7 +183,11 @@ RULES = (
         f"the named effects remove {100 * MOST:.0f} to {100 * EXPLAINED:.0f} % of what repeats, or "
         "something of size repeats beside them",
     ),
-    Rule("ambiguous", lambda e: e.alike, "they remove it, and another effect would as well"),
+    Rule(
+        "ambiguous",
+        lambda e: e.alike,
+        "they remove it, and another effect or a nuisance would, too",
+    ),
     Rule("missing", lambda e: True, "the named effects remove what repeats"),
 )
 

@@ -19,6 +19,7 @@ from tirelog.diagnosis.beside import (
 from tirelog.diagnosis.naming import (
     Step,
     assess_all,
+    clearly_worse,
     contend,
     first_step,
     group_of,
@@ -212,6 +213,18 @@ def _leaves_less(rival: Base, step: Step) -> bool:
 
 
 def _as_much(base: Base, one: Base, other: Base) -> bool:
-    """Does each of two refits remove as much of chi-square, to what forms differ by?"""
-    removed = sorted(base.noise_chi2 - refitted.noise_chi2 for refitted in (one, other))
-    return removed[0] >= TWINS**2 * removed[1]
+    """Does each of two refits remove as much of chi-square, to what forms differ by?
+
+    Not if the better one leaves the noise floor alone and the other is clearly worse: then its form
+    is right.
+    """
+    better, worse = sorted((one, other), key=lambda refitted: refitted.noise_chi2)
+    removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
+    if removed[0] < TWINS**2 * removed[1]:
+        return False
+    right = settled(better)
+    return not (
+        quiet(right, right.floor.square)
+        and not quiet(worse, worse.floor.square)
+        and clearly_worse(worse, better)
+    )

@@ -134,6 +134,8 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             for name in group
             if name in shares
         )
+        if not sets:
+            return _or_nuisance(names, share, facts["or_nuisance"])
         return f"Missing is {sets}: these data cannot tell which; {each}."
     if verdict == "partial":
         rest = facts["unexplained"]
@@ -160,6 +162,18 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {_first_check(facts)}"
         )
     return f"{said}{percent(share)} of the excess."
+
+
+def _or_nuisance(names: str, share: float, pairs: Sequence[tuple[str, str]]) -> str:
+    """Effects that are missing unless a nuisance stands in the place of one of them."""
+    places = " and ".join(
+        f"in place of {effect} {NUISANCES_SAID[nuisance]}" for nuisance, effect in pairs
+    )
+    one = " and " not in names
+    return (
+        f"{names} {'is' if one else 'are'} missing, or {places}: these data cannot tell which; "
+        f"{'it removes' if one else 'they remove'} {percent(share)} of the excess."
+    )
 
 
 def _first_check(facts: Mapping[str, Any]) -> str:
