@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tirelog.diagnosis.naming import removed_by, worth_it
 from tirelog.diagnosis.nuisance_sizes import alike_sentences
 from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
 from tirelog.diagnosis.wording import sentence_of
@@ -74,3 +75,40 @@ def test_what_repeats_is_never_said_not_to():
     assert "does not repeat" not in said
     assert "repeats, but is too small to matter" in said
     assert "does not repeat" in sentence_of({**facts, "unexplained": {"significant": False}})
+
+
+class PlainOfOne(SimpleNamespace):
+    """A metric of size in which every cell weighs one."""
+
+    def __call__(self, values):
+        return values
+
+
+def base_of(prediction, held_plain, held_white):
+    """As much of a base as its size needs: four manoeuvres of one cell each, a floor of one."""
+    return SimpleNamespace(
+        plain=PlainOfOne(weight=4.0),
+        fit=SimpleNamespace(prediction=prediction, beside=np.zeros((4, 2))),
+        held_plain=np.array(held_plain),
+        held_white=np.array(held_white),
+        floor=SimpleNamespace(square=1.0),
+    )
+
+
+def test_size_is_what_held_out_errors_tell_and_what_changes_where_they_do_not():
+    surely = [40.0, 41.0, 39.0, 40.0]
+    before = base_of(np.zeros((4, 2)), [9.0, 9.0, 9.0, 9.0], surely)
+    changed = np.array([[0.5, 0.5]] * 4)
+    told = base_of(changed, [8.0, 8.1, 7.9, 8.0], [2.0] * 4)
+    assert removed_by(before, told, sure=True) == (1.0, False)
+    # manoeuvres scatter by nine times what an effect does: the change itself is its size
+    scattered = base_of(changed, [1.0, 17.5, 2.0, 16.5], [2.0] * 4)
+    size, by_size = removed_by(before, scattered, sure=True)
+    assert by_size
+    assert size == pytest.approx(0.5)
+    assert removed_by(before, scattered, sure=False) == (pytest.approx(-0.25), False)
+    assert worth_it(before, scattered, p=1e-4)
+    assert not worth_it(before, scattered, p=0.005)
+    # a change that the held-out errors rule out is none
+    worse = base_of(changed, [18.9, 19.0, 19.1, 19.0], [2.0] * 4)
+    assert removed_by(before, worse, sure=True)[0] < -2.0

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.diagnosis.signatures import Signature
 from tirelog.inference.base import Base
@@ -48,11 +48,16 @@ class Assessed:
         return self.signature.effect.id
 
     def alarms(self, floor_square: float) -> bool:
-        """All three rules: significance, held-out gain, size."""
+        """All three rules: significance, held-out gain, size.
+
+        The size of what is beyond doubt is judged once it is refitted: where manoeuvres scatter,
+        held-out errors do not tell it.
+        """
+        large = self.removed > LEAST_SHARE_OF_FLOOR * floor_square
         return (
             self.p <= ALARM_P
             and self.gain > GAIN_SIGMAS * self.gain_error
-            and self.removed > LEAST_SHARE_OF_FLOOR * floor_square
+            and (large or self.p <= BEYOND_DOUBT_P)
         )
 
 

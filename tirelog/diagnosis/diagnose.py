@@ -47,9 +47,7 @@ from tirelog.diagnosis.compare import (
     start,
 )
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
-from tirelog.diagnosis.naming import (
-    quiet,
-)
+from tirelog.diagnosis.naming import quiet, removed_by
 from tirelog.diagnosis.nuisance_sizes import (
     NuisanceFound,
     alike_sentences,
@@ -182,12 +180,18 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         else 0.0
     )
     # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
-    removed = excess_before - excess_after
+    sure, removed, by_size = beyond_doubt(found), excess_before - excess_after, False
+    if sure:
+        size, by_size = removed_by(before, after, sure=True)
+        removed = max(removed, size) if by_size else removed
     repeats = max(removed, 0.0) + (max(left.size, 0.0) if left.significant else 0.0)
     counted, total = excess_before, share
-    if 0.0 < repeats < excess_before and beyond_doubt(found):
+    if sure and repeats > 0.0 and (repeats < excess_before or by_size):
         counted, share = repeats, min(removed / repeats, 1.0)
         alone *= excess_before / repeats
+        first = found.steps[0]
+        if by_size and first.named is not None:
+            alone = removed_by(first.before, first.named.base, sure=True)[0] / repeats
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
     or_nuisance = [
         (nuisance, effect)

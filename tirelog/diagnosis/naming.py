@@ -23,6 +23,7 @@ import numpy as np
 
 from tirelog.diagnosis.assessment import Assessed, assess
 from tirelog.diagnosis.rules import (
+    BEYOND_DOUBT_P,
     CONTENDER,
     ERROR_SIGMAS,
     ESTABLISHED_SIGMAS,
@@ -351,13 +352,31 @@ def right_to_the_floor(best: Refitted) -> bool:
     return quiet(after, after.floor.square)
 
 
-def worth_it(before: Base, after: Base) -> bool:
-    """Held-out gain of a refit above its error, and a size above the rule's."""
+def worth_it(before: Base, after: Base, p: float = 1.0) -> bool:
+    """Held-out gain of a refit above its error, and a size above the rule's.
+
+    `p`: by what chance it looks as it does, if that is known.
+    """
     gain, error = gain_and_error(before.held_white, after.held_white)
-    return (
-        gain > GAIN_SIGMAS * error
-        and before.square_held - after.square_held > LEAST_SHARE_OF_FLOOR * before.floor.square
+    size, _ = removed_by(before, after, sure=p <= BEYOND_DOUBT_P)
+    return gain > GAIN_SIGMAS * error and size > LEAST_SHARE_OF_FLOOR * before.floor.square
+
+
+def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
+    """Mean square [unit^2] that a refit removes, and whether held-out errors do not tell it.
+
+    By the held-out errors. If these do not, since manoeuvres scatter by more, it is the
+    square of what the refit changes of the waveforms, as far as they allow it; but only of what is
+    `sure`, since a refit that follows chance changes them as well.
+    """
+    drop, error = (
+        x / before.plain.weight for x in gain_and_error(before.held_plain, after.held_plain)
     )
+    if drop > GAIN_SIGMAS * error or not sure:
+        return drop, False
+    one, other = (base.fit.prediction + base.fit.beside for base in (before, after))
+    change = float((before.plain(np.nan_to_num(other - one)) ** 2).sum()) / before.plain.weight
+    return min(change, drop + GAIN_SIGMAS * error), True
 
 
 def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
@@ -372,7 +391,7 @@ def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
         assessed,
         reasons,
         contenders,
-        named=bool(contenders) and worth_it(base, contenders[0].base),
+        named=bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p),
     )
 
 
@@ -450,7 +469,7 @@ def next_step(
     if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(floor) for a in assessed):
         return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
-    if not contenders or not worth_it(base, contenders[0].base):
+    if not contenders or not worth_it(base, contenders[0].base, contenders[0].assessed.p):
         return Step.of(base, assessed, reasons, contenders)
     best = contenders[0]
     taken = base.square_held - best.base.square_held
