@@ -129,13 +129,22 @@ def _keep_all(parsed: Any) -> Any:
 
 def command() -> Any:
     """The whole command line as typer's command object."""
+    from tirelog.cli.help import Grouped, Whole, dress
+
     app = typer.Typer(
-        name="tirelog", rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True
+        name="tirelog",
+        cls=Grouped,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        no_args_is_help=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_callback)
     for name, target in _commands():
         if isinstance(target, typer.Typer):
-            app.add_typer(target, name=name)
+            app.add_typer(target, name=name, cls=Whole)
         else:
             app.command(name)(target)
-    return _keep_all(typer.main.get_command(app))
+    parsed = _keep_all(typer.main.get_command(app))
+    dress(parsed)
+    return parsed

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tirelog.cli import completion
 from tirelog.errors import (
     DataLoss,
     ExitStatus,
@@ -75,7 +76,13 @@ Output = Annotated[
     ),
 ]
 Format = Annotated[
-    str | None, typer.Option("--format", help="csv, ndjson, parquet or json.", show_default=False)
+    str | None,
+    typer.Option(
+        "--format",
+        help="csv, ndjson, parquet or json.",
+        show_default=False,
+        autocompletion=completion.formats,
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
 Plot = Annotated[
@@ -93,7 +100,10 @@ EffectsFile = Annotated[
 ChannelName = Annotated[
     str | None,
     typer.Option(
-        "--channel", help="Channel to compare; the first that fits by default.", show_default=False
+        "--channel",
+        help="Channel to compare; the first that fits by default.",
+        show_default=False,
+        autocompletion=completion.channels,
     ),
 ]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]

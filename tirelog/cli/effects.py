@@ -6,12 +6,18 @@ from typing import Annotated
 
 import typer
 
+from tirelog.cli import completion
 from tirelog.cli.common import EffectsFile, Format, Output, Plot, Session
 
 
 def effects(
     name: Annotated[
-        str | None, typer.Argument(help="One effect; without it the catalogue.", show_default=False)
+        str | None,
+        typer.Argument(
+            help="One effect; without it the catalogue.",
+            show_default=False,
+            autocompletion=completion.effects,
+        ),
     ] = None,
     own: EffectsFile = None,
     plot: Plot = None,

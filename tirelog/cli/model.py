@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tirelog.cli import completion
 from tirelog.cli.common import (
     EffectsFile,
     Format,
@@ -153,7 +154,12 @@ def show(
 @app.command()
 def add(
     model: Model_,
-    effect: Annotated[str, typer.Argument(help="Effect of the catalogue, or of --effects.")],
+    effect: Annotated[
+        str,
+        typer.Argument(
+            help="Effect of the catalogue, or of --effects.", autocompletion=completion.effects
+        ),
+    ],
     output: Target,
     sets: Sets = [],  # noqa: B006
     setup: SetupFile = None,
@@ -193,7 +199,12 @@ def remove(
 @app.command()
 def nuisance(
     model: Model_,
-    name: Annotated[str, typer.Argument(help="wheel, drift, rolling or patch_law.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="wheel, drift, rolling or patch_law.", autocompletion=completion.nuisances
+        ),
+    ],
     use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],
     output: Target,
 ) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tirelog.cli import completion
 from tirelog.cli.common import Logs, Quiet, Session, SetupFile, keeps_hashes
 from tirelog.runtime import one_thread
 
@@ -34,7 +35,9 @@ def tables(
     table: Annotated[
         list[str] | None,
         typer.Option(
-            "--table", help="One of the tables; without it all that the logs have channels for."
+            "--table",
+            help="One of the tables; without it all that the logs have channels for.",
+            autocompletion=completion.tables,
         ),
     ] = None,
     format: Annotated[str, typer.Option("--format", help="csv, ndjson, parquet or json.")] = "csv",

@@ -110,8 +110,8 @@ REST_SHARE = _number(
 )
 BEYOND_DOUBT_P = _number(
     "BEYOND_DOUBT_P", 0.001, "probability",
-    "family-wise p at most with which an effect is named beside a rest that does not repeat, by the "
-    "size of what it changes where held-out errors do not tell it; with ALARM_P one null in a "
+    "family-wise p at most with which an effect is named beside a rest that does not repeat, by "
+    "the size of what it changes where held-out errors do not tell it; with ALARM_P one null in a "
     "hundred that scatters would get a name",
 )  # fmt: skip
 QUIET_FLOORS = _number(

@@ -1,0 +1,87 @@
+"""What help promises: every command has examples that it takes, and words for its values."""
+
+import shlex
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from tirelog.cli import completion
+from tirelog.cli.app import command
+from tirelog.cli.help import EXAMPLES, GROUPS
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+
+
+def commands(parsed, path=""):
+    """(path, command) of every command that does something."""
+    below = getattr(parsed, "commands", None)
+    if below is None:
+        yield path, parsed
+        return
+    for name, one in below.items():
+        yield from commands(one, f"{path} {name}".strip())
+
+
+ALL = dict(commands(command()))
+
+
+def help_of(tirelog, *path):
+    return tirelog(*path, "-h").out
+
+
+def test_every_command_stands_once_under_a_heading():
+    listed = [name for names in GROUPS.values() for name in names]
+    assert sorted(listed) == sorted(command().commands)
+    assert sorted(EXAMPLES) == sorted(ALL)
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES))
+def test_an_example_is_taken_as_it_stands(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for line, _ in EXAMPLES[path]:
+        typed = line.split(" | ")[-1] if line.startswith("zstd") else line.split(" | ")[0]
+        words = shlex.split(typed)
+        own = path.split()
+        assert words[: 1 + len(own)] == ["tirelog", *own]
+        context = ALL[path].make_context(path, words[1 + len(own) :])
+        assert not context.args  # nothing is left over
+
+
+def test_help_names_values_and_shows_examples(tirelog):
+    for path, one in ALL.items():
+        for parameter in one.params:
+            assert getattr(parameter, "is_flag", False) or parameter.metavar, (path, parameter.name)
+    shown = help_of(tirelog, "speed")
+    assert "--setup SETUP" in shown
+    assert "<" not in shown
+    assert "tirelog speed drive.csv.gz -o speed.csv" in shown
+
+
+def test_the_list_of_commands_is_whole_and_in_groups(tirelog):
+    shown = help_of(tirelog)
+    assert [line[:-1] for line in shown.splitlines() if line[:-1] in GROUPS] == list(GROUPS)
+    assert "..." not in shown.split("Logs:")[1]
+
+
+def test_values_are_completed():
+    assert completion.formats("c") == ["csv"]
+    assert "water_film" in completion.effects("water")
+    assert completion.nuisances("d") == ["drift"]
+    assert completion.tables("sp") == ["speed"]
+
+
+def test_channels_are_those_of_the_setup(tmp_path):
+    shutil.copy(SAMPLES / "drive.toml", tmp_path)
+    shutil.copy(SAMPLES / "drive.csv.gz", tmp_path)
+
+    def asked(**given):
+        return completion.channels(SimpleNamespace(params=given), "")
+
+    beside = asked(logs=[str(tmp_path / "drive.csv.gz")])
+    assert beside
+    assert beside == asked(setup=tmp_path / "drive.toml")
+    (tmp_path / "drive.toml").write_text("[channels")  # what is no setup completes nothing
+    assert asked(setup=tmp_path / "drive.toml") == []
+    assert asked(logs=[str(tmp_path / "no.csv")]) == []

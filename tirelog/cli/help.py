@@ -1,0 +1,228 @@
+"""What help says beside each command's own words: groups, examples, and what stands for a value.
+
+Data: a new command has its line in GROUPS and in EXAMPLES, an option of a kind not seen before its
+word in METAVARS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from typer.core import TyperGroup
+
+#: the commands in the order of help, by what one wants
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "Logs": ("info", "setup", "ingest", "simulate"),
+    "Tables": (
+        "speed",
+        "footprint",
+        "dissipation",
+        "phase-shift",
+        "inflation",
+        "tables",
+        "check",
+    ),
+    "Physics": ("effects", "model", "compare", "diagnose", "ladder", "report"),
+    "Campaigns": ("campaign",),
+}
+#: per command: lines as they are typed in a folder like sample_data, with what they do
+EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "info": (
+        ("tirelog info drive.csv.gz", "channels, rates, gaps, the setup"),
+        ("tirelog info unknown.mat", "without a setup: columns, ranges, likely kinds"),
+    ),
+    "setup new": (("tirelog setup new log.csv -o log.toml", "a draft, guesses marked"),),
+    "setup check": (("tirelog setup check drive.csv.gz", "what is implausible or missing"),),
+    "ingest": (
+        ("tirelog ingest drive.csv.gz -o drive.h5", "read once; every command takes the run"),
+        ("zstd -dc log.csv.zst | tirelog ingest - --setup drive.toml -o run.h5", "from a pipe"),
+    ),
+    "simulate": (
+        ("tirelog simulate scenario.toml -o log.csv", "beside it its truth and its setup"),
+        ("tirelog simulate scenario.toml -o log.csv --seed 7", "another draw of the noise"),
+    ),
+    "speed": (
+        ("tirelog speed drive.csv.gz -o speed.csv", "a row per passage"),
+        ("tirelog speed a.csv b.csv --setup drive.toml | head -3", "two logs, one table"),
+    ),
+    "footprint": (
+        ("tirelog footprint drive.csv.gz -o footprint.csv", "contact length, edges, slip onset"),
+        ("tirelog footprint drive.csv.gz -o f.csv --plot footprint.png", "and a picture"),
+    ),
+    "dissipation": (
+        ("tirelog dissipation drive.csv.gz -o dissipation.csv", "factor and power per revolution"),
+        ("tirelog dissipation drive.csv.gz --format ndjson", "lines for jq"),
+    ),
+    "phase-shift": (
+        ("tirelog phase-shift encoder.h5 -o phase.csv", "patch width and phase shift"),
+        (
+            "tirelog phase-shift encoder.h5 --calibrate wheel.toml -o phase.csv",
+            "learn the calibration from this log",
+        ),
+    ),
+    "inflation": (
+        ("tirelog inflation inflation.csv.gz -o inflation.csv", "strain against pressure"),
+    ),
+    "tables": (
+        ("tirelog tables drive.csv.gz -o results", "all that the log has channels for"),
+        (
+            "tirelog tables *.csv.gz -o results --table speed --table footprint",
+            "two tables of many logs",
+        ),
+    ),
+    "check": (
+        ("tirelog check now.csv --against golden.csv", "status 1 if rows moved"),
+        ("tirelog check now.csv --against golden.csv --tolerance speed_m_s=0.001", "or far enough"),
+    ),
+    "effects": (
+        ("tirelog effects", "the catalogue"),
+        ("tirelog effects water_film --plot water_film.png", "what one does to the strain"),
+    ),
+    "model new": (("tirelog model new --setup drive.toml -o model.toml", "a beam to begin with"),),
+    "model show": (("tirelog model show model.toml", "parameters, effects, ladders climbed"),),
+    "model add": (("tirelog model add model.toml water_film -o better.toml", "an effect more"),),
+    "model remove": (
+        ("tirelog model remove better.toml water_film -o model.toml", "an effect less"),
+    ),
+    "model nuisance": (
+        ("tirelog model nuisance model.toml wheel on -o model.toml", "run-out beside the model"),
+    ),
+    "model fit": (
+        ("tirelog model fit drive.csv.gz --model model.toml -o fitted.toml", "with its errors"),
+    ),
+    "model predict": (
+        ("tirelog model predict fitted.toml --speed 20 -o revolution.csv", "one revolution"),
+    ),
+    "model modes": (("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),),
+    "compare": (
+        ("tirelog compare drive.csv.gz --model model.toml", "held out, beside the noise floor"),
+        (
+            "tirelog compare drive.csv.gz --model model.toml --by angle -o by_angle.csv",
+            "where on the wheel it fails",
+        ),
+    ),
+    "diagnose": (
+        ("tirelog diagnose a.csv b.csv --model model.toml", "which effect is missing"),
+        ("tirelog diagnose a.csv b.csv --model model.toml --format json", "for a script"),
+    ),
+    "ladder": (
+        (
+            "tirelog ladder a.csv b.csv --model model.toml -o better.toml --plot ladder.png",
+            "effects until nothing more is worth adding",
+        ),
+    ),
+    "report": (
+        ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
+    ),
+    "campaign run": (("tirelog campaign run campaign.toml --workers 2", "what is not made yet"),),
+    "campaign status": (("tirelog campaign status campaign.toml", "done, failed and open"),),
+}
+#: what stands for the value of an argument or option in help
+METAVARS: Mapping[str, str] = {
+    "logs": "LOG",
+    "log": "LOG",
+    "scenario": "SCENARIO",
+    "table": "TABLE",
+    "name": "EFFECT",
+    "effect": "EFFECT",
+    "model": "MODEL",
+    "campaign": "CAMPAIGN",
+    "output": "FILE",
+    "setup": "SETUP",
+    "format": "FORMAT",
+    "channel": "CHANNEL",
+    "effects": "PYTHON_FILE",
+    "own": "PYTHON_FILE",
+    "plot": "PICTURE",
+    "save": "FILE",
+    "figures": "FOLDER",
+    "against": "TABLE",
+    "ladder": "LADDER",
+    "calibration": "FILE",
+    "calibrate": "FILE",
+    "tolerance": "COLUMN=VALUE",
+    "by": "WHAT",
+    "workers": "NUMBER",
+    "seed": "NUMBER",
+    "average": "NUMBER",
+    "points": "NUMBER",
+    "carcass": "CARCASS",
+    "contact": "CONTACT",
+    "surface": "SURFACE",
+    "observable": "OBSERVABLE",
+    "cutoff": "CUTOFF",
+    "nuisances": "WORDS",
+    "use": "USE",
+    "only": "PATTERN",
+    "manifest": "CAMPAIGN",
+    "scheduler": "ADDRESS",
+    "road": "ROAD",
+    "zero": "ZERO",
+    "acceleration": "M_PER_S2",
+    "speed": "M_PER_S",
+    "steady_step": "M_PER_S",
+    "slip": "SHARE",
+    "temperature": "K",
+    "time": "S",
+    "duration": "S",
+    "step": "S",
+    "load": "N",
+    "pressure": "PA",
+    "from_Pa": "PA",
+    "to_Pa": "PA",
+    "hub_mass": "KG",
+    "hub_inertia": "KG_M2",
+    "sensor": "DEGREES",
+    "to_frequency": "HZ",
+}
+#: letters of a first sentence that the list of commands shows: all of it, on several lines
+_WHOLE = 400
+
+
+class Grouped(TyperGroup):
+    """Help of the whole program: its commands under headings, none of their sentences cut off."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        named = [name for names in GROUPS.values() for name in names]
+        others = tuple(name for name in self.list_commands(ctx) if name not in named)
+        for title, names in (*GROUPS.items(), ("Others", others)):
+            own = [(name, self.get_command(ctx, name)) for name in names]
+            rows = [
+                (name, command.get_short_help_str(_WHOLE))
+                for name, command in own
+                if command is not None and not command.hidden
+            ]
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+
+class Whole(TyperGroup):
+    """Help of a group of commands, none of their sentences cut off."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        own = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl([(n, c.get_short_help_str(_WHOLE)) for n, c in own if c is not None])
+
+
+def dress(command: Any, path: str = "") -> None:
+    """Give a command, and all below it, their examples and words for values."""
+    for name, below in getattr(command, "commands", {}).items():
+        dress(below, f"{path} {name}".strip())
+    lines = EXAMPLES.get(path, ())
+    if lines:
+        # \b: the lines stay as they are
+        shown = "\n".join(f"  {line}\n      {does}" for line, does in lines)
+        command.epilog = f"\b\nExamples:\n{shown}"
+    for parameter in command.params:
+        if not getattr(parameter, "is_flag", False):
+            if parameter.metavar is None:
+                parameter.metavar = METAVARS.get(parameter.name)
+            if parameter.metavar is not None and parameter.param_type_name == "argument":
+                parameter.display_type_rich = _nothing  # the word says it
+
+
+def _nothing(*_: Any, **__: Any) -> str:
+    return ""
