@@ -17,6 +17,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tirelog.cli import completion
+from tirelog.cli.working import Working, summary
 from tirelog.errors import (
     DataLoss,
     ExitStatus,
@@ -148,6 +150,8 @@ class Session:
         self._kept: list[Recording] = []
         self._read = 0
         self._streams = False
+        self._began = time.monotonic()
+        self._tables: list[TableWriter] = []
         self.hashes: dict[str, str] = {}
 
     def __enter__(self) -> Session:
@@ -157,6 +161,10 @@ class Session:
         """A remark on standard error, unless --quiet."""
         if not self.quiet:
             say(f"note: {text}")
+
+    def working(self) -> Working:
+        """A line on the terminal while something takes longer; none if rows go there."""
+        return Working(shown=not self.quiet and not self._streams and sys.stderr.isatty())
 
     def setup(self) -> Setup | None:
         """The setup given with --setup, read once."""
@@ -174,10 +182,12 @@ class Session:
         A SetupError stops the command, a log that cannot be read does not; if none can, the command
         ends here, with status 4, before an empty table takes an older one's place.
         """
-        for log in logs:
-            with self._opened(log, blocks) as recording:
-                if recording is not None:
-                    yield recording
+        with self.working() as line:
+            for number, log in enumerate(logs):
+                line.say(f"reading {log}", number, len(logs))
+                with self._opened(log, blocks) as recording:
+                    if recording is not None:
+                        yield recording
         self._stop_if_unread()
 
     def contents(self, logs: list[str]) -> Iterator[Contents]:
@@ -243,23 +253,25 @@ class Session:
         """
         self.setup()  # a setup for all logs that cannot be used stops the command
         gave = False
-        for log in logs:
-            told = set()
-            try:
-                with self._opened(log) as recording:
-                    if recording is None:
-                        continue
-                    for part in made(recording):
-                        for remark in part.remarks:
-                            if remark not in told:
-                                told.add(remark)
-                                self.note(f"{log}: {remark}")
-                        gave = True
-                        yield recording, part
-            except (UsageError, SetupError, ReadError, DataLoss) as problem:
-                if len(logs) == 1:
-                    raise
-                self._refuse(log, problem)
+        with self.working() as line:
+            for number, log in enumerate(logs):
+                line.say(log, number, len(logs))
+                told = set()
+                try:
+                    with self._opened(log) as recording:
+                        if recording is None:
+                            continue
+                        for part in made(recording):
+                            for remark in part.remarks:
+                                if remark not in told:
+                                    told.add(remark)
+                                    self.note(f"{log}: {remark}")
+                            gave = True
+                            yield recording, part
+                except (UsageError, SetupError, ReadError, DataLoss) as problem:
+                    if len(logs) == 1:
+                        raise
+                    self._refuse(log, problem)
         self._stop_if_unread()
         if self._refused and not gave:
             raise typer.Exit(int(self._refused[0].exit_status))
@@ -318,7 +330,9 @@ class Session:
         from tirelog.tables.writer import TableWriter
 
         self._streams |= output is None
-        return TableWriter(name, output, format, metadata={"inputs": self.hashes, **metadata})
+        writer = TableWriter(name, output, format, metadata={"inputs": self.hashes, **metadata})
+        self._tables.append(writer)
+        return writer
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()
@@ -334,5 +348,9 @@ class Session:
         for recording in self._kept:
             self._say_losses(recording)
         self._stop_if_unread()
+        if not self.quiet:
+            for table in self._tables:
+                if table.output is not None:
+                    summary(table.output, table.rows, self._read, self._began)
         if self._unread or self._lost or self._refused:
             raise typer.Exit(int(DataLoss.exit_status))

@@ -105,7 +105,9 @@ def compare(
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import compare as compare_measured
 
-        result = compare_measured(found, read)
+        with session.working() as line:
+            line.say("fitting the model")
+            result = compare_measured(found, read)
         if by in TABLES and result.obstacles is None:
             raise UsageError(
                 f"--by {by} is for a coupled_ring model and logs whose setup has a [road]",

@@ -45,9 +45,11 @@ def diagnose(
         from tirelog.api.answers import diagnose as diagnose_measured
         from tirelog.physics.model.user_effects import own_effects
 
-        result = diagnose_measured(
-            found, read, effects=own_effects(effects), progress=None if quiet else say
-        )
+        with session.working() as line:
+            line.say("diagnosing")
+            result = diagnose_measured(
+                found, read, effects=own_effects(effects), progress=None if quiet else say
+            )
         for remark in result.before.remarks:
             session.note(remark)
         if plot is not None:

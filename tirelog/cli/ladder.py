@@ -68,7 +68,11 @@ def ladder(
         from tirelog.api.answers import ladder as climb
         from tirelog.physics.model.user_effects import own_effects
 
-        result = climb(found, read, effects=own_effects(effects), progress=None if quiet else say)
+        with session.working() as line:
+            line.say("climbing")
+            result = climb(
+                found, read, effects=own_effects(effects), progress=None if quiet else say
+            )
         if not quiet:
             _bars(result)
         _remember(result, model)

@@ -1,0 +1,81 @@
+"""What a terminal shows while a command works, and that nothing else shows it."""
+
+import io
+import time
+
+import pytest
+
+from tirelog.cli import working
+from tirelog.cli.working import Working
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def on_terminal(monkeypatch):
+    """Makes standard error a terminal from now on (capturing sets it anew before the test)."""
+
+    def begin():
+        seen = Terminal()
+        monkeypatch.setattr("sys.stderr", seen)
+        return seen
+
+    monkeypatch.setattr(working, "_PATIENCE_S", 0.01)
+    monkeypatch.setenv("TERM", "xterm")
+    return begin
+
+
+def until(seen, text, seconds=10.0):
+    """Wait until it is there; AssertionError if it never is."""
+    end = time.monotonic() + seconds
+    while text not in seen.getvalue():
+        assert time.monotonic() < end, seen.getvalue()
+        time.sleep(0.01)
+
+
+def test_a_line_says_what_is_worked_on_and_goes(on_terminal):
+    terminal = on_terminal()
+    with Working(shown=True) as line:
+        line.say("reading a.csv", 0, 2)
+        until(terminal, "reading a.csv")
+        line.say("reading b\x1b[31m.csv", 1, 2)
+        until(terminal, "reading b")
+    shown = terminal.getvalue()
+    assert "\x1b[31m.csv" not in shown  # what a file's name holds is not sent to the terminal
+    assert shown.endswith(("\x1b[2K", "\x1b[1A\x1b[2K"))  # the line is wiped
+
+
+def test_compiling_is_said(on_terminal):
+    terminal = on_terminal()
+    with Working(shown=True) as line:
+        line.say("drive.csv")
+        line.compiling(True)
+        until(terminal, "once on this machine")
+
+
+def test_what_is_quick_or_not_shown_leaves_nothing(on_terminal, monkeypatch):
+    terminal = on_terminal()
+    with Working(shown=False) as line:
+        line.say("reading a.csv")
+        time.sleep(0.05)
+    monkeypatch.setattr(working, "_PATIENCE_S", 60.0)
+    with Working(shown=True) as line:
+        line.say("reading a.csv")
+    assert terminal.getvalue() == ""
+
+
+def test_a_table_ends_with_its_summary_in_a_terminal_only(tirelog, folder, on_terminal):
+    out = folder / "speed.csv"
+    log = str(next(folder.glob("*.csv")))
+    tirelog("speed", log, "-o", str(out))
+    rows = len(out.read_text().splitlines()) - 1
+    piped = tirelog("speed", log, "-o", str(out)).err
+    assert "row" not in piped
+    terminal = on_terminal()
+    working.summary(out, rows, 1, time.monotonic())
+    assert f"speed.csv: {rows} rows, 0.0 s" in terminal.getvalue()
+    working.summary(out, 1, 2, time.monotonic())
+    assert "speed.csv: 1 row of 2 logs" in terminal.getvalue()
