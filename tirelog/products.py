@@ -114,6 +114,32 @@ def _one_of(what: str, name: str, allowed: Collection[str]) -> None:
         )
 
 
+def with_channels(
+    recording: Recording, names: Collection[str], tables: Collection[str]
+) -> Recording:
+    """The recording with no other channel than these that the `tables` could be made of.
+
+    UsageError: it has no such channel, or none of the tables is made of one.
+    """
+    made = [MAKERS[table].table for table in tables]
+    kinds = {kind for table in made for kind in table.rows_of or table.kinds}
+    suited = [channel.name for channel in recording.of_kind(*kinds)]
+    for name in names:
+        if name not in suited:
+            raise UsageError(
+                f"no channel of {' or '.join(tables)} is called {name!r}{nearest(name, suited)}",
+                allowed=f"allowed are {', '.join(suited) or 'none'}",
+                do="choose among them, or leave --channel out for all",
+                file=recording.log,
+            )
+    kept = {
+        name: channel
+        for name, channel in recording.channels.items()
+        if name in names or name not in suited
+    }
+    return replace(recording, channels=kept)
+
+
 def tables_of(
     recording: Recording,
     wanted: Mapping[str, Options],

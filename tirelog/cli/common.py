@@ -108,6 +108,15 @@ ChannelName = Annotated[
         autocompletion=completion.channels,
     ),
 ]
+Channels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channel",
+        help="Only this channel; several times for several (default: all that fit).",
+        show_default=False,
+        autocompletion=completion.channels,
+    ),
+]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
 
 
@@ -224,21 +233,23 @@ class Session:
                 self._say_losses(recording)
 
     def parts(
-        self, logs: list[str], table: str, **options: Any
+        self, logs: list[str], table: str, channels: list[str] | None = None, **options: Any
     ) -> Iterator[tuple[Recording, Part]]:
-        """The rows of one table of every log, part by part (`parts_of`).
+        """The rows of one table of every log, or of these `channels`, part by part (`parts_of`).
 
         If rows go to standard output, all that could refuse a log is looked at before the first. A
         file takes its place whole or not at all, so that its channels need not be read twice.
         """
-        from tirelog.products import checked, tables_of
+        from tirelog.products import checked, tables_of, with_channels
 
         given = {name: value for name, value in options.items() if value is not None}
         wanted = checked({table: given})
         return self.parts_of(
             logs,
             lambda recording: tables_of(
-                recording, wanted, refused_first=self._streams or len(logs) > 1
+                with_channels(recording, channels, wanted) if channels else recording,
+                wanted,
+                refused_first=self._streams or len(logs) > 1,
             ),
         )
 

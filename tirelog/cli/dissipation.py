@@ -6,7 +6,17 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.common import (
+    Channels,
+    Format,
+    Logs,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    keeps_hashes,
+)
 from tirelog.cli.log_table import table_option
 from tirelog.runtime import one_thread
 
@@ -16,6 +26,7 @@ def dissipation(
     setup: SetupFile = None,
     output: Output = None,
     format: Format = None,
+    channel: Channels = None,
     quiet: Quiet = False,
     steady_step: Annotated[float, table_option("dissipation", "steady_step")] = 0.08,
     average: Annotated[int, table_option("dissipation", "average")] = 9,
@@ -52,7 +63,7 @@ def dissipation(
         session.table(name, output, format) as table,
     ):
         for recording, part in session.parts(
-            logs, "dissipation", steady_step=steady_step, average=average
+            logs, "dissipation", channel, steady_step=steady_step, average=average
         ):
             if fit:
                 lines, remarks = regressions(recording.log, part.found)

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.common import (
+    Channels,
+    Format,
+    Logs,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    keeps_hashes,
+)
 from tirelog.cli.log_table import table_option
 from tirelog.runtime import one_thread
 
@@ -14,6 +24,7 @@ def footprint(
     setup: SetupFile = None,
     output: Output = None,
     format: Format = None,
+    channel: Channels = None,
     quiet: Quiet = False,
     cutoff: Annotated[str, table_option("footprint", "cutoff")] = "auto",
     plot: Plot = None,
@@ -25,7 +36,7 @@ def footprint(
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
         session.table("footprint", output, format) as table,
     ):
-        for recording, part in session.parts(logs, "footprint", cutoff=cutoff):
+        for recording, part in session.parts(logs, "footprint", channel, cutoff=cutoff):
             table.write(part.columns)
             if plot is not None:
                 from tirelog.plots.footprint import FootprintSketch

@@ -12,7 +12,17 @@ from typing import Annotated, Any
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.common import (
+    Channels,
+    Format,
+    Logs,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    keeps_hashes,
+)
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption
 
 
@@ -37,7 +47,9 @@ def table_command(table: LogTable) -> Callable[..., None]:
             Session(given["setup"], given["quiet"], hashed=keeps_hashes(output, format)) as session,
             session.table(table.name, output, format) as writer,
         ):
-            for recording, part in session.parts(given["logs"], table.name, **options):
+            for recording, part in session.parts(
+                given["logs"], table.name, given["channel"], **options
+            ):
                 writer.write(part.columns)
                 if plot is not None:
                     kept.append((recording, part.found))
@@ -56,6 +68,7 @@ def _give_parameters(command: Callable[..., None], table: LogTable) -> None:
         ("setup", SetupFile, None),
         ("output", Output, None),
         ("format", Format, None),
+        ("channel", Channels, None),
         ("quiet", Quiet, False),
     ]
     for option in table.options:

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.common import (
+    Channels,
+    Format,
+    Logs,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    keeps_hashes,
+)
 from tirelog.cli.log_table import table_option
 
 if TYPE_CHECKING:
@@ -20,6 +30,7 @@ def phase_shift(
     setup: SetupFile = None,
     output: Output = None,
     format: Format = None,
+    channel: Channels = None,
     calibration: Annotated[Path | None, table_option("phase-shift", "calibration")] = None,
     calibrate: Annotated[
         Path | None,
@@ -63,7 +74,7 @@ def phase_shift(
         kept: list[EdgeTimes] = []
         learning = calibrate is not None
         for _, part in session.parts(
-            logs, "phase-shift", calibration=applied, zero=zero, forces=learning
+            logs, "phase-shift", channel, calibration=applied, zero=zero, forces=learning
         ):
             if not learning:
                 writer.write(part.columns)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tirelog.cli import completion
-from tirelog.cli.common import Logs, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.common import Channels, Logs, Quiet, Session, SetupFile, keeps_hashes
 from tirelog.runtime import one_thread
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def tables(
         ),
     ] = None,
     format: Annotated[str, typer.Option("--format", help="csv, ndjson, parquet or json.")] = "csv",
+    channel: Channels = None,
     workers: Annotated[
         int,
         typer.Option(
@@ -54,7 +55,7 @@ def tables(
     """Make several tables in one go, each log read once."""
     one_thread()
     from tirelog.errors import UsageError, nearest
-    from tirelog.products import OF_A_DRIVE, Part, tables_of
+    from tirelog.products import OF_A_DRIVE, Part, tables_of, with_channels
     from tirelog.storage.whole import all_or_none, make_folder
     from tirelog.tables.writer import TableWriter, table_format
 
@@ -73,6 +74,8 @@ def tables(
     ):
 
         def made(recording: Recording) -> Iterator[Part]:
+            if channel:
+                recording = with_channels(recording, channel, table or OF_A_DRIVE)
             suited = [name for name in table or OF_A_DRIVE if OF_A_DRIVE[name].suits(recording)]
             for name in set(table or ()) - set(suited):
                 session.note(f"{recording.log}: no channel for {name}")

@@ -46,6 +46,7 @@ class LogTable:
     picture  "module:function" that draws what was made, [(recording, made), ...], into a file: the
              command then has --plot
     driven   False for a table of a static test, which no drive has
+    rows_of  kinds of channel that its rows are of, if others than `kinds`
     """
 
     name: str
@@ -57,6 +58,7 @@ class LogTable:
     checked_by: str = ""
     picture: str = ""
     driven: bool = True
+    rows_of: tuple[str, ...] = ()
 
     @property
     def python_name(self) -> str:
@@ -144,6 +146,7 @@ _ALL = (
                 "Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s.",
             ),
         ),
+        rows_of=("radial_acceleration",),
     ),
     LogTable(
         "inflation",
