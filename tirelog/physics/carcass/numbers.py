@@ -230,13 +230,11 @@ def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tup
     chosen = (*structure, *patch, *_LOAD, *sensor, *level)
     if "lever_arm" in stages:
         return chosen
-    # the others do not read the lever arm; the numbers of geometry not even the structure
-    reads = (
-        "patch_half_length_m",
-        "tread_stiffness_N_m2",
-        "offset_rad",
-        "per_acceleration_rad_s2_m",
-    )
+    # the others do not read the lever arm; the numbers of geometry not even the structure, and the
+    # phase shift not even the patch
+    reads = ["offset_rad", "per_acceleration_rad_s2_m"]
+    if "load" in stages:
+        reads += ["patch_half_length_m", "tread_stiffness_N_m2"]
     held = (p if "structure" in stages or p.name in reads else p.fixed() for p in chosen)
     return tuple(p.fixed() if p.name == "lever_arm_m" else p for p in held)
 
