@@ -44,6 +44,11 @@ def _setup(path: Path | None) -> Setup | None:
     return None if path is None else load_setup(path)
 
 
+def _words(text: str) -> list[str]:
+    """The words of a list with commas."""
+    return [word.strip() for word in text.split(",")]
+
+
 def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
     """NAME=VALUE pairs as numbers."""
     from tirelog.errors import UsageError
@@ -74,8 +79,8 @@ def new(
     observable: Annotated[
         str | None,
         typer.Option(
-            help="What the model predicts, as in the model file; default what the setup's "
-            "channels measure, else strain."
+            help="What the model predicts, as in the model file, several with commas between them "
+            "to be fitted together; default what the setup's channels measure, else strain."
         ),
     ] = None,
     contact: Annotated[
@@ -92,7 +97,7 @@ def new(
     model, remarks = new_model(
         carcass,
         _setup(setup),
-        observable=observable,
+        observable=None if observable is None else _words(observable),
         contact=contact,
         values=_assignments(sets),
     )

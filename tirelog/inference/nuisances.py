@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.cells.together import joined_effects, model_of, parts_of
+from tirelog.inference.fit.apart import fits_apart
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.model.model import Model
@@ -173,6 +175,16 @@ def shared_effects(
 
     `whole`: the cells that it is known from, if these are others of the same logs.
     """
+    if cells.together is not None:
+        fits = [
+            replace(f, model=model_of(f.model, f.cells.observable))
+            for f in fits_apart(replace(fit, cells=cells))
+        ]
+        known_from = [f.cells for f in fits] if whole is None else parts_of(whole)
+        found_by = [
+            shared_effects(f.cells, f, name, w) for f, w in zip(fits, known_from, strict=True)
+        ]
+        return joined_effects(cells, found_by)
     known = next((n for n in fit.model.nuisances if n.name == name), None)
     if known is None or cells.phi.shape[1] == 1:
         return None

@@ -215,8 +215,25 @@ _LEVEL = tuple(
 )
 
 
-def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tuple[Parameter, ...]:
-    """The parameters of a model without effects, in the order of the file."""
+def carcass_parameters(carcass: str, *observables: str, flat_road: bool) -> tuple[Parameter, ...]:
+    """The parameters of a model without effects, in the order of the file.
+
+    Of several observables each number once, free if it is for one of them.
+    """
+    each = [
+        {p.name: p for p in _of_one(carcass, observable, flat_road)} for observable in observables
+    ]
+    if len(each) == 1:
+        return tuple(each[0].values())
+    sensor, level = ([p.name for p in group] for group in (_ACCELEROMETER, _LEVEL))
+    names = dict.fromkeys(name for one in each for name in one)
+    last = [*sensor, *level]
+    order = sorted(names, key=lambda name: last.index(name) if name in last else -1)
+    known = {name: [one[name] for one in each if name in one] for name in order}
+    return tuple(next((p for p in found if p.free), found[0]) for found in known.values())
+
+
+def _of_one(carcass: str, observable: str, flat_road: bool) -> tuple[Parameter, ...]:
     structure = _BEAM if carcass == "beam" else _RING if carcass == "ring" else _coupled()
     patch = _TREAD if flat_road else _PATCH
     stages = OBSERVABLES[observable].reads
