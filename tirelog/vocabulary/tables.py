@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ _ALL = (
     LogTable(
         "footprint",
         "Tell contact length, edges and slip onset at each passage of the patch.",
-        STRAIN_KINDS,
+        (*STRAIN_KINDS, *ACCELERATION_KINDS),
         _revolutions(
             "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m",
             "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s", "edge_asymmetry",
