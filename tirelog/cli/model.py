@@ -198,7 +198,7 @@ def remove(
 @app.command()
 def nuisance(
     model: Model_,
-    name: Annotated[str, typer.Argument(help="wheel, drift, rolling or patch_law.")],
+    name: Annotated[str, typer.Argument(help="wheel, drift, rolling, patch_law or pressure_law.")],
     use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],
     output: Target,
 ) -> None:

@@ -206,6 +206,7 @@ def _parted_by(nuisance: str, base: Base) -> str:
         + ("" if measured else ", or a measured temperature"),
         "rolling": "a measured way, which gives the rolling radius",
         "patch_law": "a log at a third load",
+        "pressure_law": "a log at a third pressure",
     }[nuisance]
 
 
@@ -261,6 +262,11 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
     else:
         exponent = base.model.values[parameter]
         said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
+    if found.nuisance == "pressure_law":
+        return (
+            f"Beside the model stands another law of the pressure: {said}; or what went along with "
+            "the pressure, such as the load."
+        )
     return (
         f"Beside the model stands another patch law: {said}; or what went along with the load, "
         "such as the pressure."

@@ -82,6 +82,7 @@ NUISANCES_SAID = {
     "drift": "a drift",
     "rolling": "another rolling radius",
     "patch_law": "another patch law",
+    "pressure_law": "another law of the pressure",
 }
 _PARITY = {
     "even": "even about the patch centre",

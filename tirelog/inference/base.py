@@ -42,7 +42,7 @@ from tirelog.inference.floor import (
     measure_floor,
 )
 from tirelog.inference.metric.whitening import Whitener, whitener
-from tirelog.inference.nuisances import freed, shared_by
+from tirelog.inference.nuisances import asked_for, freed, shared_by
 from tirelog.inference.scatter import Scatter, load_slopes, measure_scatter, scatter_columns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -339,7 +339,8 @@ def _fitted(
     """The channels with their scatter, and the cells as the first fit centred them."""
     rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
     whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
-    always = [n.name for n in model.nuisances if n.use == "on"]
+    conditions = Conditions.concatenate([cells.conditions for cells in channels])
+    always = asked_for(model, conditions)
     model = freed(model, always)
     fits = fit_channels(list(zip(channels, whites, strict=True)), model, several=several)
     raw = [replace(f.cells, shared=shared_by(f.cells, f, always)) for f in fits]

@@ -66,6 +66,27 @@ _PATCH = (
         2.0,
         free=False,
     ),
+    _p(
+        "reference_pressure_Pa",
+        "Pa",
+        "inflation pressure at which patch_half_length_m holds",
+        2.2e5,
+        1e3,
+        2e6,
+        free=False,
+    ),
+    replace(
+        _p(
+            "patch_pressure_exponent",
+            "1",
+            "L falls as (pressure / reference_pressure_Pa)^-exponent; 0: not at all",
+            0.0,
+            -0.5,
+            2.0,
+            free=False,
+        ),
+        probe=0.3,
+    ),
 )
 _BEAM = (
     _p("flexural_stiffness_N_m2", "N m^2", "EJ", 4.0, 0.1, 100.0),

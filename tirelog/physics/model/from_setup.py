@@ -72,6 +72,7 @@ def known_numbers(model: Model, setup: Setup | None) -> dict[str, float]:
         "load_N": conditions.load_N,
         "reference_load_N": conditions.load_N,
         "inflation_pressure_Pa": conditions.inflation_pressure_Pa,
+        "reference_pressure_Pa": conditions.inflation_pressure_Pa,
         "patch_half_length_m": None if static is None else static / 2.0,
     }
     return {
