@@ -45,7 +45,8 @@ class LogTable:
              raises UsageError for options that no log can be made a table with
     picture  "module:function" that draws what was made, [(recording, made), ...], into a file: the
              command then has --plot
-    driven   False for a table of a static test, which no drive has
+    driven   False for a table that is only made if it is asked for by name, such as that of a
+             static test: not by `tables`, campaigns and reports
     """
 
     name: str
@@ -146,6 +147,14 @@ _ALL = (
         ),
     ),
     LogTable(
+        "slip",
+        "Tell the longitudinal slip of each turn of the wheel, from the vehicle's speed (P2).",
+        ("vehicle_speed",),
+        _revolutions("vehicle_speed_m_s", "slip", "slip_se"),
+        made_by="tirelog.strain.slip:slip_of",
+        driven=False,
+    ),
+    LogTable(
         "inflation",
         "Tell strain against inflation pressure in a static test: slope, linearity, leaks at "
         "stops.",
@@ -171,5 +180,5 @@ _ALL = (
     ),
 )  # fmt: skip
 
-#: in the order of `tables`; those of a static test behind
+#: in the order of `tables`; those that are only made by name behind
 LOG_TABLES: Mapping[str, LogTable] = {table.name: table for table in _ALL}
