@@ -6,8 +6,9 @@
 
 A case is two logs of a minute, at 2.0 and 1.6 bar, of a tire that is drawn: stiffnesses, belt and
 tread 0.6 to 1.6 times the ordinary ones, a belt narrower than the setup's tire. `shift_` kinds are
-of the phase shift, with the forces measured; the others of the acceleration. Seeds below 1000 are
-for choosing, from 1000 on for reporting.
+of the phase shift, with the forces measured, `together_` kinds of strain, acceleration and phase
+shift in one fit; the others of the acceleration. Seeds below 1000 are for choosing, from 1000 on
+for reporting.
 """
 
 from __future__ import annotations
@@ -25,11 +26,18 @@ import numpy as np
 from benchmarks.hidden import wilson
 from benchmarks.wheel_cases import TORSIONAL_STIFFNESS_N_M2, Instruments, wheel_channels
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.inference.measured import measured
+from tirelog.inference.measured import measured_together
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.planted import PLANTABLE, Planted
-from tirelog.simulation.scenario.schema import Manoeuvre, Road, Scenario, TrueConditions, TrueTire
+from tirelog.simulation.scenario.schema import (
+    Manoeuvre,
+    Road,
+    Scenario,
+    Sensor,
+    TrueConditions,
+    TrueTire,
+)
 
 PRESSURES_PA = (2.0e5, 1.6e5)
 SPEEDS_M_S = (10.0, 20.0, 12.0, 22.0, 15.0, 24.0)
@@ -40,7 +48,13 @@ WAVEFORM = (
     "stiffening", "aero_load", "rough_contact", "pressure_offset",
 )  # fmt: skip
 SHIFT = ("shift_wind_up", "shift_telemetry_delay")
-KINDS = ("null", "scatter", *WAVEFORM, "shift_null", *SHIFT)
+TOGETHER = tuple(f"together_{name}" for name in WAVEFORM)
+KINDS = (
+    "null", "scatter", *WAVEFORM, "shift_null", *SHIFT, "together_null", "together_scatter",
+    *TOGETHER,
+)  # fmt: skip
+NULLS = ("null", "scatter", "shift_null", "together_null", "together_scatter")
+ALL = ("strain", "radial_acceleration", "phase_shift")
 
 
 @dataclass(frozen=True)
@@ -57,6 +71,11 @@ class Row:
     seconds: float
 
 
+def _planted(kind: str) -> str:
+    """The effect that a kind of case hides; null and scatter for none."""
+    return kind.removeprefix("shift_").removeprefix("together_")
+
+
 def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
     """The two logs of a case."""
     draw = np.random.default_rng(seed)
@@ -69,7 +88,7 @@ def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
         plan.append(Manoeuvre(7.0, float(speed), None))
     other = draw.uniform(0.6, 1.6, 4)
     usual = TrueTire()
-    shift = kind.startswith("shift_")
+    shift, several = kind.startswith("shift_"), kind.startswith("together_")
     tire = replace(
         usual,
         torsional_stiffness_N_m2=TORSIONAL_STIFFNESS_N_M2 if kind == "shift_wind_up" else None,
@@ -79,13 +98,17 @@ def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
         tread_stiffness_N_m2=float(usual.tread_stiffness_N_m2 * other[3]),
         width_belt_m=float(draw.uniform(0.11, 0.16)),
     )
-    name = kind.removeprefix("shift_")
+    name = _planted(kind)
     effects: tuple[Planted, ...] = ()
     if name in PLANTABLE:
         sizes = {**PLANTABLE[name].parameters, **SIZES.get(name, {})}
         effects = (Planted(name, "exact", sizes),)
     channels = wheel_channels(Instruments(forces=shift))
-    if not shift:
+    if several:
+        channels["strain"] = Sensor(
+            "fbg_strain", sampling_rate_Hz=2500.0, angle_deg=200.0, noise=0.0008
+        )
+    elif not shift:
         del channels["encoder"]
     for number, pressure in enumerate(PRESSURES_PA):
         yield Scenario(
@@ -94,7 +117,7 @@ def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
             tire=tire,
             truth="ring",
             conditions=TrueConditions(inflation_pressure_Pa=pressure),
-            road=Road(0.01, load_scatter=0.01 if kind == "scatter" else 0.0),
+            road=Road(0.01, load_scatter=0.01 if name == "scatter" else 0.0),
             effects=effects,
             seed=seed + 500_000 * number,
         )
@@ -105,10 +128,14 @@ def run(kind: str, seed: int) -> Row:
     logs = [
         to_recording(simulate(log), f"log_{i + 1}") for i, log in enumerate(scenarios(kind, seed))
     ]
-    observable = "phase_shift" if kind.startswith("shift_") else "radial_acceleration"
-    model, _ = new_model("ring", logs[0].setup, observable=observable)
+    observables: tuple[str, ...] = ("radial_acceleration",)
+    if kind.startswith("shift_"):
+        observables = ("phase_shift",)
+    elif kind.startswith("together_"):
+        observables = ALL
+    model, _ = new_model("ring", logs[0].setup, observable=observables)
     begun = time.process_time()
-    found = diagnose(measured(logs, observable).stacks, model)
+    found = diagnose(measured_together(logs, observables).revolutions, model)
     excess = max(found.rmse_heldout_before**2 / found.noise_floor**2 - 1.0, 0.0)
     return Row(
         kind,
@@ -125,12 +152,12 @@ def run(kind: str, seed: int) -> Row:
 def summary(rows: Iterable[dict[str, str]]) -> Iterator[str]:
     """Rates by kind, and over all."""
     rows = list(rows)
-    nulls = [r for r in rows if r["kind"] in ("null", "scatter", "shift_null")]
+    nulls = [r for r in rows if r["kind"] in NULLS]
     yield "nulls, nothing missing   " + wilson(
         sum(r["verdict"] == "nothing_missing" for r in nulls), len(nulls)
     )
     single = [r for r in rows if r not in nulls]
-    right = [r for r in single if r["named"] == r["kind"].removeprefix("shift_")]
+    right = [r for r in single if r["named"] == _planted(r["kind"])]
     yield "effects, named           " + wilson(len(right), len(single))
     yield "of these, named alone    " + wilson(
         sum(r["verdict"] == "missing" for r in right), len(single)

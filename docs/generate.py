@@ -221,8 +221,8 @@ def table_section(entry: LogTable) -> str:
         [
             f"\n## {entry.name}\n",
             f"{entry.says} `tirelog {entry.name} LOG`, `tirelog.{entry.python_name}(log)`.\n",
-            f"* a table of a {'drive' if entry.driven else 'static test'}, made of channels of "
-            f"kind {words(entry.kinds)}\n{options}",
+            f"* a table {'of a drive' if entry.driven else 'by its name alone'}, "
+            f"made of channels of kind {words(entry.kinds)}\n{options}",
             table(
                 ("column", "unit", "what it is"),
                 [

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, nearest
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
@@ -344,6 +345,22 @@ def _footprint(work: Work, options: Options) -> Part:
     return Part("footprint", found.columns, found.remarks, found)
 
 
+def _footprint_by_strain(recording: Recording, options: Options) -> bool:
+    """False if the log has accelerometers and no grating."""
+    return bool(recording.of_kind(*STRAIN_KINDS)) or not recording.of_kind(*ACCELERATION_KINDS)
+
+
+def _footprint_of_accelerometers(recording: Recording, options: Options) -> Iterator[Part]:
+    from tirelog.strain.channels import not_turning
+    from tirelog.strain.footprint.fronts import accelerometer_footprints
+
+    found = accelerometer_footprints(recording)
+    if not any(len(one.passages) for one in found):
+        raise not_turning(recording)
+    for one in found:
+        yield Part("footprint", one.columns, one.remarks, one)
+
+
 def _cutoff(options: Options) -> Any:
     """The low-pass of the plain lengths.  UsageError: none is called that."""
     from tirelog.dsp.lowpass import Cutoff
@@ -426,7 +443,13 @@ _TOGETHER = (
         whole=_speed_of_log,
         by_channel=_speed_by_channel,
     ),
-    Maker(LOG_TABLES["footprint"], of_channel=_footprint, check=_check_with(_cutoff)),
+    Maker(
+        LOG_TABLES["footprint"],
+        of_channel=_footprint,
+        whole=_footprint_of_accelerometers,
+        by_channel=_footprint_by_strain,
+        check=_check_with(_cutoff),
+    ),
     Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_check_with(_steadiness)),
     Maker(
         LOG_TABLES["phase-shift"],

@@ -7,20 +7,23 @@ import pytest
 
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
-from tirelog.diagnosis.beside import allowed_nuisances, groups_of
+from tirelog.diagnosis.beside import allowed_nuisances, best_nuisance, groups_of
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude
 from tirelog.diagnosis.naming import quiet
 from tirelog.diagnosis.nuisance_sizes import nuisances_found
 from tirelog.diagnosis.search import search_effects
-from tirelog.inference.base import prepare
+from tirelog.inference.base import prepare, settled
 from tirelog.inference.bends import bends
+from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.gathering import pieces_of_logs
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.fit.cells import take_cells
 from tirelog.inference.nuisances import relative_changes, shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import (
     ForceVariation,
     LoadWander,
@@ -223,6 +226,46 @@ def test_another_patch_law_is_fitted_and_told():
     assert told.stayed
     assert told.parts[0].value == pytest.approx(exponent.value - 0.5)
     assert found.before.reduced_chi2 < 1.2
+
+
+def at_pressures(*pressures_Pa: float):
+    """Two short logs at one load; the patch shrinks as the pressure to the power of 0.4."""
+    logs, softer = case((), seed=413, how=SHORT), Planted("inflation", "exact", {"exponent": 0.4})
+    driven = [
+        replace(
+            log,
+            conditions=replace(log.conditions, load_N=3434.0, inflation_pressure_Pa=p),
+            effects=(*log.effects, softer),
+        )
+        for log, p in zip(logs, pressures_Pa, strict=True)
+    ]
+    return stacks_from_logs(
+        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(driven)], angles=64
+    )
+
+
+def test_a_patch_that_pressure_shrinks_is_fitted_and_told():
+    stacks = at_pressures(2.2e5, 1.7e5)
+    base = start(stacks, MODEL)
+    assert base.reduced_chi2 > 5.0
+    found = best_nuisance(base, allowed_nuisances(base))
+    assert found is not None
+    found = settled(found)
+    exponent = found.model.parameters["patch_pressure_exponent"]
+    assert groups_of(found) == ("pressure_law",)
+    assert abs(exponent.value - 0.4) < max(4.0 * exponent.se, 0.01)
+    half = found.model.half_length_m(found.cells.conditions)
+    ratio = half[found.cells.log == 1].mean() / half[found.cells.log == 0].mean()
+    assert ratio == pytest.approx((1.7 / 2.2) ** -0.4, rel=0.01)
+    assert found.reduced_chi2 < 1.2
+
+
+def test_one_pressure_frees_no_law_of_it():
+    model = MODEL.with_nuisance("pressure_law", "on")
+    alone = prepare(cells_of(pieces_of_logs(at_pressures(2.0e5, 2.0e5))), model, several=False)
+    assert not alone.model.parameters["patch_pressure_exponent"].free
+    assert groups_of(alone) == ()
+    assert shared_effects(alone.cells, alone.fit, "pressure_law") is None
 
 
 def test_nuisances_are_seen_where_bins_are_empty(wheel_null):

@@ -18,6 +18,7 @@ from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.gathering import pieces_of_logs
 from tirelog.inference.measured import measured
 from tirelog.physics import Model
+from tirelog.strain.footprint.fronts import accelerometer_footprints
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import Quality, having
 
@@ -78,6 +79,20 @@ def test_every_passage_is_found_whichever_way_the_sensor_counts(sign, offset_g):
     np.testing.assert_allclose(found.speed_m_s, speed, rtol=0.01)
     # the ringing of the edges is what the sensor sees in every turn, and no spike
     assert having(found.quality, Quality.SPIKE).sum() <= 1
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_contact_length_between_the_fronts_is_the_published_one(sign):
+    """0.0582 of a turn: 117.5 mm, without an encoder, with the sensor AC-coupled."""
+    values, _ = log_of(10, 1000)
+    axis = TimeAxis.uniform(values.size, RATE_HZ)
+    channel = Channel.of_array("z", "radial_acceleration", sign * values, axis)
+    recording = Recording("facts", {"z": channel}, parse_setup(SETUP))
+    (found,) = accelerometer_footprints(recording)
+    length = found.columns["length_m"]
+    assert np.isfinite(length).sum() >= 8
+    assert np.nanmedian(length) == pytest.approx(0.1175, rel=0.02)
+    assert np.nanmedian(found.columns["edge_asymmetry"]) > 0.0  # the exit edge is the sharper
 
 
 def test_a_spike_is_told_from_the_ringing():

@@ -38,6 +38,50 @@ def test_pressure_and_shear_under_traction_are_told_apart(carcass, sigma):
     assert not base.predict(one, phi, observable="shear_traction").any()
 
 
+@pytest.mark.parametrize(
+    "grip", [brush.Grip(), brush.Grip(1.1, 0.7, 4.0), brush.Grip(0.3, 0.3, 0.5)]
+)
+@pytest.mark.parametrize("sigma", [0.05, -0.3, 0.9])
+def test_friction_and_slip_stiffness_are_those_of_the_brush(grip, sigma):
+    """(15): adhesion reaches f_s p at x_s; and the modes are those of tau(xi), by quadrature."""
+    F, L, R = np.array([[3400.0]]), np.array([[0.055]]), 0.31
+    gamma, s = 0.75 * F / L**3, np.array([[sigma]])
+    x_s = brush.transition(s, L, grip.stiffness_ratio)
+    stiffness = grip.stiffness_ratio * brush.slip_stiffness(F, L, grip.static_friction)
+    if x_s > -L:
+        held = abs(sigma) * stiffness * (x_s + L)
+        assert held == pytest.approx(grip.static_friction * gamma * (L**2 - x_s**2))
+        assert abs(sigma) == pytest.approx((L - x_s) * gamma * grip.static_friction / stiffness)
+    pieces = [np.linspace(-L[0, 0], x_s[0, 0], 40001), np.linspace(x_s[0, 0], L[0, 0], 40001)]
+    modes = brush.traction_modes(F, L, s, R, grip)[0]
+    for n in (0, 1, 7):
+        whole = 0.0
+        for number, xi in enumerate(pieces):
+            if xi[-1] > xi[0]:
+                inside = 0.5 * (xi[1:] + xi[:-1])
+                if number == 0:
+                    tau = sigma * stiffness[0, 0] * (inside + L[0, 0])
+                else:
+                    tau = np.sign(sigma) * grip.sliding_friction * gamma[0, 0]
+                    tau = tau * (L[0, 0] ** 2 - inside**2)
+                whole = whole + np.sum(tau * np.exp(-1j * n * inside / R)) * (xi[1] - xi[0])
+        assert modes[n] == pytest.approx(whole / (2 * np.pi * R), rel=1e-6, abs=1e-6)
+    model = Model.new("ring", contact="prescribed", radius_m=R).with_effect(
+        "traction",
+        static_friction=grip.static_friction,
+        sliding_friction=grip.sliding_friction,
+        slip_stiffness_ratio=grip.stiffness_ratio,
+    )
+    one = replace(ONE, slip=np.array([sigma]))
+    phi = np.linspace(-0.9, 0.9, 301) * 0.055 / R
+    half = model.half_length_m(one)
+    told = model.predict(one, phi, observable="shear_traction")[0]
+    wanted = brush.traction(phi * R, one.load_N, half, np.array([sigma]), grip)
+    onset = brush.transition(np.array([sigma]), half, grip.stiffness_ratio)
+    smooth = np.abs(phi * R - onset) > 0.06 * half
+    assert np.abs(told - wanted)[smooth].max() < 0.03 * np.abs(wanted).max()
+
+
 def test_a_ring_is_pulled_by_the_road_whatever_the_lever():
     one = replace(ONE, slip=np.array([0.2]))
     base = Model.new("ring", contact="prescribed")

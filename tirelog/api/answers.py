@@ -20,7 +20,7 @@ from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
 from tirelog.diagnosis.obstacles.compare import compare_transients
 from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.errors import UsageError, nearest
-from tirelog.inference.measured import MeasuredLogs, measured
+from tirelog.inference.measured import MeasuredLogs, measured, measured_together
 from tirelog.inference.motion import motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -45,7 +45,8 @@ def measure(
     logs : str, os.PathLike, Recording or an iterable of them
         Logs or runs, by path or open. Those given by path are opened one after the other.
     model : Model or str
-        The model that they will be compared with, or the observable: ``"strain"``,
+        The model that they will be compared with (if it is of several observables, logs may each
+        measure some of them), or the observable: ``"strain"``,
         ``"radial_acceleration"``, ``"patch_length"``, ``"dissipation_factor"``,
         ``"phase_shift"``, ``"patch_width"``.
     channel : str, optional
@@ -82,6 +83,8 @@ def measure(
             do="give one of them",
         )
     level = not (isinstance(model, Model) and model.ac_coupled)
+    if isinstance(model, Model) and model.beside:
+        return measured_together(each_log(logs, setup), model.observables, channel, level=level)
     return measured(each_log(logs, setup), observable, channel, level=level)
 
 
@@ -133,7 +136,7 @@ def fit(
         raise UsageError(
             "nothing measured", allowed="allowed is what `measure` gives", do="give one at least"
         )
-    found, remarks = fit_channels_measured([one.stacks for one in channels], model, nuisances)
+    found, remarks = fit_channels_measured([one.revolutions for one in channels], model, nuisances)
     said = list(remarks)
     moving = motion_names(model)
     fitted = found.model.with_parameters({name: model.parameters[name] for name in moving})
@@ -177,7 +180,7 @@ def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
     0.6
     """
     found = _known(measured)
-    result = comparing.compare(found.stacks, model)
+    result = comparing.compare(found.revolutions, model)
     if not found.obstacles:
         return ComparisonOfLogs.of(result)
     if result.model.carcass != "coupled_ring":
@@ -223,7 +226,7 @@ def diagnose(
     """
     found = _known(measured)
     return DiagnosisOfLogs.of(
-        diagnosing.diagnose(found.stacks, model, effects=effects, progress=progress or _silent)
+        diagnosing.diagnose(found.revolutions, model, effects=effects, progress=progress or _silent)
     )
 
 
@@ -254,7 +257,7 @@ def ladder(
     """
     found = _known(measured)
     return LadderOfLogs.of(
-        climbing.ladder(found.stacks, model, effects=effects, progress=progress or _silent)
+        climbing.ladder(found.revolutions, model, effects=effects, progress=progress or _silent)
     )
 
 

@@ -109,11 +109,16 @@ class ComparisonOfLogs(Comparison):
             ("all, fitted", *(x * factor for x in (self.rmse, self.noise_floor, self.excess))),
             ("all, held out", *(None if x is None else x * factor for x in held_out)),
         ]
+        for part in self.parts:
+            factor, own = _read(part.observable, part.unit)
+            held = (part.rmse_heldout, part.noise_floor, part.excess_heldout)
+            told = (None if x is None else x * factor for x in held)
+            errors.append((f"{part.observable} [{own}], held out", *told))
         return document(
             f"{self.observable} in {unit}: {self.revolutions} revolutions, "
             f"{self.manoeuvres} manoeuvres",
             [table(["", "rmse", "floor", "excess"], errors), _parameters(self.model)],
-            self.notes,
+            (*([self.agreement] if self.agreement else []), *self.notes),
         )
 
 

@@ -146,7 +146,8 @@ def _draw(session: Session, result: ComparisonOfLogs, plot: Path) -> None:
     """The picture of the steady comparison, and beside it that of the obstacles."""
     from tirelog.plots.compare import draw
 
-    draw(result, plot)
+    for beside in draw(result, plot):
+        session.note(f"another observable drawn in {beside}")
     if result.obstacles is not None:
         from tirelog.cli.transients import draw_transients
 

@@ -55,7 +55,8 @@ def diagnose(
         if plot is not None:
             from tirelog.plots.compare import draw
 
-            draw(result.after, plot)
+            for beside in draw(result.after, plot):
+                session.note(f"another observable drawn in {beside}")
         if format == "json" or (output is not None and output.suffix == ".json"):
             write_json(result.to_json(), output)
         elif format is not None or output is not None:

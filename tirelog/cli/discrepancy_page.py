@@ -51,8 +51,54 @@ def _held_out(result: Comparison, factor: float) -> list[float | str]:
 
 
 def comparison_page(result: Comparison) -> None:
-    """Errors, where they are, parameters."""
+    """Errors, where they are, parameters; of several observables what each brings."""
+    if result.parts:
+        _together_page(result)
+        return
     out = _console()
+    _errors_page(out, result)
+    parameters = [
+        [n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]
+    ]
+    out.print(_table(["parameter", "value", "error", "unit"], parameters))
+
+
+def _together_page(result: Comparison) -> None:
+    """One fit of several observables: errors of all and of each, what each knows, agreement."""
+    out = _console()
+    out.print(
+        f"{result.observable}, fitted together, in {result.unit}: {result.revolutions} "
+        f"revolutions, {result.manoeuvres} manoeuvres"
+    )
+    rows: list[list[Any]] = [
+        ["all", result.rmse, *_held_out(result, 1.0), result.reduced_chi2, result.unit]
+    ]
+    for part in result.parts:
+        factor, unit = shown(part.observable, part.unit)
+        errors = [part.rmse * factor, *_held_out(part, factor)]
+        rows.append([f"  {part.observable}", *errors, part.reduced_chi2, unit])
+    out.print(_table(["", "rmse", "held out", "floor", "excess", "chi-square", "unit"], rows))
+    out.print(result.agreement)
+    known = result.contributions
+    parameters = [
+        [n, p["value"], p["se"], p["unit"]] + [_without(k.error_without.get(n)) for k in known]
+        for n, p in result.parameters.items()
+        if p["free"]
+    ]
+    without = [f"without {k.observable}" for k in known]
+    out.print(_table(["parameter", "value", "error", "unit", *without], parameters))
+    out.print("without an observable: the error that the others alone would leave")
+    for part in result.parts:
+        out.print("")
+        _errors_page(out, part)
+
+
+def _without(error: float | None) -> float | str | None:
+    return "not known" if error is not None and not isfinite(error) else error
+
+
+def _errors_page(out: Console, result: Comparison) -> None:
+    """The errors of one observable, and where they are."""
     factor, unit = shown(result.observable, result.unit)
     out.print(
         f"{result.observable} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} "
@@ -85,10 +131,6 @@ def comparison_page(result: Comparison) -> None:
         "as this model sees them (a worse model takes some of its misfit for scatter); "
         "errors are those of one revolution at one angle"
     )
-    parameters = [
-        [n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]
-    ]
-    out.print(_table(["parameter", "value", "error", "unit"], parameters))
 
 
 def diagnosis_page(result: Diagnosis) -> None:
@@ -130,6 +172,8 @@ def diagnosis_page(result: Diagnosis) -> None:
     for note in result.notes:
         out.print(note)
     out.print(result.unexplained["sentence"])
+    if result.after.agreement:
+        out.print(result.after.agreement)
     for effect, reason in result.not_tested.items():
         out.print(f"not tested: {effect}: {reason}")
     out.print(f"next: {result.next_command}")

@@ -39,8 +39,17 @@ def footprint(
         for recording, part in session.parts(logs, "footprint", channel, cutoff=cutoff):
             table.write(part.columns)
             if plot is not None:
+                from tirelog.errors import UsageError
                 from tirelog.plots.footprint import FootprintSketch
+                from tirelog.strain.footprint.table import FootprintOfChannel
 
+                if not isinstance(part.found, FootprintOfChannel):
+                    raise UsageError(
+                        "--plot draws the footprint of a grating; this log has accelerometers",
+                        allowed="a log of strain is allowed",
+                        do="leave --plot out; `tirelog phase-shift --plot` draws fronts",
+                        file=recording.log,
+                    )
                 kept.append(FootprintSketch.of(recording, part.found))
         if plot is not None and kept:
             from tirelog.plots.footprint import footprint_picture

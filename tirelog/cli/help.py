@@ -20,6 +20,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "dissipation",
         "phase-shift",
         "inflation",
+        "slip",
         "tables",
         "check",
     ),
@@ -63,6 +64,9 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "inflation": (
         ("tirelog inflation inflation.csv.gz -o inflation.csv", "strain against pressure"),
+    ),
+    "slip": (
+        ("tirelog slip encoder.h5 -o slip.csv", "of each turn, from the vehicle's speed (P2)"),
     ),
     "tables": (
         ("tirelog tables drive.csv.gz -o results", "all that the log has channels for"),

@@ -45,6 +45,11 @@ def _setup(path: Path | None) -> Setup | None:
     return None if path is None else load_setup(path)
 
 
+def _words(text: str) -> list[str]:
+    """The words of a list with commas."""
+    return [word.strip() for word in text.split(",")]
+
+
 def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
     """NAME=VALUE pairs as numbers."""
     from tirelog.errors import UsageError
@@ -75,8 +80,8 @@ def new(
     observable: Annotated[
         str | None,
         typer.Option(
-            help="What the model predicts, as in the model file; default what the setup's "
-            "channels measure, else strain."
+            help="What the model predicts, as in the model file, several with commas between them "
+            "to be fitted together; default what the setup's channels measure, else strain."
         ),
     ] = None,
     contact: Annotated[
@@ -93,7 +98,7 @@ def new(
     model, remarks = new_model(
         carcass,
         _setup(setup),
-        observable=observable,
+        observable=None if observable is None else _words(observable),
         contact=contact,
         values=_assignments(sets),
     )
@@ -202,7 +207,8 @@ def nuisance(
     name: Annotated[
         str,
         typer.Argument(
-            help="wheel, drift, rolling or patch_law.", autocompletion=completion.nuisances
+            help="wheel, drift, rolling, patch_law or pressure_law.",
+            autocompletion=completion.nuisances,
         ),
     ],
     use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],

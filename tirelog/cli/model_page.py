@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from tirelog.vocabulary.observables import together
+
 if TYPE_CHECKING:
     from tirelog.api.results import FitOfLogs
     from tirelog.diagnosis.obstacles.learn import Learned
@@ -36,7 +38,7 @@ def model_page(model: Model) -> str:
     """The model as a person reads it."""
     road = ", on a flat road" if model.contact == "flat_road" else ""
     parts = [
-        f"{model.observable} of a {model.carcass}{road}",
+        f"{together(model.observables)} of a {model.carcass}{road}",
         _aligned(_cells(p) for p in model.base),
     ]
     for e in model.effects:

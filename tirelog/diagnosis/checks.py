@@ -9,14 +9,14 @@ Base -> whitened residual -> five numbers, beside those of noise as the floor ha
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.diagnosis.rules import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.sign_flips import gain_and_error
-from tirelog.inference.base import Base
+from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Nuisance, Offsets
 from tirelog.inference.metric.projection import solve_scaled
@@ -54,6 +54,12 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     The ranges are those of residuals drawn from noise and scatter as the floor has them, with base
     parameters, offsets and nuisances taken out as they are of what was measured.
     """
+    if isinstance(base, TogetherBase):
+        return tuple(
+            replace(check, name=f"{check.name} of {part.cells.observable}")
+            for part in apart(base)
+            for check in posterior_checks(part, seed)
+        )
     if base.cells.phi.shape[1] == 1:
         return ()  # one number per revolution has no shape
     cells, white = base.cells, base.noise
@@ -133,6 +139,9 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
 
     Of one log alone none: what a level does there is what the model's parameters do.
     """
+    if isinstance(base, TogetherBase):
+        each = [suspect for part in apart(base) for suspect in suspects(part)]
+        return tuple(sorted(each, key=lambda s: -s.share))
     cells, logs = base.cells, np.unique(base.cells.log)
     if base.excess <= LEAST_SHARE_OF_FLOOR * base.floor.square or logs.size < 2:
         return ()

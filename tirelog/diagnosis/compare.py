@@ -6,7 +6,9 @@ Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's ba
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
 
@@ -14,22 +16,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
+from tirelog.diagnosis.agreement import agreement_sentence, contributions
 from tirelog.diagnosis.leftover import half_angle
-from tirelog.diagnosis.results import Comparison, ErrorTables, Map, Waveforms, excess_of
+from tirelog.diagnosis.results import Comparison, ErrorTables, Map, Rows, Waveforms, excess_of
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences
 from tirelog.errors import UsageError
-from tirelog.inference.base import Base, FittedChannel, prepare
+from tirelog.inference.base import (
+    Base,
+    FittedChannel,
+    TogetherBase,
+    apart,
+    prepare,
+    prepare_together,
+)
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.gathering import pieces_of_logs
+from tirelog.inference.cells.gathering import MOST_PIECES, pieces_of_logs
 from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
 from tirelog.inference.floor import Plain
 from tirelog.inference.motion import without_motion_parameters
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
-from tirelog.vocabulary.observables import OBSERVABLES, STRAIN
+from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, together
 from tirelog.vocabulary.quality import Quality, quality_text
 
 #: cells whose waveforms are shown, and rows of the residual's map, at most
@@ -39,21 +50,24 @@ _MAP_ROWS = 24
 
 #: what every question is asked of: the stacks of all logs, or their pieces if the revolutions
 #: are too many to keep
-Measured = Sequence[Stack] | Pieces
+Measured = Sequence[Stack] | Pieces | StacksTogether | PiecesTogether
 
 
-def measured_pieces(measured: Measured) -> Pieces:
+def measured_pieces(measured: Measured) -> Pieces | PiecesTogether:
     """The pieces of all logs.  UsageError: there is none."""
     if not len(measured):
         raise UsageError(
             "no stack to compare with", allowed="at least one log is needed", do="give one"
         )
-    return measured if isinstance(measured, Pieces) else pieces_of_logs(measured)
+    if isinstance(measured, StacksTogether):
+        room = MOST_PIECES // len(measured.parts)
+        return PiecesTogether.of([pieces_of_logs(part, room) for part in measured.parts])
+    return measured if isinstance(measured, Pieces | PiecesTogether) else pieces_of_logs(measured)
 
 
-def single_revolutions(measured: Measured) -> Sequence[Stack]:
+def single_revolutions(measured: Measured) -> Sequence[Stack] | StacksTogether:
     """The stacks; none if only the pieces are left."""
-    return () if isinstance(measured, Pieces) else measured
+    return () if isinstance(measured, Pieces | PiecesTogether) else measured
 
 
 def start(measured: Measured, model: Model) -> Base:
@@ -61,18 +75,33 @@ def start(measured: Measured, model: Model) -> Base:
 
     UsageError if model and logs do not fit together.
     """
-    pieces = measured_pieces(measured)
-    if pieces.observable != model.observable:
+    return start_from(measured_pieces(measured), model)
+
+
+def start_from(pieces: Pieces | PiecesTogether, model: Model, *, several: bool = True) -> Base:
+    """The base of every question about these pieces."""
+    if observables_of(pieces) != model.observables:
         raise other_observable(pieces, model)
-    return prepare(cells_of(pieces), without_motion_parameters(model))
+    model = without_motion_parameters(model)
+    if isinstance(pieces, PiecesTogether):
+        cells = [cells_of(part) for part in pieces.parts]
+        drive = [part.manoeuvre for part in pieces.parts]
+        return prepare_together(cells, drive, model, several=several)
+    return prepare(cells_of(pieces), model, several=several)
 
 
-def other_observable(pieces: Pieces, model: Model) -> UsageError:
+def observables_of(pieces: Pieces | PiecesTogether) -> tuple[str, ...]:
+    """What was measured."""
+    return pieces.observables if isinstance(pieces, PiecesTogether) else (pieces.observable,)
+
+
+def other_observable(pieces: Pieces | PiecesTogether, model: Model) -> UsageError:
     """The error that says that a model and a log do not fit together."""
+    given = together(observables_of(pieces))
     return UsageError(
-        f"the model predicts {model.observable}, the log gives {pieces.observable}",
+        f"the model predicts {together(model.observables)}, the log gives {given}",
         allowed="both must be the same",
-        do=f"take a model for {pieces.observable} (model new) or another log",
+        do=f"take a model for {given} (model new) or another log",
         file=pieces.logs[0],
     )
 
@@ -82,11 +111,102 @@ def compare(measured: Measured, model: Model) -> Comparison:
     return comparison_of(start(measured, model), single_revolutions(measured))
 
 
-def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
+def comparison_of(base: Base, stacks: Sequence[Stack] | StacksTogether = ()) -> Comparison:
     """Everything to show of a fitted base.
 
     The table by revolution is empty without the `stacks` that the base was made of.
     """
+    if isinstance(base, TogetherBase):
+        return _comparison_of_several(base, stacks)
+    assert not isinstance(stacks, StacksTogether)
+    return _comparison_of_one(base, stacks)
+
+
+def _comparison_of_several(
+    base: TogetherBase, stacks: Sequence[Stack] | StacksTogether
+) -> Comparison:
+    """The comparison of each observable, and in floors that of all."""
+    of_parts = stacks.parts if isinstance(stacks, StacksTogether) else [()] * len(base.channels)
+    parts = tuple(
+        _comparison_of_one(part, own)
+        for part, own in zip(apart(base, held_by_all=True), of_parts, strict=True)
+    )
+    known = contributions(base)
+    units = {name: p.unit for name, p in base.model.parameters.items()}
+    said = agreement_sentence(known, units)
+    cells = base.cells
+    assert cells.together is not None
+    first = _in_floors(parts[0], cells.together.scales[0])
+    spread = base.plain.mean_square((base.plain(_about_level(base)) ** 2).sum()) + base.floor.within
+    return replace(
+        first,
+        observable=cells.observable,
+        unit=FLOORS,
+        model=base.model,
+        rmse=float(np.sqrt(max(base.square_fit, 0.0))),
+        rmse_heldout=base.rmse_held,
+        noise_floor=float(np.sqrt(base.floor.square)),
+        noise_floor_within=float(np.sqrt(base.floor.within)),
+        noise_floor_between=float(np.sqrt(base.floor.between)),
+        reduced_chi2=base.reduced_chi2,
+        fit_percent=100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread)))
+        if spread > 0
+        else 0.0,
+        revolutions=int(cells.revolutions.sum()),
+        manoeuvres=cells.manoeuvres,
+        parameters=parameters_of(base.model),
+        tables=_tables_of_several(parts),
+        remarks=tuple(remarks_of(base)),
+        parts=parts,
+        contributions=known,
+        agreement=said,
+    )
+
+
+def _in_floors(part: Comparison, floor: float) -> Comparison:
+    """A comparison whose waveforms and maps are over its noise floor."""
+    waves = part.waveforms
+    return replace(
+        part,
+        waveforms=replace(
+            waves,
+            measured=waves.measured / floor,
+            predicted=waves.predicted / floor,
+            floor=waves.floor / floor,
+        ),
+        by_speed=replace(part.by_speed, residual=part.by_speed.residual / floor),
+        by_time=replace(part.by_time, residual=part.by_time.residual / floor),
+    )
+
+
+def _about_level(base: TogetherBase) -> FloatArray:
+    """The measured values about the mean of their observable, (C, m)."""
+    values = base.cells.values - base.fit.beside
+    mean = [float(np.nanmean(values[base.cells.part == i])) for i in range(len(base.channels))]
+    about: FloatArray = np.nan_to_num(values - np.array(mean)[base.cells.part][:, None])
+    return about
+
+
+def _tables_of_several(parts: Sequence[Comparison]) -> ErrorTables:
+    """The tables of each observable under each other, each row with its name and unit."""
+
+    def named(part: Comparison, rows: Rows) -> Rows:
+        return [{"observable": part.observable, "unit": part.unit} | row for row in rows]
+
+    def by_revolution() -> Iterator[Rows]:
+        for part in parts:
+            for rows in part.tables.parts("revolution"):
+                yield named(part, rows)
+
+    small = {
+        name: [row for part in parts for row in named(part, part.tables[name])]
+        for name in ("angle", "speed", "regime", "conditions")
+    }
+    return ErrorTables(small, {"revolution": by_revolution})
+
+
+def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
+    """The comparison of one observable."""
     measured = base.cells.values - base.fit.beside
     spread = (
         base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum())
@@ -128,6 +248,16 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 
 def remarks_of(base: FittedChannel) -> list[str]:
     """What a person should know of the fit before believing it."""
+    if isinstance(base, TogetherBase):
+        each = [(part.cells.observable, remarks_of(part)) for part in apart(base)]
+        counted = Counter(remark for _, remarks in each for remark in dict.fromkeys(remarks))
+        return list(
+            dict.fromkeys(
+                remark if counted[remark] > 1 or remark in base.cells.notes else f"{name}: {remark}"
+                for name, remarks in each
+                for remark in remarks
+            )
+        )
     said = [*base.cells.notes, *of_rounding(base)]
     if base.cells.manoeuvres < 2:
         said.append(
@@ -160,6 +290,8 @@ def remarks_of(base: FittedChannel) -> list[str]:
 
 def of_rounding(base: FittedChannel) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
+    if isinstance(base, TogetherBase):
+        return [f"{p.cells.observable}: {said}" for p in apart(base) for said in of_rounding(p)]
     if isinstance(base, Base) and base.cells.manoeuvres > 1:
         held = base.square_held
     else:
@@ -346,9 +478,11 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     )
     left_out = cell < 0  # of a log that many others left no room
     cell = np.maximum(cell, 0)
+    model = base.model
+    if model.beside:
+        model = model_of(model, stack.observable)
     predicted = (
-        base.model.predict(stack.conditions, surface=stack.surface, **angles)
-        + base.fit.beside[cell]
+        model.predict(stack.conditions, surface=stack.surface, **angles) + base.fit.beside[cell]
     )
     left = np.where(
         np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan

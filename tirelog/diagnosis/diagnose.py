@@ -53,6 +53,7 @@ from tirelog.diagnosis.nuisance_sizes import (
     alike_sentences,
     nuisance_sentences,
     nuisances_found,
+    observed,
     scatter_sentences,
 )
 from tirelog.diagnosis.results import Candidate, Comparison, plain_values
@@ -72,9 +73,10 @@ from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
+from tirelog.inference.base import TogetherBase, apart
+from tirelog.inference.cells.together import StacksTogether, model_of
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.observables import OBSERVABLES
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     next_command: str
     found: Found
-    stacks: Sequence[Stack]
+    stacks: Sequence[Stack] | StacksTogether
 
     @property
     def model(self) -> Model:
@@ -159,7 +161,7 @@ def diagnose(
     return conclude(found, single_revolutions(measured))
 
 
-def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
+def conclude(found: Found, stacks: Sequence[Stack] | StacksTogether) -> Diagnosis:
     """The verdict and everything that is said with it."""
     before, after = found.before, found.after
     floor = after.floor if found.named else before.floor
@@ -255,8 +257,8 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "after": after.square_held,
         "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
         "scatter": scatter,
-        "observable": before.model.observable,
-        "unit": OBSERVABLES[before.model.observable].unit,
+        "observable": observed(before)[0],
+        "unit": observed(before)[1],
         "chi2": before.reduced_chi2,
         "beside": tuple(stayed),
         "groups": groups,
@@ -293,7 +295,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
             verdict,
             selected,
             model=before.model,
-            logs=before.cells.logs,
+            logs=before.cells.log_names,
             beside=[
                 n.name
                 for n in before.model.nuisances
@@ -407,6 +409,8 @@ def _unexplained(
         "nearest_effect": nearest.effect if nearest and not selected else None,
         "nearest_share": nearest.excess_removed if nearest and not selected else None,
     }
+    if left.observable is not None:  # of several that are fitted together
+        facts |= {"observable": left.observable, "contradicts": left.contradicts}
     return facts | {
         "sentence": unexplained_sentence(facts, found.before.cells.manoeuvres < FEWEST_MANOEUVRES)
     }
@@ -429,5 +433,10 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
         return [], notes
     if len(rivals) < 2:
         return [], notes
-    rows, more = advise(step.before, rivals)
+    before = step.before
+    if isinstance(before, TogetherBase):  # the list is searched in the first waveform
+        before = max(apart(before), key=lambda part: part.cells.phi.shape[1])
+        seen = before.cells.observable
+        rivals = [(name, model_of(model, seen)) for name, model in rivals]
+    rows, more = advise(before, rivals)
     return rows, notes + more

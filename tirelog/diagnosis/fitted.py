@@ -16,6 +16,7 @@ from tirelog.errors import ModelError
 from tirelog.inference.base import fit_together
 from tirelog.inference.cells.cells import Cells, cells_of, with_nuisances
 from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.cells.together import PiecesTogether, model_of
 from tirelog.inference.fit.result import FitResult, result_of
 from tirelog.inference.motion import without_motion_parameters
 from tirelog.physics.model.model import Model
@@ -47,7 +48,7 @@ def fit_channels_measured(
                 or an unknown nuisance
     UsageError  there is nothing to fit, or it is not what the model predicts
     """
-    pieces = [measured_pieces(channel) for channel in channels]
+    pieces = [part for channel in channels for part in parts_of(measured_pieces(channel))]
     _refuse(pieces, model)
     cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
     start = without_motion_parameters(model)
@@ -71,20 +72,26 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
             allowed="one with { value, min, max } is needed",
             do="free one in the model file",
         )
-    same = [pieces.observable == model.observable for pieces in channels]
+    same = [pieces.observable in model.observables for pieces in channels]
     for pieces, is_same in zip(channels, same, strict=True):
         beside = any(same) and {pieces.observable, model.observable} <= set(WAVEFORMS)
         if not is_same and not beside:
             raise other_observable(pieces, model)
         for log in np.unique(pieces.log):
             known = pieces.conditions.take(pieces.log == log)
-            for effect, lacking in model.missing_conditions(known).items():
+            one = model_of(model, pieces.observable) if model.beside else model
+            for effect, lacking in one.missing_conditions(known).items():
                 raise ModelError(
                     f"effect {effect!r} needs {', '.join(lacking)}, which {pieces.logs[log]} does "
                     "not know",
                     allowed="every log must know it",
                     do="add it to the setup, or remove the effect",
                 )
+
+
+def parts_of(pieces: Pieces | PiecesTogether) -> tuple[Pieces, ...]:
+    """The pieces of each observable."""
+    return pieces.parts if isinstance(pieces, PiecesTogether) else (pieces,)
 
 
 def _amplitudes_of_model(cells: Sequence[Cells], model: Model) -> tuple[list[Cells], Model]:

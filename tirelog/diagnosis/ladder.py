@@ -19,22 +19,22 @@ import numpy as np
 from tirelog.diagnosis.beside import groups_of, with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.naming import Step
-from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found
+from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
-from tirelog.inference.base import Base
+from tirelog.inference.base import Base, apart
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.cells.together import PiecesTogether, predicted
 from tirelog.inference.fit.cells import Problem, centred
 from tirelog.inference.floor import Plain, at_mean_speed
 from tirelog.inference.metric.projection import Normal, solve_scaled
 from tirelog.inference.nuisances import shared_by
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.observables import OBSERVABLES
 
 #: every so many manoeuvres one is locked away, if at least so many remain: these leave sign flips a
 #: least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single one
@@ -61,8 +61,8 @@ def ladder(
     untouched = _untouched(after, locked) if locked is not None else (None, None)
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
     return Ladder(
-        observable=model.observable,
-        unit=OBSERVABLES[model.observable].unit,
+        observable=observed(after)[0],
+        unit=observed(after)[1],
         steps=tuple(_steps(found)),
         model=with_nuisances_on(after),
         verdict=_verdict(found),
@@ -73,7 +73,7 @@ def ladder(
         ),
         revolutions=int(after.cells.revolutions.sum()),
         manoeuvres=after.cells.manoeuvres,
-        logs=after.cells.logs,
+        logs=after.cells.log_names,
         manoeuvres_locked=kept_back,
         remarks=(
             *remarks_of(found.before),
@@ -92,7 +92,9 @@ def _said(seen: int, locked: int) -> str:
     )
 
 
-def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
+def locked_away(
+    pieces: Pieces | PiecesTogether,
+) -> tuple[Pieces | PiecesTogether, Pieces | PiecesTogether | None]:
     """(what the search may see, what nothing touches).
 
     The second is every seventh manoeuvre, from the fourth, if twelve remain.
@@ -105,11 +107,13 @@ def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
     return pieces.take(~mask), pieces.take(mask)
 
 
-def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
+def _untouched(after: Base, locked: Pieces | PiecesTogether) -> tuple[float, float]:
     """(rmse of the model on the locked manoeuvres, the floor there).
 
-    The offsets are as fitted on the others.
+    The offsets are as fitted on the others. Of several observables both are in floors.
     """
+    if isinstance(locked, PiecesTogether):
+        return _untouched_several(after, locked)
     cells = cells_of(locked)
     for _ in range(3):
         cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
@@ -134,11 +138,24 @@ def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
     return rmse, float(np.sqrt(within + after.floor.between))
 
 
+def _untouched_several(after: Base, locked: PiecesTogether) -> tuple[float, float]:
+    """The root mean square over the observables, weighted by their revolutions."""
+    layout = after.cells.together
+    assert layout is not None
+    squares, weights = [], []
+    for part, own, scale in zip(apart(after), locked.parts, layout.scales, strict=True):
+        if len(own):
+            squares.append(np.square(_untouched(part, own)) / scale**2)
+            weights.append(float(own.number.sum()))
+    rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
+    return rmse, floor
+
+
 def _fit_on(after: Base, cells: Any) -> Any:
     """The fitted model's prediction on other cells."""
     return replace(
         after.fit,
-        prediction=after.model.predict(cells.conditions, surface=cells.surface, **cells.angles),
+        prediction=predicted(after.model, cells),
     )
 
 
@@ -254,6 +271,11 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     for log, logname in enumerate(base.cells.logs):
         if log >= normal.gram.shape[0] or not np.any(base.cells.log == log):
             continue
+        of = {}
+        if (layout := base.cells.together) is not None:
+            of = {"observable": layout.observables[log // len(layout.logs)]}
+            if not normal.gram[log, : len(names), : len(names)].any():
+                continue
         scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.gram[log]), 1e-300))
         covariance = (
             np.linalg.pinv(normal.gram[log] * scale[:, None] * scale, rcond=1e-10)
@@ -264,7 +286,8 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
             visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
             p = base.model.parameters[name]
             rows.append(
-                {
+                of
+                | {
                     "log": logname,
                     "parameter": name,
                     "unit": p.unit,

@@ -15,16 +15,18 @@ removal of the best family.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.assessment import nuisance
 from tirelog.diagnosis.naming import even_share, hats
 from tirelog.diagnosis.pressure_shapes import pressure_columns
 from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
-from tirelog.inference.base import Base, thinned
+from tirelog.inference.base import Base, TogetherBase, apart, thinned
+from tirelog.inference.cells.together import model_of
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Nuisance
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
@@ -82,7 +84,8 @@ class Leftover:
 
     `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
     change of the contact pressure explains it best; `shape` (m,) the residual's leading one over
-    `phi_rad` (m,).
+    `phi_rad` (m,). `observable`: of several fitted together the one that it is told of;
+    `contradicts`: nothing repeats within that one, but it contradicts the others.
     """
 
     significant: bool
@@ -97,6 +100,8 @@ class Leftover:
     phi_rad: FloatArray
     in_pressure: bool = False
     together: tuple[str, ...] = ()
+    observable: str | None = None
+    contradicts: bool = False
 
 
 @dataclass(frozen=True)
@@ -115,11 +120,56 @@ class Scattered:
     together: tuple[str, ...] = ()
 
 
+def _describe_several(base: TogetherBase) -> Leftover:
+    """The rest of the observable in which it is largest."""
+    parts = apart(base)
+    found = [describe(part) for part in parts]
+    share = [part.plain.weight / base.plain.weight for part in parts]
+    sizes = [
+        left.size / part.floor.square * part_share
+        for left, part, part_share in zip(found, parts, share, strict=True)
+    ]
+    # one test for each observable
+    found = [
+        replace(left, p=min(left.p * len(parts), 1.0), significant=left.significant)
+        for left in found
+    ]
+    told = [i for i, left in enumerate(found) if left.significant]
+    if told:
+        most = max(told, key=lambda i: sizes[i])
+        return replace(
+            found[most], size=sum(sizes[i] for i in told), observable=parts[most].cells.observable
+        )
+    against = max(contributions(base), key=lambda one: one.size * one.contradicts)
+    most = int(np.argmax(sizes))
+    if not against.contradicts:
+        return replace(found[most], size=sizes[most])
+    at = [part.cells.observable for part in parts].index(against.observable)
+    return replace(
+        found[at],
+        significant=True,
+        p=against.p,
+        size=against.size * share[at],
+        observable=against.observable,
+        contradicts=True,
+    )
+
+
+def _scattered_several(base: TogetherBase) -> Scattered:
+    """That of the observable that is farthest above its floor, in floors."""
+    parts = apart(base, held_by_all=True)
+    worst = max(parts, key=lambda part: part.square_held / part.floor.square)
+    found = scattered(worst, worst.floor.square)
+    return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
+
+
 def scattered(base: Base, floor_square: float) -> Scattered:
     """Size and course of what is left beside the floor.
 
     If only chi-square tells of it, the size is that of cell means.
     """
+    if isinstance(base, TogetherBase):
+        return _scattered_several(base)
     plain, cells = base.plain, base.cells
     beyond = max(
         base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
@@ -233,7 +283,12 @@ def _score(
 
 
 def describe(base: Base) -> Leftover:
-    """The rest that this fit leaves."""
+    """The rest that this fit leaves.
+
+    Of several observables it is told of the one in which it is largest, its size in floors of all.
+    """
+    if isinstance(base, TogetherBase):
+        return _describe_several(base)
     cells = base.cells
     taken = nuisance(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
@@ -363,6 +418,8 @@ def leading_shape(base: Base) -> FloatArray:
 def half_angle(base: Base) -> float:
     """L / R [rad] of the model's patch, mean over cells."""
     model, conditions = base.model, base.cells.conditions
+    if model.beside:
+        model = model_of(model, base.cells.observable)
     return float(np.mean(model.half_length_m(conditions))) / model.values["radius_m"]
 
 

@@ -47,7 +47,8 @@ from tirelog.diagnosis.signatures import (
     with_candidate,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, refit, settled, thinned
+from tirelog.inference.base import Base, TogetherBase, apart, refit, settled, thinned
+from tirelog.inference.cells.together import embedded
 from tirelog.inference.fit.cells import Problem, descend_together, free_names
 from tirelog.inference.fit.errors import NULL
 from tirelog.inference.floor import held_out_losses
@@ -423,6 +424,13 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     A form that is somewhat wrong keeps its symmetry: if the effect's own contribution is even
     (or odd) about the patch centre, so are the shapes.
     """
+    if isinstance(base, TogetherBase):
+        each = [
+            embedded(base.cells, i, freedom_of_shape(part, effect_id))
+            for i, part in enumerate(apart(base))
+            if _acts_in(part, effect_id)
+        ]
+        return np.concatenate(each, axis=-1)
     problem = Problem(base.cells, base.white)
     others = tuple(e for e in base.model.effects if e.id != effect_id)
     contribution = np.nan_to_num(
@@ -443,6 +451,12 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     columns: FloatArray = loading[:, None, None] * here
     columns /= max(float(np.abs(loading).max()), 1e-300)
     return columns
+
+
+def _acts_in(part: Base, effect_id: str) -> bool:
+    """Does an effect of the model act on this observable?"""
+    held = [entry.effect for entry in part.model.effects]
+    return any(e.id == effect_id and e.acts_in(part.cells.observable, held) for e in held)
 
 
 def even_share(shape: FloatArray, phi: FloatArray) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from tirelog.diagnosis.beside import groups_of
 from tirelog.diagnosis.wording import NUISANCES_SAID
-from tirelog.inference.base import Base
+from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.metric.offsets import Nuisance as Projected
 from tirelog.inference.metric.offsets import Offsets
@@ -22,7 +22,7 @@ from tirelog.inference.nuisances import frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import OBSERVABLES, shown
+from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, shown
 
 #: parts below so many of their standard errors are not spoken of; nor those below this share of
 #: the largest
@@ -159,8 +159,19 @@ def _of_log(place: str) -> str:
 
 def _unit(base: Base, name: str) -> str:
     """The unit of a part: the observable's for what adds to it, else a share."""
-    adds = name.startswith(("run-out", "baseline"))
-    return OBSERVABLES[base.model.observable].unit if adds else "1"
+    adds = _plain(name).startswith(("run-out", "baseline"))
+    return observed(base, name)[1] if adds else "1"
+
+
+def _plain(name: str) -> str:
+    """The name of a part without its observable, which it has before it if there are several."""
+    return name.rpartition(": ")[2]
+
+
+def observed(base: Base, name: str = "") -> tuple[str, str]:
+    """What a base is of, and its unit; of several observables that of a part by its name."""
+    own = name.rpartition(": ")[0] or base.cells.observable
+    return own, OBSERVABLES[own].unit if own in OBSERVABLES else FLOORS
 
 
 def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
@@ -170,6 +181,9 @@ def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
 
 def scatter_sentences(base: Base) -> list[str]:
     """What the noise floor mostly is, if that is what loads that scatter would do; else nothing."""
+    if isinstance(base, TogetherBase):
+        each = [(part.cells.observable, scatter_sentences(part)) for part in apart(base)]
+        return [f"Of {name}: {said}" for name, sentences in each for said in sentences]
     scatter = base.floor.scatter
     columns = scatter_columns(base.cells, base.fit)
     by_load = replace(scatter, baseline_square=np.zeros_like(scatter.baseline_square))
@@ -192,6 +206,7 @@ def _parted_by(nuisance: str, base: Base) -> str:
         + ("" if measured else ", or a measured temperature"),
         "rolling": "a measured way, which gives the rolling radius",
         "patch_law": "a log at a third load",
+        "pressure_law": "a log at a third pressure",
     }[nuisance]
 
 
@@ -219,14 +234,14 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
     said = ", ".join(_said(part, base) for part in told)
     if found.nuisance == "wheel":
         much = any(
-            part.value > (_MUCH_FORCE if part.name.startswith("force") else _MUCH_RUN_OUT)
+            part.value > (_MUCH_FORCE if "force" in part.name else _MUCH_RUN_OUT)
             for part in told
             if part.unit in ("1", "strain", "m/m")
         )
         does = "balance the wheel or mount the tire anew" if much else "within what wheels do"
         return f"Beside the model stands the wheel: {said}; {does}."
     if found.nuisance == "drift":
-        baseline = any(part.name.startswith("baseline") for part in told)
+        baseline = any(_plain(part.name).startswith("baseline") for part in told)
         or_effect = (
             " A baseline that moves is what thermal_drift does, too: "
             f"{_parted_by('drift', base)} parts them."
@@ -247,6 +262,11 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
     else:
         exponent = base.model.values[parameter]
         said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
+    if found.nuisance == "pressure_law":
+        return (
+            f"Beside the model stands another law of the pressure: {said}; or what went along with "
+            "the pressure, such as the load."
+        )
     return (
         f"Beside the model stands another patch law: {said}; or what went along with the load, "
         "such as the pressure."
@@ -254,8 +274,8 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
 
 
 def _said(part: NuisancePart, base: Base) -> str:
-    if part.unit == "1" and not part.name.startswith(("run-out", "baseline")):
-        sign = "" if part.name.startswith("force") else "+"
+    if part.unit == "1" and not _plain(part.name).startswith(("run-out", "baseline")):
+        sign = "" if _plain(part.name).startswith("force") else "+"
         return f"{part.name} {100.0 * part.value:{sign}.2g} ± {100.0 * part.se:.1g} %"
-    factor, unit = shown(base.model.observable, OBSERVABLES[base.model.observable].unit)
+    factor, unit = shown(*observed(base, part.name))
     return f"{part.name} {part.value * factor:.2g} ± {part.se * factor:.1g} {unit}"

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.diagnosis.agreement import Contribution
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -91,6 +92,10 @@ class Comparison:
 
     `tables`: rows by revolution, angle, speed, regime, conditions. `half_angle_rad` is the patch's
     half length as an angle.
+
+    Of several observables fitted together errors are in their noise floors, `parts` has the
+    comparison of each in its own unit, `contributions` what each knows, and `agreement` says
+    whether they contradict each other; waveforms and maps are those of the first.
     """
 
     observable: str
@@ -112,6 +117,9 @@ class Comparison:
     by_time: Map
     half_angle_rad: float
     remarks: tuple[str, ...] = ()
+    parts: tuple[Comparison, ...] = ()
+    contributions: tuple[Contribution, ...] = ()
+    agreement: str = ""
 
     @property
     def excess(self) -> float:
@@ -123,7 +131,10 @@ class Comparison:
         return None if self.rmse_heldout is None else excess_of(self.rmse_heldout, self.noise_floor)
 
     def to_json(self) -> dict[str, Any]:
-        apart = ("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks")
+        apart = (
+            *("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks"),
+            *("parts", "contributions", "agreement"),
+        )
         names = [name for name in self.__dataclass_fields__ if name not in apart] + [
             "excess",
             "excess_heldout",
@@ -131,6 +142,13 @@ class Comparison:
         told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)}
         )
+        if self.parts:
+            told["observables"] = {part.observable: part.to_json() for part in self.parts}
+            for known in self.contributions:
+                told["observables"][known.observable]["contribution"] = plain_values(
+                    known.to_json()
+                )
+            told["agreement"] = self.agreement
         return told
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.errors import ModelError
+from tirelog.inference.cells.together import lacking
 from tirelog.inference.fit.cells import Problem
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
@@ -58,7 +59,7 @@ def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect
         effect
         for effect in known.values()
         if effect.id not in held
-        and effect.acts_in(model.observable, beside)
+        and model.acted_on_by(effect, beside)
         and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
     ]
 
@@ -74,8 +75,8 @@ def idle_candidates(model: Model, extra: Iterable[Effect] = ()) -> dict[str, str
         effect.id: why_idle(effect, model.observable)
         for effect in {**BY_ID, **own}.values()
         if effect.id not in held
-        and not effect.acts_in(model.observable, beside)
-        and (effect.id in own or readers(effect, model.observable))
+        and not model.acted_on_by(effect, beside)
+        and (effect.id in own or any(readers(effect, one) for one in model.observables))
     }
 
 
@@ -111,9 +112,9 @@ def signatures_of(
 
     ModelError if it cannot be computed here (`needs`, or the physics refuses it).
     """
-    lacking = effect.missing(problem.cells.conditions)
-    if lacking:
-        raise ModelError(f"needs {', '.join(lacking)}")
+    missing = lacking(effect, model, problem.cells)
+    if missing:
+        raise ModelError(f"needs {', '.join(missing)}")
     own = {p.name: p for p in effect.parameters}
     result = []
     size = float(np.nanmax(np.abs(prediction)))

@@ -82,6 +82,7 @@ NUISANCES_SAID = {
     "drift": "a drift",
     "rolling": "another rolling radius",
     "patch_law": "another patch law",
+    "pressure_law": "another law of the pressure",
 }
 _PARITY = {
     "even": "even about the patch centre",
@@ -282,7 +283,12 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
         return "Whether what remains repeats cannot be tested on so few manoeuvres."
     if not facts["significant"]:
         return f"What remains {_SHAPELESS}."
-    parts = []
+    if facts.get("contradicts"):
+        return (
+            f"What remains repeats: {facts['observable']} contradicts the other observables on "
+            "what they share."
+        )
+    parts = [f"in {facts['observable']}"] if facts.get("observable") else []
     if facts["where"]:
         parts.append(_WHERE[facts["where"]])
         parts.append(_PARITY[facts["parity"]])

@@ -5,6 +5,12 @@ Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuv
 
 Several channels of one tire are fitted together: each has its metric, its scatter and its offsets,
 all have the parameters.
+
+Several observables in one question (`prepare_together`) are one `TogetherBase`: cells under each
+other in floors (`cells.together`), each with its own metric and floor, one fit. Whatever works on a
+Base works on it: candidates, nuisances, held-out losses. `apart` gives the base of each observable
+in its own unit, at the parameters of the fit to all: what is told of one (its errors, what is left
+of it, where) is told by that.
 """
 
 from __future__ import annotations
@@ -18,7 +24,16 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.inference.bends import bends
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.fit.cells import Fit, fit_channels, fit_model, take_cells
+from tirelog.inference.cells.together import in_bins, joined_cells, parts_of
+from tirelog.inference.fit.apart import fits_apart
+from tirelog.inference.fit.cells import (
+    Fit,
+    Problem,
+    finish,
+    fit_channels,
+    fit_model,
+    take_cells,
+)
 from tirelog.inference.floor import (
     Floor,
     Plain,
@@ -28,10 +43,10 @@ from tirelog.inference.floor import (
     measure_floor,
 )
 from tirelog.inference.metric.whitening import Whitener, whitener
-from tirelog.inference.nuisances import freed, shared_by
+from tirelog.inference.nuisances import asked_for, freed, shared_by
 from tirelog.inference.scatter import Scatter, load_slopes, measure_scatter, scatter_columns
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: before anything is fitted the model may miss this share of the waveform's rms
 _FIRST_DISCREPANCY = 0.03
@@ -141,6 +156,165 @@ class Base(FittedChannel):
         return self.square_held - self.floor.square
 
 
+@dataclass(frozen=True)
+class TogetherBase(Base):
+    """Several observables fitted together, in floors; `channels` as fitted, each in its unit."""
+
+    channels: tuple[FittedChannel, ...] = ()
+
+    @property
+    def noise(self) -> Whitener:
+        """Of each observable its own."""
+        return whiteners_joined([one.noise for one in apart(self)], self.cells)
+
+
+def prepare_together(
+    cells: Sequence[Cells], drive: Sequence[IntArray], model: Model, *, several: bool = True
+) -> TogetherBase:
+    """The base model fitted to several observables, each with its floor.
+
+    drive  of each the manoeuvre of its rows, numbered through all observables
+    ModelError if it cannot be computed at these speeds.
+    """
+    conditions = Conditions.concatenate([own.conditions for own in cells])
+    model = model.resolved(conditions)
+    channels, raw = _fitted(cells, model, several)
+    scales = [float(np.sqrt(channel.floor.square)) for channel in channels]
+    made = _joined(channels, raw, scales, drive)
+    return replace(made, given=model)
+
+
+def _joined(
+    channels: Sequence[FittedChannel],
+    raw: Sequence[Cells],
+    scales: Sequence[float],
+    drive: Sequence[IntArray],
+) -> TogetherBase:
+    """Fitted channels as one base."""
+    fits = [channel.fit for channel in channels]
+    cells = joined_cells([channel.cells for channel in channels], scales, drive)
+    white = whiteners_joined([channel.white for channel in channels], cells)
+    plain = Plain.of(cells)
+    (fit,) = finish([Problem(cells, white)], fits[0].model, fits[0].names, fits[0].settled)
+    floor = _floor_of_all(channels, scales, plain, cells.part)
+    missed = sum(
+        channel.discrepancy / scale**2 * len(channel.cells)
+        for channel, scale in zip(channels, scales, strict=True)
+    )
+    return TogetherBase(
+        cells,
+        white,
+        plain,
+        floor,
+        fit,
+        missed / len(cells),
+        *held_out_losses(cells, white, plain, fit),
+        raw=joined_cells(raw, scales, drive),
+        channels=tuple(channels),
+    )
+
+
+def _floor_of_all(
+    channels: Sequence[FittedChannel], scales: Sequence[float], plain: Plain, part: IntArray
+) -> Floor:
+    """The mean floor of all, each in floors as it was at first, weighted as its cells are."""
+    share = np.bincount(part, (plain.weights**2).sum(axis=1)) / plain.weight
+    square = np.square(scales)
+    within, between = (
+        float((share * np.array([getattr(c.floor, name) for c in channels]) / square).sum())
+        for name in ("within", "between")
+    )
+    scatters = [channel.floor.scatter for channel in channels]
+    rows = {
+        name: np.concatenate([getattr(s, name) for s in scatters])
+        for name in ("load", "load_square")
+    }
+    baseline = [s.baseline_square / c**2 for s, c in zip(scatters, scales, strict=True)]
+    scatter = Scatter(0.0, 0.0, 0.0, baseline_square=np.concatenate(baseline), **rows)
+    none = np.zeros(0)  # angles are each observable's own: `apart` tells of them
+    return Floor(within, between, none, none, scatter)
+
+
+def apart(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:
+    """The base of each observable, in its unit; (the base itself,) if there is but one.
+
+    Held-out losses are those of each alone about the fit to all, or `held_by_all`: those that it
+    has if the manoeuvre is left out of all observables.
+    """
+    if not isinstance(base, TogetherBase):
+        return (base,)
+    fits = fits_apart(replace(base.fit, cells=base.cells))
+    raws = [None] * len(fits) if base.raw is None else parts_of(base.raw)
+    given = base.given
+    layout = base.cells.together
+    assert layout is not None
+    found = []
+    for i, (channel, fit) in enumerate(zip(base.channels, fits, strict=True)):
+        more = (len(fit.names) - len(channel.fit.names)) / len(fits)
+        own = replace(fit.cells, cell=channel.cells.cell)
+        fit = replace(fit, freedom=max(channel.fit.freedom - more, 1.0), cells=own)
+        if held_by_all:
+            rows = base.cells.part == i
+            scale = layout.scales[i]
+            losses = held_out_losses(base.cells, base.white, base.plain, base.fit, of=rows)
+            seen = np.unique(base.cells.manoeuvre[rows])
+            held = losses[0][seen], losses[1][seen] * scale**2
+        else:
+            held = held_out_losses(fit.cells, channel.white, channel.plain, fit)
+        found.append(
+            Base(
+                fit.cells,
+                channel.white,
+                channel.plain,
+                channel.floor,
+                fit,
+                channel.discrepancy,
+                *held,
+                raws[i],
+                None
+                if given is None
+                else replace(given, observable=fit.model.observable, beside=fit.model.beside),
+            )
+        )
+    return tuple(found)
+
+
+def whiteners_joined(whites: Sequence[Whitener], cells: Cells) -> Whitener:
+    """The metrics of several observables as one on all their cells; none couples two of them."""
+    width, layout = cells.phi.shape[1], cells.together
+    assert layout is not None
+    most = max(white.basis.shape[2] for white in whites)
+    basis, shrink = [], []
+    groups: list[tuple[int, IntArray, FloatArray, FloatArray]] = []
+    for i, white in enumerate(whites):
+        rows = np.flatnonzero(cells.part == i)
+        count = white.basis.shape[2]
+        own = in_bins(white.basis, width, 0.0)
+        basis.append(np.concatenate([own, np.zeros((*own.shape[:2], most - count))], axis=-1))
+        shrink.append(np.concatenate([white.shrink, np.zeros((rows.size, most - count))], axis=-1))
+        for group, of_group, by in zip(
+            white.groups, white.group_basis, white.group_shrink, strict=True
+        ):
+            angles = in_bins(of_group.reshape(group.size, -1, of_group.shape[-1]), width, 0.0)
+            manoeuvre = int(cells.manoeuvre[rows[group[0]]]) if group.size else 0
+            groups.append((manoeuvre, rows[group], angles.reshape(-1, of_group.shape[-1]), by))
+    groups.sort(key=lambda group: group[0])
+    return Whitener(
+        np.concatenate(
+            [
+                in_bins(white.inverse_sd * scale, width, 0.0)
+                for white, scale in zip(whites, layout.scales, strict=True)
+            ]
+        ),
+        np.concatenate(basis),
+        np.concatenate(shrink),
+        tuple(group[1] for group in groups),
+        tuple(group[2] for group in groups),
+        tuple(group[3] for group in groups),
+        np.array([group[0] for group in groups], dtype=np.int64),
+    )
+
+
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     """The base model fitted, with its floor.
 
@@ -168,7 +342,8 @@ def _fitted(
     """The channels with their scatter, and the cells as the first fit centred them."""
     rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
     whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
-    always = [n.name for n in model.nuisances if n.use == "on"]
+    conditions = Conditions.concatenate([cells.conditions for cells in channels])
+    always = asked_for(model, conditions)
     model = freed(model, always)
     fits = fit_channels(list(zip(channels, whites, strict=True)), model, several=several)
     raw = [replace(f.cells, shared=shared_by(f.cells, f, always)) for f in fits]
@@ -290,9 +465,27 @@ def settled(base: Base) -> Base:
 
     Once an effect is in, less is taken for scatter.
     """
+    if isinstance(base, TogetherBase):
+        return _settled_together(base)
     raw = replace(base.raw or base.cells, phi=base.cells.phi, moved=base.cells.moved)
     (anew,) = _with_scatter([raw], [base.fit], [base.white], [base.discrepancy])
     return replace(_held_out(anew, raw), given=base.given)
+
+
+def _settled_together(base: TogetherBase) -> TogetherBase:
+    parts = apart(base)
+    raws = [
+        replace(part.raw or part.cells, phi=part.cells.phi, moved=part.cells.moved)
+        for part in parts
+    ]
+    fits = [replace(part.fit, model=base.model) for part in parts]
+    anew = _with_scatter(
+        raws, fits, [part.white for part in parts], [part.discrepancy for part in parts]
+    )
+    layout = base.cells.together
+    assert layout is not None
+    drive = [base.cells.manoeuvre[base.cells.part == i] for i in range(len(parts))]
+    return replace(_joined(anew, raws, layout.scales, drive), given=base.given)
 
 
 def refit(base: Base, model: Model) -> Base:
@@ -310,6 +503,8 @@ def thinned(base: Base, most: int) -> Base:
     if len(base.cells) <= most:
         return base
     rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
+    if isinstance(base, TogetherBase):
+        return _thinned_together(base, rows)
     cells = take_cells(base.cells, rows)
     cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
     fit = replace(
@@ -320,4 +515,25 @@ def thinned(base: Base, most: int) -> Base:
         residual=base.fit.residual[rows],
     )
     white = _metric(cells, base.discrepancy, scatter_columns(cells, fit), base.floor.scatter)
+    return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)
+
+
+def _thinned_together(base: TogetherBase, rows: IntArray) -> TogetherBase:
+    """The same fit on some of the rows."""
+    cells = take_cells(base.cells, rows)
+    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
+    fit = replace(
+        base.fit,
+        prediction=base.fit.prediction[rows],
+        jacobian=base.fit.jacobian[rows],
+        cells=cells,
+        residual=base.fit.residual[rows],
+    )
+    whites = [
+        _metric(
+            own.cells, channel.discrepancy, scatter_columns(own.cells, own), channel.floor.scatter
+        )
+        for own, channel in zip(fits_apart(fit), base.channels, strict=True)
+    ]
+    white = whiteners_joined(whites, cells)
     return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.cells.together import predicted
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric.offsets import Levelled
 from tirelog.inference.metric.projection import in_blocks, side_by_side, solve_scaled
@@ -69,6 +70,10 @@ class Plain:
         weights, direction = self.weights[rows, :, None], self.direction[rows]
         x = np.where(weights > 0, x, 0.0)
         return (x - direction @ (np.swapaxes(direction, 1, 2) @ x)) * weights
+
+    def only(self, rows: NDArray[np.bool_]) -> Plain:
+        """The metric in which only these cells count."""
+        return replace(self, weights=np.where(rows[:, None], self.weights, 0.0))
 
     def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> Plain:
         """The metric of some cells alone; the manoeuvres are for the other metric."""
@@ -127,11 +132,8 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
     speed = cells.conditions.speed_m_s
     try:
         up, down = (
-            fit.model.predict(
-                replace(cells.conditions, speed_m_s=speed + s * step),
-                surface=cells.surface,
-                observable=cells.observable,
-                **cells.angles,
+            predicted(
+                fit.model, cells, conditions=replace(cells.conditions, speed_m_s=speed + s * step)
             )
             for s in (1.0, -1.0)
         )
@@ -192,20 +194,49 @@ def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, scatter: Scat
 
 
 def held_out_losses(
-    cells: Cells, white: Whitener, plain: Plain, fit: Fit, *more: FloatArray
+    cells: Cells,
+    white: Whitener,
+    plain: Plain,
+    fit: Fit,
+    *more: FloatArray,
+    of: NDArray[np.bool_] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Losses (M,) of each manoeuvre when all the others decide the parameters.
 
     They come in whitened units and in the plain metric. One step from the fitted point, which is
     where leaving one manoeuvre out moves it. `more` (C, m, k) each add columns to the model. What
     the same step would gain on all data is no part of it: the fit could not take it (bounds, a bent
-    way), so leaving data out cannot.
+    way), so leaving data out cannot. `of` (C,): the cells whose losses count, if not all; the
+    parameters are decided by all.
     """
     in_white, in_plain = (_levelled(cells, metric, fit, more) for metric in (white, plain))
     theta, offset = in_white.left_out()
-    of_all, level_of_all = in_white.step_of_all(fit.jacobian.shape[-1] + fit.amplitudes.size)
+    of_all, level_of_all = in_white.step_of_all(
+        fit.jacobian.shape[-1] + fit.amplitudes.size + _own_levels(cells).shape[-1]
+    )
     theta, offset = theta - of_all, offset - level_of_all
+    if of is not None:
+        in_white, in_plain = (
+            _levelled(cells, metric.only(of), fit, more) for metric in (white, plain)
+        )
     return in_white.loss(theta, offset), in_plain.loss(theta, offset)
+
+
+def _own_levels(cells: Cells) -> FloatArray:
+    """Columns (C, m, k) of the offsets that a log has beside its first.
+
+    Each observable of a log has its own; with one observable there is none.
+    """
+    if cells.together is None:
+        return np.zeros((*cells.phi.shape, 0))
+    first: dict[int, int] = {}
+    columns = []
+    level = cells.level
+    for log in np.unique(cells.log):
+        rows = cells.log == log
+        if level[rows].any() and first.setdefault(int(cells.drive[rows][0]), int(log)) != log:
+            columns.append(np.where(rows[:, None], level, 0.0))
+    return np.stack(columns, axis=-1) if columns else np.zeros((*cells.phi.shape, 0))
 
 
 def losses_of_errors(cells: Cells, white: Whitener, plain: Plain, fit: Fit) -> FloatArray:
@@ -225,11 +256,18 @@ def _levelled(
     No metric couples two of them, so some are worked on at a time.
     """
     shared = cells.shared if cells.shared is not None and len(cells.shared) else None
-    parts = [fit.moving, *([] if shared is None else [shared.columns]), *more]
+    own = _own_levels(cells)
+    parts = [
+        fit.moving,
+        *([own] if own.shape[-1] else []),
+        *([] if shared is None else [shared.columns]),
+        *more,
+    ]
     made = []
-    beside = 0.0 if shared is None else shared.columns @ fit.amplitudes
-    prediction = fit.prediction + beside
-    level = float(cells.phi.shape[1] > 1)  # a number per revolution has no offset of its own
+    prediction = fit.prediction + (0.0 if shared is None else shared.columns @ fit.amplitudes)
+    level = cells.level  # a number per revolution has no offset of its own
+    if own.shape[-1]:  # if nothing decides these, they stay as they are
+        prediction, level = fit.prediction + fit.beside, level - own.sum(axis=-1)
     last = (
         np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
         // _SOME_CELLS
@@ -243,26 +281,32 @@ def _levelled(
         residual = some(np.where(np.isfinite(values), values - prediction[rows], 0.0))
         columns, offset = (
             side_by_side(some, [part[rows] for part in parts]),
-            some(np.full(values.shape, level)),
+            some(level[rows]),
         )
         made.append(
             Levelled.of(
-                columns, residual, offset, cells.manoeuvre[rows] - manoeuvres.start, cells.log[rows]
+                columns,
+                residual,
+                offset,
+                cells.manoeuvre[rows] - manoeuvres.start,
+                cells.drive[rows],
             )
         )
     log = np.zeros(cells.manoeuvres, np.int64)
-    log[cells.manoeuvre] = np.unique(cells.log, return_inverse=True)[1]
-    return Levelled.joined(made, log, _prior(fit, shared, sum(part.shape[-1] for part in parts)))
+    log[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
+    columns_of_all = sum(part.shape[-1] for part in parts)
+    return Levelled.joined(made, log, _prior(fit, shared, own.shape[-1], columns_of_all))
 
 
 def _prior(
-    fit: Fit, shared: SharedEffects | None, columns: int
+    fit: Fit, shared: SharedEffects | None, levels: int, columns: int
 ) -> tuple[FloatArray, FloatArray] | None:
     """What is known of the columns before any manoeuvre: of the shared effects, their size."""
     if shared is None:
         return None
     precision, pull = np.zeros(columns), np.zeros(columns)
-    own = slice(fit.jacobian.shape[-1], fit.jacobian.shape[-1] + len(shared))
+    first = fit.jacobian.shape[-1] + levels
+    own = slice(first, first + len(shared))
     precision[own] = 1.0 / shared.sd**2
     pull[own] = -fit.amplitudes / shared.sd**2
     return precision, pull

@@ -13,31 +13,97 @@ goes with the revolutions into every answer.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from tirelog.data.recording import Channel, Recording, Stack, TimeAxis
 from tirelog.errors import UsageError
+from tirelog.inference.cells.together import StacksTogether
 from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, transient_log
 from tirelog.inference.stacks.cut import STRETCH, observe_channel, stacks_from_logs, stretches_of
 from tirelog.inference.stacks.outward import outward
 from tirelog.inference.stacks.spooled import Stacks, joined
-from tirelog.vocabulary.observables import WAVEFORMS, waveform_of
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, waveform_of
 
 
 @dataclass(frozen=True)
 class MeasuredLogs:
     """Steady revolutions of all logs; beside them the logs that met an obstacle.
 
-    `notes`: what a reader must know of both.
+    `beside`: those of further observables, which are fitted together with the first. `notes`: what
+    a reader must know of them.
     """
 
     stacks: Stacks
     obstacles: tuple[TransientLog, ...] = ()
+    beside: tuple[Stacks, ...] = ()
+
+    @property
+    def revolutions(self) -> Stacks | StacksTogether:
+        """What a question is asked of: the stacks, of several observables those of each."""
+        return StacksTogether((self.stacks, *self.beside)) if self.beside else self.stacks
 
     @property
     def notes(self) -> tuple[str, ...]:
-        return self.stacks.notes
+        said = [note for stacks in (self.stacks, *self.beside) for note in stacks.notes]
+        return tuple(dict.fromkeys(said))
+
+
+def measured_together(
+    recordings: Iterable[Recording],
+    observables: Sequence[str],
+    channel: str | None = None,
+    *,
+    most: int = STRETCH,
+    level: bool = True,
+) -> MeasuredLogs:
+    """The revolutions of each of several observables, from logs that each measure some of them.
+
+    channel     the one to take where its kind measures an observable; elsewhere the first that does
+    UsageError  as `measured`, and if no log measures one of the observables, or the channel none
+    """
+    found = [Stacks() for _ in observables]
+    obstacles: list[TransientLog] = []
+    named = channel is None
+    for recording in recordings:
+        own = None if channel is None else recording.channels.get(channel)
+        for stacks, observable in zip(found, observables, strict=True):
+            if not _measures(recording, observable):
+                stacks.note(f"{recording.log}: measures no {observable}")
+                continue
+            mine = (
+                channel if own is not None and own.kind in OBSERVABLES[observable].kinds else None
+            )
+            named = named or mine is not None
+            one = measured([recording], observable, mine, most=most, level=level)
+            stacks.add(recording.log, one.stacks.of_log(0))
+            obstacles += one.obstacles
+            for note in one.notes:
+                stacks.note(note)
+    for stacks, observable in zip(found, observables, strict=True):
+        if not len(stacks):
+            known = OBSERVABLES[observable]
+            needs = " and ".join([" or ".join(known.kinds), *known.beside])
+            raise UsageError(
+                f"no log measures {observable}",
+                allowed=f"it needs a channel of the kind {needs}",
+                do="give such a log too, or take the observable out of the model",
+            )
+    if not named:
+        raise UsageError(
+            f"no log has a channel {channel} that measures one of {', '.join(observables)}",
+            allowed="a channel of one of these kinds is allowed",
+            do="name one, or none",
+        )
+    return MeasuredLogs(found[0], tuple(obstacles), tuple(found[1:]))
+
+
+def _measures(recording: Recording, observable: str) -> bool:
+    """Has a recording the channels for an observable?"""
+    known = OBSERVABLES[observable]
+    return bool(recording.of_kind(*known.kinds)) and all(
+        recording.of_kind(kind) for kind in known.beside
+    )
 
 
 def measured(

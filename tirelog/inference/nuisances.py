@@ -9,6 +9,8 @@
     rolling    the rolling radius is not the setup's, and follows speed and load
     patch_law  the patch grows with another power of the load; a parameter that becomes free, if the
                model has it
+    pressure_law  and shrinks with another power of the inflation pressure: likewise, if logs differ
+                  in it
 
 The shapes are changes of the fitted model's own prediction, so they are known as well as the model
 is. One amplitude serves all manoeuvres (of a log, if it belongs to a log or a mounting): a nuisance
@@ -23,9 +25,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.cells.together import joined_effects, model_of, parts_of
+from tirelog.inference.fit.apart import fits_apart
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.model.model import Model
@@ -35,6 +40,8 @@ from tirelog.vocabulary.observables import STRAIN
 
 #: the model's parameter that the patch law is, if it has one: bent too much for a linear effect
 PATCH_LAW_PARAMETER = "patch_load_exponent"
+PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
+_FREES = {"patch_law": PATCH_LAW_PARAMETER, "pressure_law": PRESSURE_LAW_PARAMETER}
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show
 _HARMONICS = (1, 2, 3)
 #: the size of run-out in another unit than strain, as a share of the waveform's rms
@@ -187,12 +194,29 @@ def patch_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEf
     )
 
 
+def pressure_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
+    """Another exponent of the patch's pressure law, if pressures differ and it is not free."""
+    if PRESSURE_LAW_PARAMETER not in fit.model.parameters or PRESSURE_LAW_PARAMETER in fit.names:
+        return None
+    mean = _varied(whole.conditions.inflation_pressure_Pa)
+    if mean is None:
+        return None
+    power = -np.log(cells.conditions.inflation_pressure_Pa / mean)[:, None]
+    return SharedEffects(
+        (_length_slope(cells, fit.model) * power)[..., None],
+        np.array([known.size("exponent")]),
+        ("exponent",),
+        ("pressure_law",),
+    )
+
+
 #: every nuisance, by the word of the model file
 _COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance, Cells], SharedEffects | None]] = {
     "wheel": wheel,
     "drift": drift,
     "rolling": rolling,
     "patch_law": patch_law,
+    "pressure_law": pressure_law,
 }
 
 
@@ -203,6 +227,16 @@ def shared_effects(
 
     `whole`: the cells that it is known from, if these are others of the same logs.
     """
+    if cells.together is not None:
+        fits = [
+            replace(f, model=model_of(f.model, f.cells.observable))
+            for f in fits_apart(replace(fit, cells=cells))
+        ]
+        known_from = [f.cells for f in fits] if whole is None else parts_of(whole)
+        found_by = [
+            shared_effects(f.cells, f, name, w) for f, w in zip(fits, known_from, strict=True)
+        ]
+        return joined_effects(cells, found_by)
     known = next((n for n in fit.model.nuisances if n.name == name), None)
     if known is None or cells.phi.shape[1] == 1:
         return None
@@ -274,8 +308,8 @@ def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
 
 def frees(model: Model, name: str) -> str | None:
     """The parameter of the model that a nuisance makes free; None if it is a linear effect."""
-    parameter = model.parameters.get(PATCH_LAW_PARAMETER)
-    return PATCH_LAW_PARAMETER if name == "patch_law" and parameter is not None else None
+    parameter = _FREES.get(name)
+    return parameter if parameter in model.parameters else None
 
 
 def freed(model: Model, names: Sequence[str]) -> Model:
@@ -310,9 +344,24 @@ def _parts(cells: Cells, whole: Cells, columns: int) -> dict[str, NDArray[np.boo
 
 def _varied_load(whole: Cells) -> float | None:
     """The mean load [N], if loads are known and differ."""
-    load = whole.conditions.load_N
-    varied = np.isfinite(load).all() and np.ptp(load) > 0.02 * load.mean()
-    return float(load.mean()) if varied else None
+    return _varied(whole.conditions.load_N)
+
+
+def _varied(values: FloatArray) -> float | None:
+    """The mean of a condition, if it is known everywhere and differs."""
+    varied = np.isfinite(values).all() and np.ptp(values) > 0.02 * values.mean()
+    return float(values.mean()) if varied else None
+
+
+def asked_for(model: Model, conditions: Conditions) -> list[str]:
+    """The nuisances that the model always has beside it.
+
+    The law of the pressure only if pressures differ: of one pressure nothing tells it.
+    """
+    one = _varied(conditions.inflation_pressure_Pa) is None
+    return [
+        n.name for n in model.nuisances if n.use == "on" and not (n.name == "pressure_law" and one)
+    ]
 
 
 def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:

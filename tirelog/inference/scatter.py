@@ -18,6 +18,7 @@ from scipy import stats
 
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.together import predicted
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric.offsets import Nuisance, Offsets
 from tirelog.inference.metric.projection import Normal, per_manoeuvre, solve_scaled
@@ -83,11 +84,8 @@ def load_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
     )
     try:
         up, down = (
-            fit.model.predict(
-                replace(conditions, load_N=load * (1.0 + s * _STEP)),
-                surface=cells.surface,
-                observable=cells.observable,
-                **cells.angles,
+            predicted(
+                fit.model, cells, conditions=replace(conditions, load_N=load * (1.0 + s * _STEP))
             )
             for s in (1, -1)
         )

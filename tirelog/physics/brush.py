@@ -1,11 +1,14 @@
 """Brush friction with adhesion and slip on a parabolic pressure (P2 3, (13)-(18), with the errata).
 
-tau = sigma C_x (xi + L) up to f_s p at x_s = L (1 - 2 |sigma|), then sign(sigma) f_d p to the exit
-edge; braking > 0, towards the exit. C_x = 2 gamma L f_s (17). On the beam the traction acts as a
-couple with the lever h: p_fri = h d tau / d xi, with the jump of tau at x_s.
+tau = sigma C_x (xi + L) up to f_s p at x_s, then sign(sigma) f_d p to the exit edge; braking > 0,
+towards the exit. By (15) x_s = L - |sigma| C_x / (gamma f_s), and with C_x = 2 gamma L f_s (17), of
+which a tread may have a multiple, L (1 - 2 |sigma|). On the beam the traction acts as a couple with
+the lever h: p_fri = h d tau / d xi, with the jump of tau at x_s.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +21,17 @@ STATIC_FRICTION = 0.8
 SLIDING_FRICTION = 0.6
 
 
+@dataclass(frozen=True)
+class Grip:
+    """What holds a tread on the road: friction that adheres and that slides [N/N], and how many
+    times stiffer the tread is than (17) has it, which it must be if all slides before slip 1.
+    """
+
+    static_friction: float = STATIC_FRICTION
+    sliding_friction: float = SLIDING_FRICTION
+    stiffness_ratio: float = 1.0
+
+
 def slip_stiffness(
     load_N: FloatArray, half_length_m: FloatArray, static_friction: float = STATIC_FRICTION
 ) -> FloatArray:
@@ -26,32 +40,44 @@ def slip_stiffness(
     return 2.0 * gamma * half_length_m * static_friction
 
 
-def transition(slip: FloatArray, half_length_m: FloatArray) -> FloatArray:
+def transition(
+    slip: FloatArray, half_length_m: FloatArray, stiffness_ratio: float = 1.0
+) -> FloatArray:
     """Place x_s [m] at which adhesion ends and slip begins; not below -L.
 
-    P2 (15) with (17): L (1 - 2 |sigma|).
+    P2 (15) with (17), or that times a ratio: L (1 - 2 ratio |sigma|).
     """
-    return half_length_m * np.maximum(1.0 - 2.0 * np.abs(slip), -1.0)
+    return half_length_m * np.maximum(1.0 - 2.0 * stiffness_ratio * np.abs(slip), -1.0)
 
 
 def traction(
-    xi_m: FloatArray, load_N: FloatArray, half_length_m: FloatArray, slip: FloatArray
+    xi_m: FloatArray,
+    load_N: FloatArray,
+    half_length_m: FloatArray,
+    slip: FloatArray,
+    grip: Grip = Grip(),
 ) -> FloatArray:
     """tau(xi) [N/m], positive in braking; P2 (13)."""
     gamma = 0.75 * load_N / half_length_m**3
-    stick = slip * slip_stiffness(load_N, half_length_m) * (xi_m + half_length_m)
-    slide = np.sign(slip) * SLIDING_FRICTION * gamma * (half_length_m**2 - xi_m**2)
-    tau = np.where(xi_m < transition(slip, half_length_m), stick, slide)
+    stiffness = grip.stiffness_ratio * slip_stiffness(load_N, half_length_m, grip.static_friction)
+    stick = slip * stiffness * (xi_m + half_length_m)
+    slide = np.sign(slip) * grip.sliding_friction * gamma * (half_length_m**2 - xi_m**2)
+    tau = np.where(xi_m < transition(slip, half_length_m, grip.stiffness_ratio), stick, slide)
     return np.where(np.abs(xi_m) < half_length_m, tau, 0.0)
 
 
 def traction_modes(
-    load_N: FloatArray, half_length_m: FloatArray, slip: FloatArray, radius_m: float
+    load_N: FloatArray,
+    half_length_m: FloatArray,
+    slip: FloatArray,
+    radius_m: float,
+    grip: Grip = Grip(),
 ) -> ComplexArray:
     """Fourier coefficients of tau(xi) [N/m], columns (n, 1) to (n, K); closed form."""
-    L, x_s = half_length_m, transition(slip, half_length_m)
+    L, x_s = half_length_m, transition(slip, half_length_m, grip.stiffness_ratio)
     gamma = 0.75 * load_N / L**3
-    stick, slide = slip * slip_stiffness(load_N, L), np.sign(slip) * SLIDING_FRICTION * gamma
+    stick = slip * (grip.stiffness_ratio * slip_stiffness(load_N, L, grip.static_friction))
+    slide = np.sign(slip) * grip.sliding_friction * gamma
     q = np.arange(1, MODES) / radius_m
     a, b, c = (powers(-x / radius_m)[:, 1:] for x in (-L, x_s, L))
     # int f exp(-i q xi) = exp(-i q xi) (i f / q + f' / q^2 - i f'' / q^3), at the ends of each

@@ -57,12 +57,20 @@ def figure(result: Comparison) -> Any:
     return canvas
 
 
-def draw(result: Comparison, path: Path) -> None:
-    """Write the figure; the suffix decides the format."""
+def draw(result: Comparison, path: Path) -> list[Path]:
+    """Write the figure; the suffix decides the format.
+
+    Of several observables the first has this path, each other one a path of its own beside it;
+    these come back.
+    """
     from tirelog.storage.whole import whole_file
 
-    with whole_file(path) as part:
-        figure(result).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)
+    lead, *others = result.parts or (result,)
+    beside = [path.with_stem(f"{path.stem}_{other.observable}") for other in others]
+    for one, target in zip((lead, *others), (path, *beside), strict=True):
+        with whole_file(target) as part:
+            figure(one).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)
+    return beside
 
 
 def waveforms(axes: Any, result: Comparison) -> None:

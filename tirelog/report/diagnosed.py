@@ -44,11 +44,17 @@ def model_story(
 ) -> Story:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
     from tirelog.diagnosis.diagnose import diagnose
-    from tirelog.inference.measured import measured
+    from tirelog.inference.measured import measured, measured_together
     from tirelog.physics.model.user_effects import own_effects
 
     level = not model.ac_coupled
-    stacks = measured(recordings, model.observable, asked.channel, level=level).stacks
+    stacks: Measured
+    if model.beside:
+        stacks = measured_together(
+            recordings, model.observables, asked.channel, level=level
+        ).revolutions
+    else:
+        stacks = measured(recordings, model.observable, asked.channel, level=level).stacks
     found = diagnose(stacks, model, effects=own_effects(asked.effects), progress=progress)
 
     def command(name: str) -> str:
@@ -71,7 +77,7 @@ def story_of(
     `command(name)`: the line that repeats it.
     """
     story = Story()
-    story.before_ladder.append(model_sections.comparison(compared, command("compare")))
+    story.before_ladder += model_sections.comparisons(compared, command("compare"))
     if found is not None:
         story.before_ladder.append(model_sections.diagnosis(found, command("diagnose")))
     best = found.model if found is not None else compared.model

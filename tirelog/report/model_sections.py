@@ -8,6 +8,7 @@ They carry everything that is shown; this file draws and words it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +47,70 @@ def shown_number(value: Any) -> str:
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def comparisons(result: Comparison, command: str) -> list[Section]:
+    """The section of a comparison; of several observables one of all, and one of each."""
+    if not result.parts:
+        return [comparison(result, command)]
+    found = [_together(result, command)]
+    for part in result.parts:
+        own = comparison(part, command)
+        figures = [replace(f, id=f"{f.id}-{part.observable}") for f in own.figures]
+        named = f"{own.title}: {part.observable.replace('_', ' ')}"
+        found.append(replace(own, id=f"{own.id}-{part.observable}", title=named, figures=figures))
+    return found
+
+
+def _together(result: Comparison, command: str) -> Section:
+    """One fit of several observables: the error of each, what each knows, whether they agree."""
+    from tirelog.diagnosis.results import in_unit
+
+    rows = []
+    for one in (result, *result.parts):
+        factor, unit = shown_value(one.observable, one.unit)
+        rows.append(
+            [
+                one.observable if one is not result else "all",
+                unit,
+                f"{one.rmse * factor:.3g}",
+                in_unit(one.rmse_heldout, factor),
+                f"{one.noise_floor * factor:.3g}",
+                f"{one.reduced_chi2:.3g}",
+            ]
+        )
+    known = result.contributions
+    parameters = [
+        [name, shown_number(p["value"]), shown_number(p["se"]), p["unit"]]
+        + [shown_number(one.error_without.get(name)) or "not known" for one in known]
+        for name, p in result.parameters.items()
+        if p["free"]
+    ]
+    without = [f"error without {one.observable}" for one in known]
+    return Section(
+        "model",
+        "Several observables in one fit",
+        command,
+        [
+            f"{result.observable} of one wheel are fitted together, each by its own noise; "
+            f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
+            result.agreement,
+            *(f"{remark}." for remark in result.remarks),
+        ],
+        (),
+        [
+            PageTable(
+                "Errors of each observable",
+                ["observable", "unit", "fitted", "held out", "noise floor", "reduced chi-square"],
+                rows,
+            ),
+            PageTable(
+                "Parameters, and the error that the others alone would leave",
+                ["parameter", "value", "error", "unit", *without],
+                parameters,
+            ),
+        ],
+    )
 
 
 def comparison(result: Comparison, command: str) -> Section:

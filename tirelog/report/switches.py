@@ -85,12 +85,9 @@ def comparisons(
     If a combination cannot be computed, why. `bare` gives the carcass's start values of
     combinations that lack an effect.
     """
-    from tirelog.diagnosis.compare import comparison_of, measured_pieces
-    from tirelog.inference.base import prepare
-    from tirelog.inference.cells.cells import cells_of
-    from tirelog.inference.motion import without_motion_parameters
+    from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
 
-    cells = cells_of(measured_pieces(measured))
+    pieces = measured_pieces(measured)
     full = (1 << len(names)) - 1
     own = {p.name: p.value for p in bare.base if p.name in top.parameters}
     found: dict[int, Comparison | str] = {}
@@ -99,9 +96,7 @@ def comparisons(
         off = [name for bit, name in enumerate(names) if not mask & (1 << bit)]
         try:
             model = model.without_effect(*off)
-            found[mask] = comparison_of(
-                prepare(cells, without_motion_parameters(model), several=full < _THOROUGH)
-            )
+            found[mask] = comparison_of(start_from(pieces, model, several=full < _THOROUGH))
         except ModelError as problem:
             found[mask] = problem.message
         progress(f"effects on and off: {mask + 1} of {full + 1} combinations fitted")

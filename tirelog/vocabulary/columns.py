@@ -66,6 +66,14 @@ _ALL = [
         1e-3,
         1e-4,
     ),
+    # slip
+    TableColumn(
+        "vehicle_speed_m_s", "m/s", "float", "the vehicle's mean speed over the turn", 1e-4, 1e-4
+    ),
+    TableColumn(
+        "slip", "1", "float", "1 - omega R / V over the turn, positive in braking (P2 (14))", 1e-6
+    ),
+    TableColumn("slip_se", "1", "float", "standard error of the slip", 1e-6, 1e-3),
     # footprint
     TableColumn("length_m", "m", "float", "contact length, best estimate", 2e-6, 1e-4),
     TableColumn(

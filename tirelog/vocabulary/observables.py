@@ -25,6 +25,9 @@ class Observable:
     reads        stages of the model that it is computed from; an effect that enters none of them
                  does not act on it, unless by another effect that reads its stage (`Effect.reads`)
     meaning      a sentence
+    data         what of a log it is made of: two observables of the same data are no two
+                 measurements, and are not fitted together
+    beside       kinds of channel that it needs besides
     """
 
     name: str
@@ -35,6 +38,8 @@ class Observable:
     waveform: bool
     reads: tuple[str, ...]
     meaning: str
+    data: str
+    beside: tuple[str, ...] = ()
 
 
 STRAIN, ACCELERATION = "strain", "radial_acceleration"
@@ -51,6 +56,7 @@ _ALL = (
         True,
         (*_WAVE, "lever_arm", "baseline", "strain"),
         "strain along the tread at the sensor, over one revolution",
+        "strain",
     ),
     Observable(
         ACCELERATION,
@@ -61,6 +67,7 @@ _ALL = (
         True,
         (*_WAVE, "radial_acceleration"),
         "specific force that an accelerometer in the tread reads, outwards, over one revolution",
+        "acceleration",
     ),
     Observable(
         "patch_length",
@@ -71,6 +78,7 @@ _ALL = (
         False,
         ("load",),
         "length of the contact patch, from its entry edge to its exit edge",
+        "strain",
     ),
     Observable(
         "dissipation_factor",
@@ -81,6 +89,7 @@ _ALL = (
         False,
         (*_WAVE, "lever_arm"),
         "integral of the squared strain slope along the tread over one revolution (P1)",
+        "strain",
     ),
     Observable(
         "phase_shift",
@@ -91,6 +100,8 @@ _ALL = (
         False,
         ("regressors",),
         "wheel angle at the middle of the patch against its zero, growing in the rolling direction",
+        "wheel angle",
+        ("wheel_encoder",),
     ),
     Observable(
         "patch_width",
@@ -101,11 +112,38 @@ _ALL = (
         False,
         ("load", "regressors"),
         "wheel angle from the patch's entry edge to its exit edge (P4)",
+        "acceleration",
+        ("wheel_encoder",),
     ),
 )
 OBSERVABLES: Mapping[str, Observable] = {observable.name: observable for observable in _ALL}
 WAVEFORMS = tuple(o.name for o in _ALL if o.waveform)
 SCALARS = tuple(o.name for o in _ALL if not o.waveform)
+
+
+#: unit of what several observables have together: the noise floor of each
+FLOORS = "noise floors"
+
+
+def together(names: Iterable[str]) -> str:
+    """The name of several observables of one fit."""
+    return " + ".join(names)
+
+
+def at_odds(names: Iterable[str]) -> str:
+    """Why these cannot be fitted together; "" if they can."""
+    seen: dict[str, str] = {}
+    for name in names:
+        own = OBSERVABLES[name]
+        for what in (own.data, *(("a level of its own",) if "regressors" in own.reads else ())):
+            if what in seen and seen[what] == name:
+                return f"{name} stands there twice"
+            if what in seen:
+                share = "have" if what == "a level of its own" else "are made of"
+                same = "one level" if share == "have" else f"the same {what}"
+                return f"{seen[what]} and {name} {share} {same}"
+            seen[what] = name
+    return ""
 
 
 def computed_from(stage: str) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ class LogTable:
              raises UsageError for options that no log can be made a table with
     picture  "module:function" that draws what was made, [(recording, made), ...], into a file: the
              command then has --plot
-    driven   False for a table of a static test, which no drive has
+    driven   False for a table that is only made if it is asked for by name, such as that of a
+             static test: not by `tables`, campaigns and reports
     rows_of  kinds of channel that its rows are of, if others than `kinds`
     """
 
@@ -92,7 +93,7 @@ _ALL = (
     LogTable(
         "footprint",
         "Tell contact length, edges and slip onset at each passage of the patch.",
-        STRAIN_KINDS,
+        (*STRAIN_KINDS, *ACCELERATION_KINDS),
         _revolutions(
             "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m",
             "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s", "edge_asymmetry",
@@ -149,6 +150,14 @@ _ALL = (
         rows_of=("radial_acceleration",),
     ),
     LogTable(
+        "slip",
+        "Tell the longitudinal slip of each turn of the wheel, from the vehicle's speed (P2).",
+        ("vehicle_speed",),
+        _revolutions("vehicle_speed_m_s", "slip", "slip_se"),
+        made_by="tirelog.strain.slip:slip_of",
+        driven=False,
+    ),
+    LogTable(
         "inflation",
         "Tell strain against inflation pressure in a static test: slope, linearity, leaks at "
         "stops.",
@@ -174,5 +183,5 @@ _ALL = (
     ),
 )  # fmt: skip
 
-#: in the order of `tables`; those of a static test behind
+#: in the order of `tables`; those that are only made by name behind
 LOG_TABLES: Mapping[str, LogTable] = {table.name: table for table in _ALL}

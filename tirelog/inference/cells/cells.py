@@ -14,7 +14,7 @@ moves both.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,25 @@ _RANDOM = ("amplitude", "width", "offset")
 
 
 @dataclass(frozen=True)
+class Together:
+    """Whose the rows are in cells of several observables (`cells.together`), n of them.
+
+    observables, surfaces, scales (n,)  name, surface and what its values are divided by [its unit]
+    widths         (n,)  its angles, 1 for a number per revolution
+    logs           names of all logs;  own_logs (n,) those of each observable
+    free           (n,)  what is taken out of each of its cells
+    """
+
+    observables: tuple[str, ...]
+    surfaces: tuple[str, ...]
+    scales: tuple[float, ...]
+    widths: tuple[int, ...]
+    logs: tuple[str, ...]
+    own_logs: tuple[tuple[str, ...], ...]
+    free: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
 class Cells:
     """C cells x m angles; rows in the order of log, manoeuvre, time.
 
@@ -75,6 +94,7 @@ class Cells:
     notes          sentences on what was set apart, taken together or left out of the logs
     free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
+    part           (C,) the observable of each row, and `together`, if they are of several
     """
 
     observable: str
@@ -103,6 +123,26 @@ class Cells:
     notes: tuple[str, ...] = ()
     free: tuple[str, ...] = ("shift",)
     shared: SharedEffects | None = None
+    part: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    together: Together | None = None
+
+    @property
+    def level(self) -> FloatArray:
+        """Where an offset of its log is in a cell, (C, m): 1, of a number per revolution 0."""
+        if self.together is None:
+            return np.full(self.phi.shape, float(self.phi.shape[1] > 1))
+        waves = np.array(self.together.widths)[self.part] > 1
+        return np.repeat(waves[:, None].astype(np.float64), self.phi.shape[1], axis=1)
+
+    @property
+    def drive(self) -> IntArray:
+        """The log as a drive, (C,): the same for all observables that it has."""
+        return self.log if self.together is None else self.log % len(self.together.logs)
+
+    @property
+    def log_names(self) -> tuple[str, ...]:
+        """The logs, each once."""
+        return self.logs if self.together is None else self.together.logs
 
     @property
     def taken(self) -> FloatArray:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.together import lacking, linearised, predicted
 from tirelog.inference.fit.descent import MOST_STEPS, descend, leaving
 from tirelog.inference.fit.errors import Errors, errors_of
 from tirelog.inference.metric.offsets import Offsets
@@ -104,7 +105,7 @@ def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
     """What the fit moves: the free parameters, less those that nothing in these cells can show."""
     held = set()
     for effect in model.effects:
-        if effect.effect.missing(cells.conditions):
+        if lacking(effect.effect, model, cells):
             held |= {f"{effect.id}.{p.name}" for p in effect.parameters}
     return tuple(name for name in model.free if name not in held)
 
@@ -131,27 +132,13 @@ class Problem:
         return self.offsets.without(self.white(self.cells.values - prediction))
 
     def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
-        return model.predict(
-            self.cells.conditions,
-            surface=self.cells.surface,
-            values=values,
-            observable=self.cells.observable,
-            **self.cells.angles,
-        )
+        return predicted(model, self.cells, values=values)
 
     def linearised(
         self, model: Model, names: Sequence[str], values: Mapping[str, float]
     ) -> tuple[FloatArray, FloatArray]:
         """Prediction (C, m) and Jacobian (C, m, p) in the observable's unit."""
-        prediction, slopes = model.linearised(
-            self.cells.conditions,
-            names=names,
-            surface=self.cells.surface,
-            values=values,
-            observable=self.cells.observable,
-            **self.cells.angles,
-        )
-        return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
+        return linearised(model, self.cells, names, values)
 
     def whitened(self, jacobian: FloatArray) -> FloatArray:
         """A Jacobian (C, m, p) in the metric, offsets taken out, (N, p)."""
@@ -172,7 +159,12 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
         return cells, 0.0
     weight = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), cells.shift, 0.0)
     left = np.nan_to_num(cells.values - prediction)
-    left = left - left.mean(axis=1, keepdims=True)
+    if cells.together is None:
+        left = left - left.mean(axis=1, keepdims=True)
+    else:
+        held = np.isfinite(cells.phi)
+        mean = left.sum(axis=1, keepdims=True) / np.maximum(held.sum(axis=1, keepdims=True), 1)
+        left = np.where(held, left - mean, 0.0)
     shift = np.clip(
         (weight * left).sum(axis=1) / np.maximum((weight**2).sum(axis=1), 1e-300), -0.03, 0.03
     )
@@ -370,6 +362,7 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     return replace(
         cells,
         conditions=cells.conditions.take(rows),
+        part=cells.part[rows] if cells.together is not None else cells.part,
         shared=None if cells.shared is None else cells.shared.take(rows),
         **{name: getattr(cells, name)[rows] for name in names},
     )
@@ -394,7 +387,7 @@ def finish(
     )
     moved = (len(names) - out.sum()) / len(problems)
     freedom = [
-        float(max(p.white.values - p.white.removed - p.offsets.count - moved, 1.0))
+        float(max(p.white.values - p.white.removed - p.offsets.taken - moved, 1.0))
         for p in problems
     ]
     known = errors_of(np.where(out, 0.0, slope), max(1.0, sum(chi2) / sum(freedom)))

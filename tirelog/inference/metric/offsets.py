@@ -54,7 +54,7 @@ class Offsets:
         log = np.unique(cells.log, return_inverse=True)[1]
         if cells.phi.shape[1] == 1:
             return cls(np.zeros_like(cells.phi), log, np.zeros(0))
-        columns = white(np.ones_like(cells.phi))
+        columns = white(cells.level)
         norm = np.sqrt(np.bincount(log, (columns**2).sum(axis=1)))
         offsets = cls(columns / np.maximum(norm, 1e-300)[log][:, None], log, norm)
         if cells.shared is None or not len(cells.shared):
@@ -66,6 +66,11 @@ class Offsets:
     @property
     def count(self) -> int:
         return self.norm.size
+
+    @property
+    def taken(self) -> int:
+        """How many of them are of waveforms, and free."""
+        return int((self.norm > 0.0).sum())
 
     def products(self, x: FloatArray) -> FloatArray:
         """Inner products of x (C, m, k) with each log's direction, (count, k)."""

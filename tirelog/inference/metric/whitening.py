@@ -16,7 +16,7 @@ removes a direction. Empty bins become zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,8 @@ class Whitener:
     """What whitens cells: noise, and shrinkage along correlated errors.
 
     `inverse_sd` (C, m), zero if empty; per cell basis (C, m, k) and shrinkage (C, k); the same per
-    manoeuvre, rows of its cells.
+    manoeuvre, rows of its cells. `of_manoeuvre`: the manoeuvre of each such group, ascending, if
+    one of them has several (each observable's own); None if they are the manoeuvres in order.
     """
 
     inverse_sd: FloatArray
@@ -46,6 +47,7 @@ class Whitener:
     groups: tuple[NDArray[np.int64], ...] = ()
     group_basis: tuple[FloatArray, ...] = ()
     group_shrink: tuple[FloatArray, ...] = ()
+    of_manoeuvre: NDArray[np.int64] | None = None
 
     @property
     def values(self) -> int:
@@ -82,8 +84,16 @@ class Whitener:
         x = np.where(inverse > 0, x * inverse, 0.0)
         return x - basis @ (self.shrink[rows, :, None] * (np.swapaxes(basis, 1, 2) @ x))
 
+    def only(self, rows: NDArray[np.bool_]) -> Whitener:
+        """The operator on these cells alone; no manoeuvre's scatter couples them with others."""
+        return replace(self, inverse_sd=np.where(rows[:, None], self.inverse_sd, 0.0))
+
     def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> Whitener:
         """The operator of some manoeuvres alone, whose cells are the ascending `rows`."""
+        of = self.of_manoeuvre
+        if of is not None:
+            ends = np.searchsorted(of, [manoeuvres.start, manoeuvres.stop]).tolist()
+            manoeuvres = slice(*ends)
         groups = tuple(np.searchsorted(rows, group) for group in self.groups[manoeuvres])
         return Whitener(
             self.inverse_sd[rows],
@@ -92,6 +102,7 @@ class Whitener:
             groups,
             self.group_basis[manoeuvres],
             self.group_shrink[manoeuvres],
+            None if of is None else of[manoeuvres],
         )
 
     def with_manoeuvres(

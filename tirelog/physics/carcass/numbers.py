@@ -66,6 +66,27 @@ _PATCH = (
         2.0,
         free=False,
     ),
+    _p(
+        "reference_pressure_Pa",
+        "Pa",
+        "inflation pressure at which patch_half_length_m holds",
+        2.2e5,
+        1e3,
+        2e6,
+        free=False,
+    ),
+    replace(
+        _p(
+            "patch_pressure_exponent",
+            "1",
+            "L falls as (pressure / reference_pressure_Pa)^-exponent; 0: not at all",
+            0.0,
+            -0.5,
+            2.0,
+            free=False,
+        ),
+        probe=0.3,
+    ),
 )
 _BEAM = (
     _p("flexural_stiffness_N_m2", "N m^2", "EJ", 4.0, 0.1, 100.0),
@@ -215,8 +236,25 @@ _LEVEL = tuple(
 )
 
 
-def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tuple[Parameter, ...]:
-    """The parameters of a model without effects, in the order of the file."""
+def carcass_parameters(carcass: str, *observables: str, flat_road: bool) -> tuple[Parameter, ...]:
+    """The parameters of a model without effects, in the order of the file.
+
+    Of several observables each number once, free if it is for one of them.
+    """
+    each = [
+        {p.name: p for p in _of_one(carcass, observable, flat_road)} for observable in observables
+    ]
+    if len(each) == 1:
+        return tuple(each[0].values())
+    sensor, level = ([p.name for p in group] for group in (_ACCELEROMETER, _LEVEL))
+    names = dict.fromkeys(name for one in each for name in one)
+    last = [*sensor, *level]
+    order = sorted(names, key=lambda name: last.index(name) if name in last else -1)
+    known = {name: [one[name] for one in each if name in one] for name in order}
+    return tuple(next((p for p in found if p.free), found[0]) for found in known.values())
+
+
+def _of_one(carcass: str, observable: str, flat_road: bool) -> tuple[Parameter, ...]:
     structure = _BEAM if carcass == "beam" else _RING if carcass == "ring" else _coupled()
     patch = _TREAD if flat_road else _PATCH
     stages = OBSERVABLES[observable].reads
@@ -230,13 +268,11 @@ def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tup
     chosen = (*structure, *patch, *_LOAD, *sensor, *level)
     if "lever_arm" in stages:
         return chosen
-    # the others do not read the lever arm; the numbers of geometry not even the structure
-    reads = (
-        "patch_half_length_m",
-        "tread_stiffness_N_m2",
-        "offset_rad",
-        "per_acceleration_rad_s2_m",
-    )
+    # the others do not read the lever arm; the numbers of geometry not even the structure, and the
+    # phase shift not even the patch
+    reads = ["offset_rad", "per_acceleration_rad_s2_m"]
+    if "load" in stages:
+        reads += ["patch_half_length_m", "tread_stiffness_N_m2"]
     held = (p if "structure" in stages or p.name in reads else p.fixed() for p in chosen)
     return tuple(p.fixed() if p.name == "lever_arm_m" else p for p in held)
 

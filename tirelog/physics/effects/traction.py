@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.brush import traction_modes
+from tirelog.physics.brush import SLIDING_FRICTION, STATIC_FRICTION, Grip, traction_modes
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import ComplexArray
@@ -20,11 +20,18 @@ def slip(v: Values, drive: Drive) -> FloatArray:
     )
 
 
+def _held(name: str, description: str, value: float, low: float, high: float) -> Parameter:
+    """A number of the grip, held unless a model file frees it."""
+    return Parameter(name, "1", description, value, low, high, probe=value, free=False)
+
+
 def _traction(v: Values, drive: Drive, site: Site) -> tuple[ComplexArray, float] | None:
     sigma = slip(v, drive)
     if not np.any(sigma):
         return None
-    return traction_modes(site.load_N, site.half_length_m, sigma, site.radius_m), v["lever_m"]
+    grip = Grip(v["static_friction"], v["sliding_friction"], v["slip_stiffness_ratio"])
+    modes = traction_modes(site.load_N, site.half_length_m, sigma, site.radius_m, grip)
+    return modes, v["lever_m"]
 
 
 EFFECT = Effect(
@@ -51,14 +58,23 @@ EFFECT = Effect(
             1.0,
             probe=0.1,
         ),
+        _held("static_friction", "f_s, of a tread that adheres", STATIC_FRICTION, 0.05, 3.0),
+        _held("sliding_friction", "f_d, of a tread that slides", SLIDING_FRICTION, 0.05, 3.0),
+        _held(
+            "slip_stiffness_ratio",
+            "C_x over 2 gamma L f_s, with which all slides at slip 1 only (P2 (17))",
+            1.0,
+            0.1,
+            100.0,
+        ),
     ),
     strength=("lever_m",),
     also_at_zero=(
         "ring",
     ),  # the belt is pulled along by the shear itself; the lever only adds its couple
     source="P2 (13)-(18), C_x by (17); errata: the jump at x_s, either sign of the lever",
-    valid="slip up to 1; friction 0.8 sticking, 0.6 sliding; on a ring the shear also pulls the "
-    "belt along",
+    valid="slip up to 1; friction 0.8 sticking, 0.6 sliding unless the model says otherwise; on a "
+    "ring the shear also pulls the belt along",
     valid_range={"slip": (-1.0, 1.0)},
     signature="odd, changes sign with the acceleration, a kink where adhesion ends",
     needs=("acceleration_m_s2",),

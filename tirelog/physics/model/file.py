@@ -22,7 +22,7 @@ from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.model import COUPLED_STANDS, Model
+from tirelog.physics.model.model import COUPLED_STANDS, Model, observables_known
 from tirelog.physics.model.nuisances import BY_NAME, NUISANCES, USES, Nuisance
 from tirelog.physics.model.user_effects import (
     EXPRESSION_ACTS_ON,
@@ -114,12 +114,21 @@ def parse_model(
         )
     _only(head, ("observable", "carcass", "contact"), source, "[model]")
     carcass = _word(head, "carcass", CARCASSES, None, source)
-    observable = _word(head, "observable", tuple(OBSERVABLES), None, source)
+    observables = _observables(head, source)
     contact = _contact(head, numbers, carcass, source)
-    known = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
+    known = carcass_parameters(carcass, *observables, flat_road=contact == "flat_road")
     base = _base(numbers, known, source)
     nuisances = _nuisances(beside, source)
-    model = Model(observable, carcass, contact, base, nuisances=nuisances, document=text)
+    lead, *others = observables
+    model = Model(
+        lead,
+        carcass,
+        contact,
+        base,
+        nuisances=nuisances,
+        document=text,
+        beside=tuple(others),
+    )
     catalogue = catalogue if catalogue is not None else catalogue_with()
     after = 0
     entries: list[tuple[ModelEffect, int]] = []
@@ -173,6 +182,19 @@ def _nuisance(given: Any, known: Nuisance, source: _Text, after: int) -> Nuisanc
             do="choose one",
         )
     return replace(known, sizes=sizes, use=use)
+
+
+def _observables(head: Mapping[str, Any], source: _Text) -> tuple[str, ...]:
+    """What the model is of: one observable, or a list of those that are fitted together."""
+    given = head.get("observable")
+    if not isinstance(given, list):
+        return (_word(head, "observable", tuple(OBSERVABLES), None, source),)
+    for name in given:
+        _word({"observable": name}, "observable", tuple(OBSERVABLES), None, source)
+    try:
+        return observables_known(given)
+    except ModelError as problem:
+        raise source.here(problem, "observable", 0) from None
 
 
 def _contact(
@@ -397,7 +419,8 @@ def _may_be_replaced(path: Path) -> bool:
 def as_toml(model: Model) -> str:
     """The model as TOML, in the document it was read from, if there is one."""
     document = tomlkit.parse(model.document) if model.document else tomlkit.document()
-    _update(document, "model", {"observable": model.observable, "carcass": model.carcass})
+    observable = list(model.observables) if model.beside else model.observable
+    _update(document, "model", {"observable": observable, "carcass": model.carcass})
     numbers = document.setdefault("parameters", tomlkit.table())
     if (
         model.contact == "flat_road"
@@ -413,7 +436,7 @@ def as_toml(model: Model) -> str:
     return tomlkit.dumps(document)
 
 
-def _update(document: Any, table: str, values: Mapping[str, str]) -> None:
+def _update(document: Any, table: str, values: Mapping[str, Any]) -> None:
     held = document.setdefault(table, tomlkit.table())
     for key, value in values.items():
         if held.get(key) != value:

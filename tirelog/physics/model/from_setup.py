@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from tirelog.data.setup import Setup
 from tirelog.physics.model.limits import check_pressure
@@ -19,7 +19,7 @@ def new_model(
     carcass: str,
     setup: Setup | None = None,
     *,
-    observable: str | None = None,
+    observable: str | Sequence[str] | None = None,
     contact: str | None = None,
     values: Mapping[str, float] | None = None,
 ) -> tuple[Model, list[str]]:
@@ -27,7 +27,8 @@ def new_model(
 
     `values` go before what the setup knows, and this before start values.
 
-    observable  what the model predicts; None: what the setup's channels measure, else strain
+    observable  what the model predicts, one or several; None: what the setup's channels measure,
+                else strain
     ModelError  no such carcass, observable, contact or parameter, or a pressure that is none in Pa
     """
     model = Model.new(carcass, observable or measured_waveform(setup), contact)
@@ -45,7 +46,7 @@ def new_model(
             f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
             f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
         )
-    if model.carcass == "beam" and model.observable == ACCELERATION:
+    if model.carcass == "beam" and ACCELERATION in model.observables:
         notes.append(
             "a beam does not lie flat in the patch, where an accelerometer reads nothing; "
             "a ring does: --carcass ring"
@@ -71,6 +72,7 @@ def known_numbers(model: Model, setup: Setup | None) -> dict[str, float]:
         "load_N": conditions.load_N,
         "reference_load_N": conditions.load_N,
         "inflation_pressure_Pa": conditions.inflation_pressure_Pa,
+        "reference_pressure_Pa": conditions.inflation_pressure_Pa,
         "patch_half_length_m": None if static is None else static / 2.0,
     }
     return {

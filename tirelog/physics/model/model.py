@@ -5,7 +5,7 @@ A carcass with its numbers, and effects with theirs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,7 @@ from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
-from tirelog.vocabulary.observables import OBSERVABLES
+from tirelog.vocabulary.observables import OBSERVABLES, at_odds, together
 
 COUPLED_STANDS = (
     'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
@@ -37,8 +37,9 @@ COUPLED_STANDS = (
 class Model(Predicting):
     """A forward model; immutable: every change gives another one.
 
-    observable  what it predicts; carcass beam, ring or coupled_ring; contact 'prescribed'
-                (patch_half_length_m) or 'flat_road' (rings)
+    observable  what it predicts, `beside` what else if it is fitted to several
+    carcass     beam, ring or coupled_ring; contact 'prescribed' (patch_half_length_m) or
+                'flat_road' (rings)
     base        parameters of carcass and load; effects with theirs, distinct ids
     nuisances   what may stand beside the model, with their ordinary sizes
     document    the TOML it was read from, so that comments survive; path where it lies
@@ -52,6 +53,7 @@ class Model(Predicting):
     nuisances: tuple[Nuisance, ...] = NUISANCES
     document: str | None = None
     path: Path | None = None
+    beside: tuple[str, ...] = ()
 
     # ---- making and changing ---------------------------------------------------------------------
 
@@ -59,16 +61,17 @@ class Model(Predicting):
     def new(
         cls,
         carcass: str = "beam",
-        observable: str = "strain",
+        observable: str | Sequence[str] = "strain",
         contact: str | None = None,
         **values: float,
     ) -> Model:
         """A model without effects, at its start values or those given.
 
-        A ring stands on a flat road unless `contact` says otherwise.
+        A ring stands on a flat road unless `contact` says otherwise. Of several observables, which
+        are to be fitted together, the first leads.
         """
         _one_of("carcass", carcass, CARCASSES)
-        _one_of("observable", observable, tuple(OBSERVABLES))
+        observables = observables_known(observable)
         contact = contact or ("prescribed" if carcass == "beam" else "flat_road")
         _one_of("contact", contact, CONTACTS)
         if carcass == "beam" and contact == "flat_road":
@@ -79,8 +82,9 @@ class Model(Predicting):
             )
         if carcass == "coupled_ring" and contact == "prescribed":
             raise ModelError(COUPLED_STANDS)
-        base = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
-        return cls(observable, carcass, contact, base).with_values(values)
+        base = carcass_parameters(carcass, *observables, flat_road=contact == "flat_road")
+        lead, *beside = observables
+        return cls(lead, carcass, contact, base, beside=tuple(beside)).with_values(values)
 
     def with_values(
         self, values: Mapping[str, float], *, se: Mapping[str, float] | None = None
@@ -165,13 +169,11 @@ class Model(Predicting):
                     do="name one of them",
                 )
         kept = tuple(e for e in self.effects if e.id not in effects)
-        idle = [
-            e.id for e in kept if not e.effect.acts_in(self.observable, [k.effect for k in kept])
-        ]
+        idle = [e.id for e in kept if not self.acted_on_by(e.effect, [k.effect for k in kept])]
         if idle:
             raise ModelError(
                 f"without {', '.join(effects)}, {', '.join(idle)} would act on nothing in a model "
-                f"of {self.observable}",
+                f"of {together(self.observables)}",
                 allowed="effects that act on something are allowed",
                 do=f"remove {', '.join(idle)} first",
             )
@@ -184,7 +186,7 @@ class Model(Predicting):
                 allowed="each effect once is allowed",
                 do="change its parameters instead",
             )
-        if not added.effect.acts_in(self.observable, beside):
+        if not self.acted_on_by(added.effect, beside):
             raise idle_effect(added.effect, self.observable)
         if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
             raise ModelError(
@@ -201,6 +203,16 @@ class Model(Predicting):
         return replace(self, effects=tuple(e.resolved(conditions) for e in self.effects))
 
     # ---- reading ---------------------------------------------------------------------------------
+
+    @property
+    def observables(self) -> tuple[str, ...]:
+        """All that it predicts; more than one if they are fitted together."""
+        return (self.observable, *self.beside)
+
+    def acted_on_by(self, effect: Effect, beside: Iterable[Effect]) -> bool:
+        """Does an effect act on any of its observables, with the effects `beside` it?"""
+        others = tuple(beside)
+        return any(effect.acts_in(observable, others) for observable in self.observables)
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
@@ -260,6 +272,25 @@ def why_idle(effect: Effect, observable: str) -> str:
         return f"acts on {on}, which nothing in this model of {observable} reads"
     serving = ", ".join(serves(effect).values()) or "no observable"
     return f"acts on {on} and does nothing to {observable}, it is for {serving}"
+
+
+def observables_known(given: str | Sequence[str]) -> tuple[str, ...]:
+    """One observable or several.
+
+    ModelError: one is none, or they are not to be fitted together.
+    """
+    names = (given,) if isinstance(given, str) else tuple(given)
+    for name in names:
+        _one_of("observable", name, tuple(OBSERVABLES))
+    wrong = at_odds(names) if names else "no observable is given"
+    if wrong:
+        raise ModelError(
+            f"observable = {', '.join(names)}: {wrong}",
+            allowed="allowed are one observable, or several of different data, such as strain, "
+            "radial_acceleration and phase_shift",
+            do="leave one out" if names else "give one",
+        )
+    return names
 
 
 def _one_of(what: str, word: str, allowed: Sequence[str]) -> None:

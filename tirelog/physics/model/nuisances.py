@@ -67,5 +67,10 @@ NUISANCES = (
         "the patch grows with another power of the load",
         (_size("exponent", "1", "error of the exponent", 0.2, 2.0),),
     ),
+    Nuisance(
+        "pressure_law",
+        "the patch shrinks with another power of the inflation pressure",
+        (_size("exponent", "1", "error of the exponent", 0.3, 2.0),),
+    ),
 )
 BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}

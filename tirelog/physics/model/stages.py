@@ -97,6 +97,8 @@ LOAD_NAMES = (
     "load_N",
     "reference_load_N",
     "patch_load_exponent",
+    "reference_pressure_Pa",
+    "patch_pressure_exponent",
     "patch_half_length_m",
     "radius_m",
 )
@@ -170,6 +172,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
         half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, pb)
         return Site(F, half, R), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
+    if b["patch_pressure_exponent"]:
+        half = half * _pressure_ratio(task) ** -b["patch_pressure_exponent"]
     if np.any(half >= np.pi * R):
         raise ModelError(
             f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference "
@@ -178,6 +182,12 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
             do="correct patch_half_length_m, load or radius_m",
         )
     return Site(F, half, R), parabola(F, half, R), tilted_parabola(F, half, R) if tilted else None
+
+
+def _pressure_ratio(task: Task) -> FloatArray:
+    """The inflation pressure over the model's reference, 1 if it is not known, (n or 1, 1)."""
+    p = task.drive.inflation_pressure_Pa
+    return np.where(np.isfinite(p), p / task.base["reference_pressure_Pa"], 1.0)
 
 
 def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:

@@ -1,0 +1,253 @@
+"""Closed form: several observables in one fit are what each alone says, put together.
+
+The waveforms are the model's own, with noise: what is asked here is the arithmetic of a fit to
+several, not whether a tire follows the model.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.data.recording import Conditions, Stack
+from tirelog.diagnosis.agreement import agreement_sentence, contributions
+from tirelog.diagnosis.compare import compare, measured_pieces, start_from
+from tirelog.errors import ModelError, UsageError
+from tirelog.inference.base import apart, settled
+from tirelog.inference.cells.cells import make_cells
+from tirelog.inference.cells.pieces import pieces_of
+from tirelog.inference.cells.together import StacksTogether, joined_cells, one_drive, parts_of
+from tirelog.physics import Model
+from tirelog.physics.model.file import as_toml, parse_model
+
+R, F, M = 0.3126, 3600.0, 96
+PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi
+SPEEDS = np.array([9.0, 13.0, 17.0, 21.0, 24.0, 11.0, 19.0, 15.0])
+NOISE = {"strain": 5e-6, "radial_acceleration": 2.0, "phase_shift": 1e-3}
+ALL = tuple(NOISE)
+TRUTH = Model.new("beam", ALL, radius_m=R, load_N=F).with_values(
+    {
+        "flexural_stiffness_N_m2": 5.2,
+        "foundation_stiffness_N_m2": 2.5e6,
+        "patch_half_length_m": 0.061,
+        "lever_arm_m": 4.2e-4,
+        "offset_rad": 0.01,
+        "per_acceleration_rad_s2_m": 0.005,
+    }
+)
+
+
+def measured(observable: str, seed: int, truth: Model = TRUTH, repeats: int = 6) -> Stack:
+    """Eight manoeuvres at a speed each, of the observable with noise."""
+    rng = np.random.default_rng([seed, ALL.index(observable)])
+    which = np.repeat(np.arange(SPEEDS.size), repeats)
+    n = which.size
+    m = 1 if observable == "phase_shift" else M
+    conditions = Conditions.of(
+        n,
+        speed_m_s=SPEEDS[which],
+        # a waveform of a wheel that speeds up is none at one speed
+        acceleration_m_s2=0.0 if m > 1 else np.where(which % 2, 1.0, -1.0),
+        time_s=np.arange(n) * 0.1,
+        load_N=F,
+    )
+    angles = PHI if m > 1 else None
+    values = truth.predict(conditions, angles, observable=observable)
+    return Stack(
+        observable=observable,
+        channel=observable[0],
+        surface="outer",
+        radius_m=R,
+        values=values + NOISE[observable] * rng.standard_normal((n, m)),
+        phi_rad=PHI if m > 1 else np.zeros(1),
+        phi_mean=np.tile(PHI, (n, 1)) if m > 1 else np.zeros((n, 1)),
+        phi_variance=np.zeros((n, m)),
+        count=np.ones((n, m), int),
+        noise=np.full(n, NOISE[observable]),
+        conditions=conditions,
+        log=np.zeros(n, int),
+        manoeuvre=which,
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=("a.csv",),
+    )
+
+
+def several(seed: int, *names: str, **truths: Model) -> StacksTogether:
+    return StacksTogether(tuple([measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL))
+
+
+def only(model: Model, *free: str) -> Model:
+    """The model with these parameters free and no other."""
+    held = {n: p if n in free else p.fixed() for n, p in model.parameters.items()}
+    return model.with_parameters(held)
+
+
+def test_cells_come_apart_as_they_were():
+    parts = [make_cells(measured(name, 1)) for name in ALL]
+    scales = (3e-6, 1.5, 2e-3)
+    joint = joined_cells(parts, scales, [part.manoeuvre for part in parts])
+    assert joint.manoeuvres == SPEEDS.size
+    assert len(joint) == sum(map(len, parts))
+    for before, after in zip(parts, parts_of(joint), strict=True):
+        for name in ("values", "phi", "sd", "rounding", "shift", "within", "random", "random_cov"):
+            if before.phi.shape[1] == 1 and name in ("random", "shift"):
+                continue
+            np.testing.assert_allclose(
+                getattr(after, name), getattr(before, name), rtol=1e-12, err_msg=name
+            )
+        np.testing.assert_array_equal(after.manoeuvre, before.manoeuvre)
+        np.testing.assert_array_equal(after.log, before.log)
+        assert (after.observable, after.surface, after.logs) == (
+            before.observable, before.surface, before.logs,
+        )  # fmt: skip
+
+
+def test_a_manoeuvre_is_one_however_many_sensors_saw_it():
+    strain, other = pieces_of(measured("strain", 2)), pieces_of(measured("phase_shift", 2))
+    # the second finds its manoeuvres a little later, and two of them as one
+    late = replace(other.conditions, time_s=other.conditions.time_s + 0.2)
+    merged = np.where(other.manoeuvre == 3, 2, other.manoeuvre)
+    lead, follows = one_drive([strain, replace(other, conditions=late, manoeuvre=merged)])
+    np.testing.assert_array_equal(lead.manoeuvre, strain.manoeuvre)
+    alike = follows.manoeuvre == other.manoeuvre
+    assert alike[merged == other.manoeuvre].all()
+    assert set(follows.manoeuvre[~alike]) <= {2, 3}
+    alone = replace(other, logs=("b.csv",))
+    assert not set(one_drive([strain, alone])[1].manoeuvre) & set(strain.manoeuvre)
+
+
+def test_what_each_observable_alone_says_is_weighed_by_what_it_knows():
+    """One number, known by two: the mean by inverse variances, and their difference in errors."""
+    name = "foundation_stiffness_N_m2"
+    told = {}
+    for observable in ALL[:2]:
+        model = only(Model.new("beam", observable).with_values(TRUTH_OF(observable)), name)
+        found = compare([measured(observable, 5)], model)
+        told[observable] = (found.parameters[name]["value"], found.parameters[name]["se"])
+    pair = only(Model.new("beam", ALL[:2]).with_values(TRUTH_OF(*ALL[:2])), name)
+    both = compare(several(5, *ALL[:2]), pair)
+    (a, sa), (b, sb) = told.values()
+    mean = (a / sa**2 + b / sb**2) / (1 / sa**2 + 1 / sb**2)
+    assert both.parameters[name]["value"] == pytest.approx(mean, abs=0.1 * min(sa, sb))
+    assert both.parameters[name]["se"] == pytest.approx((sa**-2 + sb**-2) ** -0.5, rel=0.08)
+    of_strain, of_other = both.contributions
+    assert of_strain.error_without[name] == pytest.approx(sb, rel=0.08)
+    assert of_other.error_without[name] == pytest.approx(sa, rel=0.08)
+    assert of_strain.chi2 == pytest.approx((a - b) ** 2 / (sa**2 + sb**2), rel=0.2, abs=0.1)
+    assert of_strain.freedom == of_other.freedom == 1
+
+
+def TRUTH_OF(*observables: str) -> dict[str, float]:
+    known = Model.new("beam", observables).parameters
+    return {name: value for name, value in TRUTH.values.items() if name in known}
+
+
+def test_observables_that_agree_are_said_to_and_their_chi_square_is_as_chance_has_it():
+    chi2, freedom = 0.0, 0
+    for seed in range(100, 104):
+        pieces = measured_pieces(several(seed, *ALL[:2]))
+        base = start_from(pieces, replace(TRUTH, beside=ALL[1:2]), several=False)
+        found = contributions(base)
+        assert not any(one.contradicts for one in found)
+        assert agreement_sentence(found, {}).startswith("The observables agree")
+        assert abs(base.reduced_chi2 - 1.0) < 0.15
+        chi2, freedom = chi2 + found[0].chi2, freedom + found[0].freedom
+    # of chi-square: its mean, and its standard deviation
+    assert freedom >= 4
+    assert abs(chi2 - freedom) < 3.0 * np.sqrt(2.0 * freedom)
+
+
+def test_observables_of_two_tires_contradict_each_other_and_it_is_said_how():
+    other = TRUTH.with_values({"foundation_stiffness_N_m2": 2.0e6})
+    found = compare(several(7, radial_acceleration=other), TRUTH)
+    by_name = {one.observable: one for one in found.contributions}
+    assert by_name["strain"].contradicts
+    assert by_name["radial_acceleration"].contradicts
+    assert not by_name["phase_shift"].contradicts
+    assert by_name["phase_shift"].freedom == 0
+    assert "radial_acceleration contradicts the others" in found.agreement
+    pulls = {pull.parameter: pull for pull in by_name["strain"].pulls}
+    stiffness = pulls["foundation_stiffness_N_m2"]
+    assert stiffness.sigmas > 3.0
+    assert stiffness.alone > stiffness.others
+
+
+def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors():
+    found = compare(several(8), TRUTH)
+    assert found.observable == "strain + radial_acceleration + phase_shift"
+    assert found.unit == "noise floors"
+    assert found.noise_floor == pytest.approx(1.0)
+    assert found.manoeuvres == SPEEDS.size
+    assert found.revolutions == 3 * 6 * SPEEDS.size
+    for part in found.parts:
+        assert part.noise_floor == pytest.approx(NOISE[part.observable], rel=0.25)
+        assert part.rmse == pytest.approx(part.noise_floor, rel=0.05)
+    told = found.to_json()
+    assert set(told["observables"]) == set(ALL)
+    assert {row["observable"] for row in found.tables["regime"]} == set(ALL)
+    rows = found.tables["revolution"]
+    assert len(rows) == found.revolutions
+    assert all(row["rmse"] > 0.0 for row in rows)
+
+
+def test_held_out_means_left_out_of_all_observables():
+    base = start_from(measured_pieces(several(9)), TRUTH, several=False)
+    by_all = apart(base, held_by_all=True)
+    assert all(part.held_white.shape == (SPEEDS.size,) for part in by_all)
+    whole = np.sum([part.held_white for part in by_all], axis=0)
+    np.testing.assert_allclose(whole, base.held_white, rtol=1e-9)
+    # by hand: the manoeuvre out of all, the parameters fitted to the rest, the offsets as well
+    kept = base.cells.manoeuvre != 4
+    slopes = base.white(base.fit.moving)
+    columns = np.concatenate([slopes, base.white(level_of_each(base.cells))], axis=-1)
+    residual = base.white(np.nan_to_num(base.cells.values - base.fit.prediction))
+    flat = [x[kept].reshape(-1, *x.shape[2:]) for x in (columns, residual)]
+    scale = np.linalg.norm(flat[0], axis=0)
+    step = np.linalg.lstsq(flat[0] / scale, flat[1], rcond=1e-9)[0] / scale
+    left = residual[~kept] - columns[~kept] @ step
+    assert base.held_white[4] == pytest.approx(float((left**2).sum()), rel=1e-3)
+
+
+def level_of_each(cells):
+    """A column for the offset of each waveform, (C, m, 2)."""
+    return np.stack([cells.level * (cells.part == i)[:, None] for i in (0, 1)], axis=-1)
+
+
+def test_settling_anew_what_has_settled_changes_nothing_much():
+    base = start_from(measured_pieces(several(10)), TRUTH, several=False)
+    again = settled(base)
+    assert again.fit.chi2 == pytest.approx(base.fit.chi2, rel=0.02)
+    for name in base.fit.names:
+        moved = abs(again.model.values[name] - base.model.values[name])
+        assert moved <= 0.3 * base.model.parameters[name].se
+
+
+def test_one_observable_in_a_list_is_that_observable():
+    assert Model.new("ring", ["strain"]) == Model.new("ring", "strain")
+    text = as_toml(TRUTH)
+    assert 'observable = ["strain", "radial_acceleration", "phase_shift"]' in text
+    again = parse_model(text)
+    assert again.observables == ALL
+    assert again.values == TRUTH.values
+    assert again.free == TRUTH.free
+
+
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [
+        (("strain", "patch_length"), "the same strain"),
+        (("radial_acceleration", "patch_width"), "the same acceleration"),
+        (("phase_shift", "patch_width"), "one level"),
+        (("strain", "strain"), "twice"),
+        ((), "no observable"),
+    ],
+)
+def test_data_are_not_counted_twice(names, why):
+    with pytest.raises(ModelError, match=why):
+        Model.new("beam", names)
+
+
+def test_logs_of_other_observables_are_refused():
+    with pytest.raises(UsageError, match=r"predicts strain, the log gives strain . radial"):
+        compare(several(11, *ALL[:2]), Model.new("beam", "strain"))

@@ -1,0 +1,397 @@
+"""Cells of several observables of one tire under each other, so that one fit sees them all.
+
+    Cells of each observable, its scale (its noise floor) --joined_cells--> Cells (C, m)
+        rows     those of one observable after the other; `part` says whose a row is
+        angles   as many as the observable with most; the others' last bins are empty
+        values   over the observable's scale: "noise floors", so that sizes may be added up
+    --parts_of--> the Cells of each observable again, in its own unit
+
+What is one in physics is one here: the parameters, and the manoeuvre. A stretch of driving is one
+replicate however many sensors saw it: leaving it out, or flipping its sign, is done to all of them
+at once (`one_drive`). What is each observable's own stays so: noise, floor, metric, scatter, the
+offset of each log (`log` numbers the logs of each observable apart), and the nuisances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.data.recording import Conditions, Stack
+from tirelog.inference.cells.cells import Cells, Together
+from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.cells.shared import SharedEffects
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.observables import together
+
+#: what an empty bin holds, and the power of the scale that a value has; rows x angles (x columns)
+_BINS: Mapping[str, tuple[float, int]] = {
+    "values": (np.nan, 1),
+    "phi": (np.nan, 0),
+    "phi_variance": (0.0, 0),
+    "sd": (np.inf, 1),
+    "rounding": (0.0, 2),
+    "random": (0.0, 1),
+    "shift": (0.0, 1),
+    "within": (0.0, 2),
+    "speed_mean": (0.0, 0),
+    "speed_square": (0.0, 0),
+    "speed_angle": (0.0, 0),
+}
+_ROWS = ("random_cov", "revolutions", "regime", "moved")
+
+
+@dataclass(frozen=True)
+class StacksTogether:
+    """The revolutions of several observables, in the order of the model's."""
+
+    parts: tuple[Sequence[Stack], ...]
+
+    def __len__(self) -> int:
+        return min(len(part) for part in self.parts)
+
+
+@dataclass(frozen=True)
+class PiecesTogether:
+    """The pieces of several observables, which have their manoeuvres in common."""
+
+    parts: tuple[Pieces, ...]
+
+    @classmethod
+    def of(cls, parts: Sequence[Pieces]) -> PiecesTogether:
+        return cls(tuple(one_drive(parts)))
+
+    @property
+    def observables(self) -> tuple[str, ...]:
+        return tuple(part.observable for part in self.parts)
+
+    @property
+    def logs(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(log for part in self.parts for log in part.logs))
+
+    @property
+    def manoeuvre(self) -> IntArray:
+        """The manoeuvre of each piece, of all observables."""
+        return np.concatenate([part.manoeuvre for part in self.parts])
+
+    def take(self, which: NDArray[np.bool_]) -> PiecesTogether:
+        """Some of the pieces, (P,) of all observables."""
+        ends = np.cumsum([len(part) for part in self.parts])[:-1]
+        kept = zip(self.parts, np.split(which, ends), strict=True)
+        return PiecesTogether(tuple(part.take(mine) for part, mine in kept))
+
+    def __len__(self) -> int:
+        return min(len(part) for part in self.parts)
+
+
+def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:
+    """The pieces of each observable, with the manoeuvres of the first in all of them.
+
+    Each sensor finds manoeuvres for itself, and some revolutions later. One of another observable
+    becomes the one of the first that most of its revolutions are nearest to in time, if they are of
+    one log; a log that the first does not have keeps its own.
+    """
+    lead = parts[0]
+    number = np.unique(lead.manoeuvre, return_inverse=True)[1]
+    found, free = [replace(lead, manoeuvre=number)], int(number.max()) + 1
+    for part in parts[1:]:
+        own = np.empty(len(part), np.int64)
+        for manoeuvre in np.unique(part.manoeuvre):
+            rows = np.flatnonzero(part.manoeuvre == manoeuvre)
+            beside = np.flatnonzero(np.array(lead.logs)[lead.log] == part.logs[part.log[rows[0]]])
+            if not beside.size:
+                own[rows], free = free, free + 1
+                continue
+            away = np.abs(
+                part.conditions.time_s[rows][:, None] - lead.conditions.time_s[beside][None]
+            )
+            nearest = number[beside[away.argmin(axis=1)]]
+            own[rows] = int(np.bincount(nearest, part.number[rows]).argmax())
+        found.append(replace(part, manoeuvre=own))
+    return found
+
+
+def joined_cells(
+    parts: Sequence[Cells], scales: Sequence[float], drive: Sequence[IntArray]
+) -> Cells:
+    """The cells of several observables as one.
+
+    scales  (n,) of each observable [its unit];  drive  of each the manoeuvre of its rows, numbered
+            through all observables
+    """
+    width = max(part.phi.shape[1] for part in parts)
+    names = tuple(dict.fromkeys(name for part in parts for name in part.logs))
+    layout = Together(
+        tuple(part.observable for part in parts),
+        tuple(part.surface for part in parts),
+        tuple(float(scale) for scale in scales),
+        tuple(part.phi.shape[1] for part in parts),
+        names,
+        tuple(part.logs for part in parts),
+        tuple(part.free for part in parts),
+    )
+    bins: dict[str, Any] = {
+        name: np.concatenate(
+            [
+                in_bins(getattr(part, name) / scale**power, width, empty)
+                for part, scale in zip(parts, scales, strict=True)
+            ]
+        )
+        for name, (empty, power) in _BINS.items()
+    }
+    for i, part in enumerate(parts):
+        if part.phi.shape[1] == 1:  # nothing of a number per revolution is free in its cell
+            mine = slice(*np.cumsum([0, *map(len, parts)])[i : i + 2].tolist())
+            bins["random"][mine], bins["shift"][mine] = 0.0, 0.0
+    rows: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in _ROWS
+    }
+    logs = [np.array([names.index(log) for log in part.logs]) for part in parts]
+    return replace(
+        parts[0],
+        observable=together(layout.observables),
+        conditions=Conditions.concatenate([part.conditions for part in parts]),
+        log=np.concatenate(
+            [i * len(names) + own[part.log] for i, (part, own) in enumerate(zip(parts, logs))]
+        ),
+        manoeuvre=np.unique(np.concatenate(list(drive)), return_inverse=True)[1],
+        cell=np.zeros(0, np.int64),
+        logs=names * len(parts),
+        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+        shared=_joined_effects([part.shared for part in parts], parts, scales, width),
+        part=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
+        together=layout,
+        **bins,
+        **rows,
+    )
+
+
+def parts_of(cells: Cells) -> tuple[Cells, ...]:
+    """The cells of each observable, in its unit, manoeuvres and logs numbered anew."""
+    layout = cells.together
+    if layout is None:
+        return (cells,)
+    found = []
+    for i, observable in enumerate(layout.observables):
+        rows, width, scale = np.flatnonzero(cells.part == i), layout.widths[i], layout.scales[i]
+        bins = {
+            name: getattr(cells, name)[rows][:, :width] * scale**power
+            for name, (_, power) in _BINS.items()
+        }
+        own: dict[str, Any] = {name: getattr(cells, name)[rows] for name in _ROWS}
+        log = np.array(
+            [
+                layout.own_logs[i].index(layout.logs[k])
+                if layout.logs[k] in layout.own_logs[i]
+                else 0
+                for k in range(len(layout.logs))
+            ]
+        )
+        found.append(
+            replace(
+                cells,
+                observable=observable,
+                surface=layout.surfaces[i],
+                conditions=cells.conditions.take(rows),
+                log=log[cells.log[rows] % len(layout.logs)],
+                manoeuvre=np.unique(cells.manoeuvre[rows], return_inverse=True)[1],
+                logs=layout.own_logs[i],
+                free=layout.free[i],
+                shared=None if cells.shared is None else _own_effects(cells.shared, cells, i),
+                part=np.zeros(0, np.int64),
+                together=None,
+                **bins,
+                **own,
+            )
+        )
+    return tuple(found)
+
+
+def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
+    """x (C, m) or (C, m, k) with so many angles, those that it lacks empty."""
+    if x.shape[1] == width:
+        return x
+    result = np.full((x.shape[0], width, *x.shape[2:]), empty)
+    result[:, : x.shape[1]] = x
+    return result
+
+
+def embedded(cells: Cells, part: int, x: FloatArray, empty: float = 0.0) -> FloatArray:
+    """What is of one observable's cells, in its unit, (c, m) or (c, m, k), among all cells."""
+    assert cells.together is not None
+    result = np.full((*cells.phi.shape, *x.shape[2:]), empty)
+    rows = np.flatnonzero(cells.part == part)
+    result[rows, : x.shape[1]] = x / cells.together.scales[part]
+    return result
+
+
+def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> SharedEffects | None:
+    """The shared effects of each observable's cells as those of all, each with its own sizes."""
+    assert cells.together is not None
+    named = [
+        None if own is None else replace(own, names=tuple(f"{o}: {name}" for name in own.names))
+        for own, o in zip(effects, cells.together.observables, strict=True)
+    ]
+    placed = [
+        replace(own, columns=embedded(cells, i, own.columns))
+        for i, own in enumerate(named)
+        if own is not None
+    ]
+    return SharedEffects.joined(placed) if placed else None
+
+
+def _joined_effects(
+    effects: Sequence[SharedEffects | None],
+    parts: Sequence[Cells],
+    scales: Sequence[float],
+    width: int,
+) -> SharedEffects | None:
+    """Those of parts that were one before, whose names say the observable already."""
+    first = np.cumsum([0, *map(len, parts)])
+    placed = []
+    for i, own in enumerate(effects):
+        if own is None:
+            continue
+        columns = np.zeros((int(first[-1]), width, len(own)))
+        columns[first[i] : first[i + 1], : own.columns.shape[1]] = own.columns / scales[i]
+        placed.append(replace(own, columns=columns))
+    return SharedEffects.joined(placed) if placed else None
+
+
+def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffects | None:
+    """Those of the shared effects that one observable has, on its cells and in its unit."""
+    assert cells.together is not None
+    own = own_amplitudes(shared, cells, part)
+    if not own.size:
+        return None
+    rows = np.flatnonzero(cells.part == part)
+    width, scale = cells.together.widths[part], cells.together.scales[part]
+    return SharedEffects(
+        shared.columns[rows][:, :width][..., own] * scale,
+        shared.sd[own],
+        tuple(shared.names[k] for k in own),
+        tuple(shared.group[k] for k in own),
+    )
+
+
+def own_amplitudes(shared: SharedEffects, cells: Cells, part: int) -> IntArray:
+    """Which of the shared effects are of one observable."""
+    assert cells.together is not None
+    begins = f"{cells.together.observables[part]}: "
+    return np.flatnonzero([name.startswith(begins) for name in shared.names])
+
+
+# ---- what a model says of them -------------------------------------------------------------------
+
+
+def predicted(
+    model: Model,
+    cells: Cells,
+    *,
+    conditions: Conditions | None = None,
+    values: Mapping[str, float] | None = None,
+) -> FloatArray:
+    """What a model predicts of the cells, (C, m), under their conditions or others."""
+    conditions = cells.conditions if conditions is None else conditions
+    if cells.together is None and not model.beside:
+        return model.predict(
+            conditions,
+            surface=cells.surface,
+            values=values,
+            observable=cells.observable,
+            **cells.angles,
+        )
+    result = np.full(cells.phi.shape, np.nan)
+    for i, rows, one, where in _each(model, cells):
+        own = {k: v for k, v in (values or {}).items() if k in one.parameters}
+        there = one.predict(conditions.take(rows), values=own, **where)
+        result[rows, : there.shape[1]] = there / _scale(cells, i)
+    return result
+
+
+def linearised(
+    model: Model, cells: Cells, names: Sequence[str], values: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Prediction (C, m) and Jacobian (C, m, p)."""
+    if cells.together is None and not model.beside:
+        prediction, slopes = model.linearised(
+            cells.conditions,
+            names=names,
+            surface=cells.surface,
+            values=values,
+            observable=cells.observable,
+            **cells.angles,
+        )
+        return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
+    prediction = np.full(cells.phi.shape, np.nan)
+    jacobian = np.zeros((*cells.phi.shape, len(names)))
+    for i, rows, one, where in _each(model, cells):
+        own = {k: v for k, v in values.items() if k in one.parameters}
+        at = [k for k, name in enumerate(names) if name in one.parameters]
+        there, slopes = one.linearised(
+            cells.conditions.take(rows), names=[names[k] for k in at], values=own, **where
+        )
+        scale, width = _scale(cells, i), there.shape[1]
+        prediction[rows, :width] = there / scale
+        jacobian[rows[:, None, None], np.arange(width)[None, :, None], np.array(at, int)] = (
+            np.moveaxis(slopes, 0, -1) / scale
+        )
+    return prediction, jacobian
+
+
+def _each(model: Model, cells: Cells) -> Any:
+    """(number, rows, the model of this observable alone, arguments of its prediction) of each."""
+    layout = cells.together
+    if layout is None:
+        where: dict[str, Any] = {"surface": cells.surface, "observable": cells.observable}
+        yield 0, np.arange(len(cells)), model_of(model, cells.observable), where | cells.angles
+        return
+    for i, observable in enumerate(layout.observables):
+        rows = np.flatnonzero(cells.part == i)
+        if not rows.size:
+            continue
+        where = {"surface": layout.surfaces[i], "observable": observable, "phi_rad": None}
+        if layout.widths[i] > 1:
+            bins = slice(layout.widths[i])
+            where |= {
+                "phi_rad": cells.phi[rows, bins],
+                "phi_variance": cells.phi_variance[rows, bins],
+            }
+        yield i, rows, model_of(model, observable), where
+
+
+def _scale(cells: Cells, part: int) -> float:
+    return 1.0 if cells.together is None else cells.together.scales[part]
+
+
+def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
+    """What an effect needs to be known, and some revolution that it acts on does not know."""
+    if cells.together is None:
+        if model.beside and not effect.acts_in(cells.observable, _held(model)):
+            return []
+        return effect.missing(cells.conditions)
+    missing: dict[str, None] = {}
+    for i, observable in enumerate(cells.together.observables):
+        if effect.acts_in(observable, _held(model)):
+            rows = np.flatnonzero(cells.part == i)
+            missing |= dict.fromkeys(effect.missing(cells.conditions.take(rows)))
+    return list(missing)
+
+
+def _held(model: Model) -> list[Effect]:
+    return [entry.effect for entry in model.effects]
+
+
+def model_of(model: Model, observable: str) -> Model:
+    """The model as one observable sees it: without the effects that do nothing to it.
+
+    What such an effect needs to be known of a log, this observable's logs need not know.
+    """
+    kept = tuple(e for e in model.effects if e.effect.acts_in(observable, _held(model)))
+    return replace(model, observable=observable, beside=(), effects=kept)

@@ -1,0 +1,51 @@
+"""A fit to several observables as the fits of each, in its unit, at the same parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.together import own_amplitudes, parts_of
+from tirelog.inference.fit.cells import Fit
+
+
+def fits_apart(fit: Fit) -> tuple[Fit, ...]:
+    """The fit of each observable; (the fit itself,) if there is but one.
+
+    Prediction, slopes and residual are those of the fit to all; degrees of freedom are shared out.
+    """
+    cells, layout = fit.cells, fit.cells.together
+    if layout is None:
+        return (fit,)
+    logs = np.unique(cells.log)
+    found = []
+    for i, own in enumerate(parts_of(cells)):
+        rows, width, scale = np.flatnonzero(cells.part == i), layout.widths[i], layout.scales[i]
+        residual = fit.residual[rows][:, :width]
+        mine = logs // len(layout.logs) == i
+        amplitudes = fit.amplitudes[:0]
+        if cells.shared is not None and fit.amplitudes.size:
+            amplitudes = fit.amplitudes[own_amplitudes(cells.shared, cells, i)]
+        found.append(
+            replace(
+                fit,
+                model=replace(fit.model, observable=own.observable, beside=_others(fit, own)),
+                chi2=float((residual**2).sum()),
+                freedom=fit.freedom * residual.size / max(fit.residual.size, 1),
+                residual=residual,
+                prediction=fit.prediction[rows][:, :width] * scale,
+                jacobian=fit.jacobian[rows][:, :width] * scale,
+                offsets=fit.offsets[mine] * scale
+                if width > 1 and fit.offsets.size
+                else np.zeros(0),
+                amplitudes=amplitudes,
+                cells=own,
+            )
+        )
+    return tuple(found)
+
+
+def _others(fit: Fit, own: Cells) -> tuple[str, ...]:
+    return tuple(name for name in fit.model.observables if name != own.observable)

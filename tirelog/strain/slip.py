@@ -1,0 +1,135 @@
+"""The table `slip`: longitudinal slip of every turn of the wheel, from the vehicle's speed.
+
+    turns of the wheel (encoder, else passages) --distance of the vehicle in each--> metres per turn
+        --those of free rolling--> rolling radius R --> sigma = 1 - omega R / V (P2 (14))
+
+Over one turn omega R / V is 2 pi R over the distance. Positive slip is braking. A radius that is
+off by 1 % is a slip of 0.01, as much as hard braking makes: so R is what the vehicle travels per
+turn while nothing pulls, in this log, and what a tire slips then counts for none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tirelog.data.recording import Channel, Recording
+from tirelog.errors import UsageError
+from tirelog.strain.passages.kinematics import TURN_RAD
+from tirelog.strain.passages.surface import passages_of
+from tirelog.strain.speed import (
+    LEAST_TURNS,
+    speed_by_encoder,
+    speed_channels,
+    speed_columns,
+    travelled,
+)
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import OK
+
+#: acceleration up to which a turn rolls freely [m/s^2]: at a tire's usual 0.1 of slip per g that is
+#: 0.002; doubled, twice as much of it goes into the radius
+FREE_M_S2 = 0.2
+
+
+@dataclass(frozen=True)
+class SlipOfChannel:
+    """The turns that one channel tells: the table's columns, sentences on them."""
+
+    columns: dict[str, Any]
+    remarks: tuple[str, ...]
+
+
+def slip_of(recording: Recording) -> Iterator[SlipOfChannel]:
+    """The slip of every turn.
+
+    UsageError: no vehicle speed, nothing that tells the turns, or no radius to go by.
+    """
+    references = recording.of_kind("vehicle_speed")
+    if not references:
+        raise UsageError(
+            "the log has no vehicle speed, without which no slip is told",
+            allowed="allowed is a log with a channel of kind vehicle_speed",
+            do="add it to the setup",
+            file=recording.log,
+        )
+    for columns, remarks in _turns(recording):
+        yield _slip(recording, references[0], columns, remarks)
+
+
+def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], Sequence[str]]]:
+    """(columns of the table `speed`, remarks) of each channel that tells the turns."""
+    channels = speed_channels(recording)
+    if not channels or recording.of_kind("wheel_encoder"):
+        yield speed_by_encoder(recording)
+        return
+    for channel in channels:
+        passages = passages_of(recording, channel)
+        yield (
+            speed_columns(recording.log, passages),
+            [passages.doubt] if passages.doubt else [],
+        )
+
+
+def _slip(
+    recording: Recording, reference: Channel, turns: Mapping[str, Any], remarks: Sequence[str]
+) -> SlipOfChannel:
+    time, period = np.asarray(turns["time_s"]), np.asarray(turns["period_s"])
+    ends = [travelled(reference, time + side * period) for side in (-0.5, 0.5)]
+    metres = np.where(ends[0][1] == ends[1][1], ends[1][0] - ends[0][0], np.nan)
+    metres = np.where(metres > 0.0, metres, np.nan)
+    good = np.asarray(turns["quality"]) == OK
+    free = good & (np.abs(turns["acceleration_m_s2"]) < FREE_M_S2) & np.isfinite(metres)
+    radius, radius_se, said = _radius(recording, reference, metres[free])
+    with np.errstate(invalid="ignore"):
+        slip = 1.0 - TURN_RAD * radius / metres
+    error = np.hypot(_scatter(metres[good]) / metres, radius_se / radius) * np.abs(1.0 - slip)
+    columns = {
+        name: turns[name] for name in ("log", "channel", "revolution", "time_s", "speed_m_s")
+    }
+    columns |= {
+        "vehicle_speed_m_s": metres / period,
+        "slip": slip,
+        "slip_se": error,
+        "quality": turns["quality"],
+    }
+    return SlipOfChannel(columns, (*remarks, said))
+
+
+def _radius(
+    recording: Recording, reference: Channel, metres: FloatArray
+) -> tuple[float, float, str]:
+    """(rolling radius, its standard error [m], what was done), from metres per free turn."""
+    tire = recording.setup.tire
+    if metres.size >= LEAST_TURNS:
+        radius = float(np.median(metres)) / TURN_RAD
+        error = _scatter(metres) / np.sqrt(metres.size) / TURN_RAD
+        return (
+            radius,
+            error,
+            f"slip against {reference.name}: {radius:.5f} m per radian in {metres.size} turns of "
+            "free rolling, whose slip counts as none",
+        )
+    if tire.rolling_radius_m is None:
+        raise UsageError(
+            f"{metres.size} turns below {FREE_M_S2:g} m/s^2, and the setup has no rolling radius: "
+            "no slip can be told",
+            allowed=f"allowed are {LEAST_TURNS} turns of free rolling, or rolling_radius_m",
+            do="give a log with a cruise, or the radius in the setup",
+            file=recording.log,
+        )
+    return (
+        tire.rolling_radius_m,
+        0.0,
+        f"slip against {reference.name} by the setup's rolling radius, for want of free rolling: "
+        "a radius off by 1 % is a slip of 0.01",
+    )
+
+
+def _scatter(metres: FloatArray) -> float:
+    """Standard deviation of one turn's distance [m], from that of neighbours."""
+    change = np.abs(np.diff(metres[np.isfinite(metres)]))
+    return float(np.median(change)) / (0.6745 * np.sqrt(2.0)) if change.size else float("nan")
