@@ -136,8 +136,13 @@ class DiagnosisOfLogs(Diagnosis):
         return super().to_json() | {"remarks": list(self.before.remarks)}
 
     def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
-        """The comparison with what was selected; as `compare(...).plot`."""
-        return ComparisonOfLogs.of(self.after).plot(path_or_axes)
+        """What is left before and after at one scale, and the ranking; the figure.
+
+        path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the ranking
+        """
+        from tirelog.plots.diagnose import figure, ranking
+
+        return _drawn(path_or_axes, lambda: figure(self), lambda axes: ranking(axes, self))
 
     def _repr_html_(self) -> str:
         factor, unit = _read(self.before.observable, self.before.unit)

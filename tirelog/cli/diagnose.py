@@ -53,9 +53,9 @@ def diagnose(
         for remark in result.before.remarks:
             session.note(remark)
         if plot is not None:
-            from tirelog.plots.compare import draw
+            from tirelog.plots.diagnose import draw
 
-            for beside in draw(result.after, plot):
+            for beside in draw(result, plot):
                 session.note(f"another observable drawn in {beside}")
         if format == "json" or (output is not None and output.suffix == ".json"):
             write_json(result.to_json(), output)

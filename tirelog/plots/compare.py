@@ -15,10 +15,10 @@ from tirelog.vocabulary.observables import drawn
 if TYPE_CHECKING:
     from tirelog.diagnosis.results import Comparison, Map
 
-#: the map's colours end at this quantile of the residual, and whitened ones at so many standard
-#: errors
-_QUANTILE = 99.5
-_SIGMAS = 5.0
+#: the map's colours end at this quantile of the residual, and are linear up to so many standard
+#: errors, or to the noise floor
+_QUANTILE = 99.9
+_SIGMAS = 3.0
 
 
 def figure(result: Comparison) -> Any:
@@ -44,6 +44,7 @@ def figure(result: Comparison) -> Any:
                 map_,
                 kind,
                 factor if kind == "residual" else 1.0,
+                result.noise_floor * factor if kind == "residual" else _SIGMAS,
                 label,
                 name,
                 result.half_angle_rad,
@@ -90,7 +91,7 @@ def waveforms(axes: Any, result: Comparison) -> None:
             lw=0,
         )
         axes.plot(phi, waves.measured[i] * factor, ".", ms=2.5, color=line.get_color())
-    _edges(axes, result.half_angle_rad)
+    edges(axes, result.half_angle_rad)
     axes.set(
         xlabel="angle from the patch centre [deg], entry to exit",
         ylabel=f"{result.observable} [{unit}]",
@@ -106,36 +107,53 @@ def waveforms(axes: Any, result: Comparison) -> None:
 
 
 def _map(
-    canvas: Any, axes: Any, map_: Map, kind: str, factor: float, label: str, name: str, edge: float
+    canvas: Any,
+    axes: Any,
+    map_: Map,
+    kind: str,
+    factor: float,
+    small: float,
+    label: str,
+    name: str,
+    edge: float,
 ) -> None:
     values = getattr(map_, kind) * factor
     known = np.abs(values[np.isfinite(values)])
-    limit = (
-        _SIGMAS
-        if kind == "whitened"
-        else (float(np.percentile(known, _QUANTILE)) if known.size else 1.0)
-    )
-    shading = "nearest" if map_.axis.size > 1 and map_.phi_rad.size > 1 else "flat"
-    if shading == "flat":
+    largest = float(np.percentile(known, _QUANTILE)) if known.size else 1.0
+    mesh = coloured(axes, map_, values, small, max(largest, small))
+    if mesh is None:
         axes.plot(
             np.rad2deg(map_.phi_rad) if map_.phi_rad.size > 1 else map_.axis, np.ravel(values), "."
         )
         axes.set(xlabel=name if map_.phi_rad.size == 1 else "angle [deg]", ylabel=label)
         return
-    mesh = axes.pcolormesh(
+    canvas.colorbar(mesh, ax=axes, label=label, format="%g")
+    edges(axes, edge)
+    axes.set(xlabel="angle [deg]", ylabel=name)
+
+
+def coloured(axes: Any, map_: Map, values: Any, small: float, largest: float) -> Any:
+    """A map's `values` (k, m) in colour on `axes`; None, and nothing drawn, if it has one row.
+
+    Linear up to `small`, by orders of magnitude beyond, so that 1 and 40 are told on one scale.
+    """
+    from matplotlib.colors import SymLogNorm
+
+    if map_.axis.size < 2 or map_.phi_rad.size < 2:
+        return None
+    largest = largest if largest > 0.0 else 1.0
+    small = min(small, largest) if small > 0.0 else largest
+    return axes.pcolormesh(
         np.rad2deg(map_.phi_rad),
         map_.axis,
         values,
         cmap="RdBu_r",
-        vmin=-limit,
-        vmax=limit,
-        shading=shading,
+        norm=SymLogNorm(linthresh=small, vmin=-largest, vmax=largest, base=10),
+        shading="nearest",
     )
-    canvas.colorbar(mesh, ax=axes, label=label)
-    _edges(axes, edge)
-    axes.set(xlabel="angle [deg]", ylabel=name)
 
 
-def _edges(axes: Any, edge: float) -> None:
+def edges(axes: Any, edge: float) -> None:
+    """The patch's edges as lines on `axes`."""
     for side in (-edge, edge):
         axes.axvline(np.rad2deg(side), color="0.5", lw=0.7, ls="--")
