@@ -46,6 +46,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "speed": (
         ("tirelog speed drive.csv.gz -o speed.csv", "a row per passage"),
         ("tirelog speed a.csv b.csv --setup drive.toml | head -3", "two logs, one table"),
+        ("tirelog speed drive.csv.gz -o speed.csv --plot speed.png", "and a picture"),
     ),
     "footprint": (
         ("tirelog footprint drive.csv.gz -o footprint.csv", "contact length, edges, slip onset"),

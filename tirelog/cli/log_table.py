@@ -52,7 +52,7 @@ def table_command(table: LogTable) -> Callable[..., None]:
             ):
                 writer.write(part.columns)
                 if plot is not None:
-                    kept.append((recording, part.found))
+                    kept.append((recording, part.columns if table.draws_rows else part.found))
             if plot is not None and kept:
                 resolve_name(table.picture)(kept, plot)
 

@@ -45,6 +45,8 @@ class LogTable:
              raises UsageError for options that no log can be made a table with
     picture  "module:function" that draws what was made, [(recording, made), ...], into a file: the
              command then has --plot
+    draws_rows  the picture draws the rows themselves, (recording, columns), not what they were
+             made of
     driven   False for a table that is only made if it is asked for by name, such as that of a
              static test: not by `tables`, campaigns and reports
     rows_of  kinds of channel that its rows are of, if others than `kinds`
@@ -58,6 +60,7 @@ class LogTable:
     made_by: str = ""
     checked_by: str = ""
     picture: str = ""
+    draws_rows: bool = False
     driven: bool = True
     rows_of: tuple[str, ...] = ()
 
@@ -89,6 +92,8 @@ _ALL = (
                 "Take the rolling radius from the log's vehicle_speed, with its error.",
             ),
         ),
+        picture="tirelog.plots.speed:speed_picture",
+        draws_rows=True,
     ),
     LogTable(
         "footprint",

@@ -1,0 +1,58 @@
+"""`speed --plot`: rows by hand, and what is drawn of them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from tirelog.plots import speed
+
+
+def rows(channel, n, flagged=()):
+    quality = np.full(n, "ok", dtype=object)
+    quality[list(flagged)] = "edge_of_log"
+    return {
+        "channel": np.full(n, channel),
+        "time_s": np.arange(n, dtype=float),
+        "speed_m_s": 10.0 + np.arange(n),
+        "speed_se_m_s": np.full(n, 0.5),
+        "acceleration_m_s2": np.ones(n),
+        "quality": quality,
+    }
+
+
+def drawn(monkeypatch, kept, path):
+    pages = []
+    monkeypatch.setattr(speed, "write", lambda figure, to: pages.append((figure, to)))
+    speed.speed_picture([(SimpleNamespace(log=log), columns) for log, columns in kept], path)
+    ((figure, written),) = pages
+    assert written == path
+    return figure
+
+
+def test_a_row_per_log_a_colour_per_channel_and_what_is_flagged_apart(monkeypatch, tmp_path):
+    kept = [("a/x.csv", rows("left", 6, (0, 5))), ("a/x.csv", rows("right", 4)),
+            ("b.csv", rows("left", 3))]  # fmt: skip
+    figure = drawn(monkeypatch, kept, tmp_path / "p.png")
+    assert len(figure.axes) == 4
+    first, _, second, _ = figure.axes
+    assert first.get_title(loc="left").startswith("x.csv")
+    assert second.get_title(loc="left").startswith("b.csv")
+    good, bad, other, none = first.lines
+    np.testing.assert_array_equal(good.get_ydata(), [11.0, 12.0, 13.0, 14.0])
+    np.testing.assert_array_equal(bad.get_ydata(), [10.0, 15.0])
+    np.testing.assert_array_equal(other.get_ydata(), [10.0, 11.0, 12.0, 13.0])
+    assert none.get_ydata().size == 0
+    assert good.get_color() != other.get_color()
+
+
+def test_many_passages_are_thinned_and_many_logs_counted(monkeypatch, tmp_path):
+    kept = [(f"{i}.csv", rows("left", 30_000 if i == 0 else 2)) for i in range(10)]
+    figure = drawn(monkeypatch, kept, tmp_path / "p.svg")
+    assert len(figure.axes) == 16
+    assert figure.axes[0].lines[0].get_ydata().size == 20_000
+    assert figure.axes[14].get_title(loc="left").endswith("2 logs more are not drawn")
+
+
+def test_a_log_without_a_passage_is_an_empty_row(monkeypatch, tmp_path):
+    figure = drawn(monkeypatch, [("a.csv", rows("left", 0))], tmp_path / "p.png")
+    assert len(figure.axes) == 2
