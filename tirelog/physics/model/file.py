@@ -21,6 +21,7 @@ from tomlkit.exceptions import TOMLKitError
 from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import Effect
+from tirelog.physics.model import empirical
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model
 from tirelog.physics.model.nuisances import BY_NAME, NUISANCES, USES, Nuisance
@@ -302,6 +303,12 @@ def _effect(
     if "expression" in table:
         effect = _by_expression(table, source, after)
         given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
+    elif "shape" in table:
+        effect = _by_shape(table, source, after)
+        given, own = (
+            table.get("parameters", {}),
+            {k: table[k] for k in empirical.KEYS if k in table},
+        )
     elif name not in catalogue:
         raise source.error(
             f"unknown effect {name!r}{nearest(name, catalogue)}",
@@ -351,6 +358,31 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
     place = _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source, after - 1)
     try:
         return effect_by_expression(table["name"], place, table["expression"], parameters)
+    except ModelError as problem:
+        raise source.here(problem, table["name"], after - 1) from None
+
+
+def _by_shape(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
+    """The effect of a measured shape: numbers along a frame's coordinate, times a law."""
+    what = f"effect {table['name']!r}"
+    _only(table, ("name", *empirical.KEYS, "parameters"), source, what, after - 1)
+    _word(table, "shape", ("empirical",), None, source, after - 1)
+    given = table.get("parameters", {})
+    frame = _word(table, "frame", tuple(empirical.FRAMES), None, source, after - 1)
+    place = _word(table, "acts_on", empirical.ACTS_ON, "strain", source, after - 1)
+    law = table.get("law", "1")
+    if not isinstance(law, str) or not isinstance(given, dict):
+        raise source.error(
+            "law is a text and parameters a table",
+            "law",
+            after - 1,
+            allowed="no other form is allowed",
+            do="correct it",
+        )
+    try:
+        return empirical.effect_by_shape(
+            table["name"], place, frame, law, table.get("nodes"), table.get("values")
+        )
     except ModelError as problem:
         raise source.here(problem, table["name"], after - 1) from None
 
