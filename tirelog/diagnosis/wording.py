@@ -17,7 +17,7 @@ from tirelog.diagnosis.sign_flips import least_p
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
-from tirelog.vocabulary.observables import OBSERVABLES, shown
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, shown
 
 # Said with every diagnosis, since no statistic can.
 #
@@ -325,6 +325,8 @@ def next_command(
             adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
             file, stem = longer, f"{stem}+{name}"
         return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
+    if verdict == "unknown" and model.observable in WAVEFORMS:
+        return f"tirelog propose {given} --model {file} -o {stem}+proposed.toml"
     if verdict in ("unknown", "scatter"):
         return f"tirelog compare {given} --model {file} --plot residual.png"
     if verdict == "too_few":

@@ -1,0 +1,86 @@
+"""Property: what `propose` writes can be read again, and lowers the error that `compare` says; it
+writes nothing if nothing is missing.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.planted import MODEL, since_exit, stack
+from tirelog.diagnosis.compare import compare
+from tirelog.diagnosis.propose.propose import LOCK_EVERY, propose
+from tirelog.diagnosis.propose.results import Proposal
+from tirelog.errors import UsageError
+from tirelog.physics import Model
+from tirelog.physics.model.file import load_model, save_model
+from tirelog.vocabulary.arrays import FloatArray
+
+
+def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
+    late = since_exit(xi) / speed
+    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)
+
+
+LOGS = [stack(ringing)]
+
+
+@pytest.fixture(scope="module")
+def proposal() -> Proposal:
+    return propose(LOGS, MODEL)
+
+
+def test_a_ringing_is_written_down(proposal: Proposal) -> None:
+    assert proposal.status == "formula"
+    (term,) = proposal.terms
+    assert term.formula.words == "ringing in the time since the exit edge"
+    assert term.formula.law == "(speed / 20)"
+    assert term.numbers["f"]["value"] == pytest.approx(120.0, abs=4 * term.numbers["f"]["se"])
+    assert term.numbers["decay"]["unit"] == "s"
+    assert proposal.locked is not None
+    assert proposal.locked.manoeuvres == len(range(1, 15, LOCK_EVERY))
+    assert proposal.locked.share > 0.95
+    told = json.loads(json.dumps(proposal.to_json()))
+    assert told["terms"][0]["expression"] == term.formula.expression
+    assert told["locked"]["share_removed"] == pytest.approx(proposal.locked.share)
+
+
+def test_the_model_is_read_again_and_its_error_has_fallen(
+    proposal: Proposal, tmp_path: Path
+) -> None:
+    assert proposal.model is not None
+    save_model(proposal.model, tmp_path / "better.toml")
+    after = compare(LOGS, load_model(tmp_path / "better.toml"))
+    assert after.rmse_heldout is not None
+    assert proposal.rmse_heldout_before is not None
+    assert proposal.rmse_heldout_before > 1.9 * after.noise_floor
+    assert after.rmse_heldout < 1.05 * after.noise_floor
+
+
+def test_its_measured_shape_is_an_effect_as_well(proposal: Proposal, tmp_path: Path) -> None:
+    best = proposal.shapes[0]
+    save_model(MODEL.with_entry(best.entry("as_measured")), tmp_path / "shape.toml")
+    after = compare(LOGS, load_model(tmp_path / "shape.toml"))
+    assert after.rmse_heldout is not None
+    assert after.rmse_heldout < 1.1 * after.noise_floor
+
+
+def test_nothing_is_proposed_if_nothing_is_missing() -> None:
+    result = propose([stack(seed=5, m=64)], MODEL)
+    assert (result.status, result.model, result.written) == ("nothing", None, ())
+    assert result.sentence.startswith("Nothing to propose: Nothing is missing")
+
+
+def test_too_few_manoeuvres_are_said_to_be() -> None:
+    result = propose([stack(ringing, manoeuvres=11)], MODEL)
+    assert result.status == "nothing"
+    assert "11 manoeuvres are too few" in result.reason
+    assert "drive 12 at least" in result.reason
+
+
+def test_a_number_per_revolution_has_no_shape() -> None:
+    with pytest.raises(UsageError, match="one number per revolution"):
+        propose(LOGS, Model.new("beam", "patch_length"))

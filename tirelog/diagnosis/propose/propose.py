@@ -1,0 +1,334 @@
+"""`propose`: the unknown effect written down, with its error on manoeuvres that nothing touched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tirelog.diagnosis.beside import with_nuisances_on
+from tirelog.diagnosis.compare import Measured, measured_pieces, start
+from tirelog.diagnosis.diagnose import Diagnosis, conclude
+from tirelog.diagnosis.leftover import leading_shape
+from tirelog.diagnosis.locked import untouched
+from tirelog.diagnosis.naming import worth_it
+from tirelog.diagnosis.propose.formulas import (
+    Choice,
+    Draft,
+    choose,
+    numbers_of,
+    polished,
+    simplified,
+    with_covering_errors,
+)
+from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.measured_shapes import (
+    MeasuredShape,
+    measured_shapes,
+    without_twins,
+)
+from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.diagnosis.propose.scan import Scanned, scan
+from tirelog.diagnosis.rules import (
+    ALARM_P,
+    FEWEST_MANOEUVRES,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    REST_SHARE,
+    SECOND_LEAST,
+)
+from tirelog.diagnosis.search import Found, Progress, search_effects
+from tirelog.diagnosis.separation import advise
+from tirelog.errors import ModelError, UsageError
+from tirelog.inference.base import Base, refit, settled, thinned
+from tirelog.inference.cells.pieces import Pieces
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
+
+#: every so many manoeuvres one is locked away before anything is looked at; twice as rarely leaves
+#: the number that is said to two or three manoeuvres
+LOCK_EVERY = 3
+#: terms of a proposal at most: what needs more is better told by its measured shape
+MOST_TERMS = 3
+#: cells on which the grammar is scanned; the time goes with them, and 60 span 20 manoeuvres
+_SCAN_CELLS = 60
+#: share of the excess that a measured shape must remove beyond the formulas to stand in their
+#: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
+#: much
+_SHAPE_MORE = 0.05
+#: verdicts of `diagnose` that leave something unnamed
+_UNNAMED = ("unknown", "partial")
+
+
+def propose(
+    measured: Measured,
+    model: Model,
+    *,
+    effects: Iterable[Effect] = (),
+    despite: bool = False,
+    shape: bool = False,
+    progress: Progress = lambda text: None,
+) -> Proposal:
+    """The unknown effect written down, or why there is nothing to propose.
+
+    effects   the user's own candidates, as for `diagnose`
+    despite   also if an effect of the catalogue explains it: the proposal stands in its place
+    shape     a measured shape in any case, in place of formulas
+    UsageError: the model predicts a number per revolution, in which no shape is seen.
+    """
+    if model.observable not in WAVEFORMS:
+        raise UsageError(
+            f"a model of {model.observable} gives one number per revolution, which has no shape",
+            allowed=f"a model of {' or '.join(WAVEFORMS)} is allowed",
+            do="take one; for numbers `tirelog diagnose` tells what they follow",
+        )
+    pieces = measured_pieces(measured)
+    seen, locked = locked_third(pieces)
+    if locked is None:
+        return _nothing(model, _too_few(pieces), int(np.unique(pieces.manoeuvre).size))
+    progress("fitting the model")
+    base = start(seen, model)
+    progress(
+        f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres seen, "
+        f"{np.unique(locked.manoeuvre).size} locked away; testing candidates"
+    )
+    found = search_effects(base, tuple(effects), progress)
+    diagnosis = conclude(found, ())
+    ground, reason = _ground(found, diagnosis, despite)
+    if ground is None:
+        return _nothing(model, reason, base.cells.manoeuvres, diagnosis)
+    climb = _climb(ground, progress)
+    return _proposal(ground, climb, diagnosis, locked, shape, progress)
+
+
+def locked_third(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
+    """(what may be seen, what nothing touches); nothing is locked if too few would be left."""
+    numbers = np.unique(pieces.manoeuvre)
+    chosen = numbers[1::LOCK_EVERY]
+    if numbers.size - chosen.size < FEWEST_MANOEUVRES:
+        return pieces, None
+    mask = np.isin(pieces.manoeuvre, chosen)
+    return pieces.take(~mask), pieces.take(mask)
+
+
+def _too_few(pieces: Pieces) -> str:
+    number = int(np.unique(pieces.manoeuvre).size)
+    needed = next(n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
+    return (
+        f"{number} manoeuvres are too few: a third is locked away before anything is looked at, "
+        f"and a test needs {FEWEST_MANOEUVRES} of the others; drive {needed} at least."
+    )
+
+
+def _ground(found: Found, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
+    """The base to propose on, or why there is nothing to propose."""
+    verdict = diagnosis.verdict
+    if verdict == "unknown" or (despite and diagnosis.selected):
+        return found.before, ""
+    if verdict == "partial":
+        after, before = found.after, found.before
+        if (
+            diagnosis.unexplained["significant"]
+            and after.excess > SECOND_LEAST * after.floor.square
+            and after.excess > REST_SHARE * before.excess
+        ):
+            return after, ""
+        return None, (
+            f"{diagnosis.sentence} The rest is too small, or does not repeat well enough, to "
+            "write down."
+        )
+    if diagnosis.selected:
+        return None, (
+            f"{diagnosis.sentence} Add it to the model, or give --despite to have what these data "
+            "would say without it."
+        )
+    return None, diagnosis.sentence
+
+
+@dataclass
+class _Climb:
+    """Terms one by one: the bases from the start upwards, what was chosen, and the shapes."""
+
+    bases: list[Base]
+    choices: list[Choice] = field(default_factory=list)
+    scans: list[Scanned] = field(default_factory=list)
+    shapes: list[MeasuredShape] = field(default_factory=list)
+
+    @property
+    def after(self) -> Base:
+        return self.bases[-1]
+
+
+def _climb(base: Base, progress: Progress) -> _Climb:
+    """Terms until nothing of size is left, or none is worth it."""
+    climb = _Climb([base])
+    taken = {effect.id for effect in base.model.effects}
+    first_excess = max(base.excess, 1e-300)
+    for number in range(1, MOST_TERMS + 1):
+        at = climb.after
+        full = Ground(at)
+        few = full if len(at.cells) <= _SCAN_CELLS else Ground(thinned(at, _SCAN_CELLS))
+        if not climb.shapes:
+            progress("measuring free shapes")
+            climb.shapes = without_twins(measured_shapes(few, full))
+        progress(f"term {number}: trying every form of the grammar")
+        scanned = scan(few)
+        climb.scans.append(scanned)
+        if scanned.p > ALARM_P:
+            break
+        name = next(n for i in range(number, 100) if (n := f"proposed_{i}") not in taken)
+        choice = choose(full, polished(few, scanned.atoms), name)
+        if choice is None or not worth_it(at, choice.chosen.base):
+            break
+        chosen = simplified(replace(choice.chosen, base=settled(choice.chosen.base)))
+        new = chosen.base
+        if number > 1 and at.square_held - new.square_held < REST_SHARE * first_excess:
+            break
+        taken.add(name)
+        progress(f"term {number}: {choice.chosen.atom.form.words}")
+        climb.choices.append(replace(choice, chosen=chosen))
+        climb.bases.append(new)
+        if new.excess < LEAST_SHARE_OF_FLOOR * new.floor.square:
+            break
+    return climb
+
+
+def _proposal(
+    base: Base,
+    climb: _Climb,
+    diagnosis: Diagnosis,
+    locked: Pieces,
+    shape_wanted: bool,
+    progress: Progress,
+) -> Proposal:
+    """What is written down in the end, and its error on the locked manoeuvres."""
+    after, status = climb.after, "formula" if climb.choices else "nothing"
+    by_shape = _with_shape(base, climb.shapes)
+    if by_shape is not None:
+        more = after.square_held - by_shape.square_held
+        if shape_wanted or more > max(
+            LEAST_SHARE_OF_FLOOR * base.floor.square, _SHAPE_MORE * base.excess
+        ):
+            after, status = by_shape, "shape"
+    if status == "nothing":
+        return _nothing(
+            base.model,
+            "something repeats, but no form of the grammar and no free shape is beyond doubt "
+            f"(p = {climb.scans[-1].p:.2g} over {climb.scans[-1].tried} forms).",
+            base.cells.manoeuvres,
+            diagnosis,
+            climb.shapes,
+        )
+    progress("asking the manoeuvres that were locked away")
+    number = int(np.unique(locked.manoeuvre).size)
+    before_there, after_there = untouched(base, locked), untouched(after, locked)
+    result = Locked(number, before_there[0], after_there[0], after_there[1])
+    if result.after >= result.before:
+        return _nothing(
+            base.model,
+            f"what was found does not hold on the {number} manoeuvres that were locked away.",
+            base.cells.manoeuvres,
+            diagnosis,
+            climb.shapes,
+        )
+    own = {effect.id for effect in base.model.effects}
+    written = tuple(e.id for e in after.model.effects if e.id not in own)
+    covering = with_covering_errors(after, written)
+    terms = tuple(_terms(climb, covering)) if status == "formula" else ()
+    rows, notes = _advice(climb) if status == "formula" else ([], [])
+    near = sorted(diagnosis.effects, key=lambda c: -c.excess_removed)[:2]
+    return Proposal(
+        status=status,
+        reason="",
+        diagnosis=diagnosis,
+        terms=terms,
+        shapes=tuple(climb.shapes),
+        written=written,
+        model=with_nuisances_on(replace(after, fit=replace(after.fit, model=covering))),
+        locked=result,
+        observable=base.model.observable,
+        unit=OBSERVABLES[base.model.observable].unit,
+        rmse_heldout_before=base.rmse_held,
+        rmse_heldout_after=after.rmse_held,
+        noise_floor=float(np.sqrt(after.floor.square)),
+        manoeuvres=base.cells.manoeuvres,
+        nearest=tuple((c.effect, c.excess_removed) for c in near if c.excess_removed > REST_SHARE),
+        separating_manoeuvres=tuple(rows),
+        notes=tuple(notes),
+        phi_rad=np.nanmean(base.cells.phi, axis=0),
+        leading_before=leading_shape(base),
+        leading_after=leading_shape(after),
+    )
+
+
+def _with_shape(base: Base, shapes: list[MeasuredShape]) -> Base | None:
+    """The base with the best measured shape; None if it is not beyond doubt."""
+    if not shapes:
+        return None
+    best = shapes[0]
+    if best.gain < GAIN_SIGMAS or best.removed < LEAST_SHARE_OF_FLOOR * base.floor.square:
+        return None
+    try:
+        return settled(refit(base, base.model.with_entry(best.entry(_shape_name(base)))))
+    except ModelError:
+        return None
+
+
+def _shape_name(base: Base) -> str:
+    held = {effect.id for effect in base.model.effects}
+    return next(n for i in range(1, 100) if (n := f"proposed_shape_{i}") not in held)
+
+
+def _terms(climb: _Climb, model: Model) -> Iterable[Term]:
+    """The chosen formulas with their numbers in the model at the top."""
+    for choice, scanned in zip(climb.choices, climb.scans, strict=False):
+        yield Term(
+            name=choice.chosen.entry.id,
+            formula=_formula(choice.chosen),
+            as_good=tuple(_formula(draft) for draft in choice.as_good[1:]),
+            numbers=numbers_of(choice.chosen.entry, model),
+            p=scanned.p,
+            tried=scanned.tried,
+        )
+
+
+def _formula(draft: Draft) -> Formula:
+    free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
+    return Formula(
+        draft.text,
+        draft.acts_on,
+        draft.atom.form.words,
+        draft.atom.law.written(free) or "1",
+        draft.base.square_held,
+    )
+
+
+def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
+    """What to drive so that formulas that are as good part: of the first term that has such."""
+    for choice, base in zip(climb.choices, climb.bases, strict=False):
+        if len(choice.as_good) > 1:
+            rivals = [(draft.text, draft.base.model) for draft in choice.as_good[:2]]
+            rows, notes = advise(base, rivals, most=1)
+            return list(rows), notes
+    return [], []
+
+
+def _nothing(
+    model: Model,
+    reason: str,
+    manoeuvres: int,
+    diagnosis: Diagnosis | None = None,
+    shapes: Iterable[MeasuredShape] = (),
+) -> Proposal:
+    """No proposal, and why."""
+    empty = np.zeros(0)
+    return Proposal(
+        "nothing", reason, diagnosis, (), tuple(shapes), (), None, None, model.observable,
+        OBSERVABLES[model.observable].unit,
+        None if diagnosis is None else diagnosis.rmse_heldout_before,
+        None if diagnosis is None else diagnosis.rmse_heldout_after,
+        None if diagnosis is None else diagnosis.noise_floor,
+        manoeuvres, (), (), (), empty, empty, empty,
+    )  # fmt: skip
