@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.propose.propose import LOCK_EVERY, propose
@@ -26,6 +27,7 @@ def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
 
 
 LOGS = [stack(ringing)]
+__all__ = ["folder", "tirelog"]
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +86,56 @@ def test_too_few_manoeuvres_are_said_to_be() -> None:
 def test_a_number_per_revolution_has_no_shape() -> None:
     with pytest.raises(UsageError, match="one number per revolution"):
         propose(LOGS, Model.new("beam", "patch_length"))
+
+
+COMMAND = ("propose", "log.csv", "--model", "m.toml")
+
+
+@pytest.fixture
+def proposed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder in which whatever is measured, this is proposed."""
+    monkeypatch.chdir(folder)
+    save_model(MODEL, folder / "m.toml")
+
+
+def answers(monkeypatch: pytest.MonkeyPatch, result: Proposal) -> None:
+    monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", lambda *given, **more: result)
+
+
+@pytest.mark.usefixtures("proposed")
+def test_the_command_prints_and_writes_what_python_gives(
+    proposal: Proposal, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers(monkeypatch, proposal)
+    result = tirelog(*COMMAND, "-o", "better.toml", "--plot", "p.png")
+    assert result.status == 0
+    assert result.out.startswith("FORMULA.  Proposed: ringing in the time since the exit edge")
+    assert proposal.terms[0].formula.expression in result.out
+    assert "next: tirelog compare log.csv --model better.toml" in result.out
+    assert proposal.model is not None
+    assert load_model("better.toml").values == proposal.model.values
+    assert Path("p.png").stat().st_size > 10_000
+    told = json.loads(tirelog(*COMMAND, "--format", "json").out)
+    assert told.pop("next_command") == "tirelog compare log.csv --model BETTER.toml"
+    assert told == json.loads(json.dumps(proposal.to_json()))
+
+
+@pytest.mark.usefixtures("proposed")
+def test_without_a_proposal_no_file_is_written_and_the_old_one_stays(
+    tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers(monkeypatch, propose([stack(manoeuvres=3, m=64)], MODEL))
+    Path("better.toml").write_text("mine")
+    result = tirelog(*COMMAND, "-o", "better.toml", "--plot", "p.png")
+    assert result.status == 0
+    assert result.out.startswith("NOTHING.  Nothing to propose: 3 manoeuvres are too few")
+    assert "better.toml and p.png not written" in result.err
+    assert Path("better.toml").read_text() == "mine"
+    assert not Path("p.png").exists()
+
+
+@pytest.mark.usefixtures("proposed")
+def test_another_format_than_json_is_refused(tirelog: Command) -> None:
+    result = tirelog(*COMMAND, "--format", "csv")
+    assert result.status == 2
+    assert "json is allowed" in result.err

@@ -32,6 +32,7 @@ from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
 from tirelog.diagnosis.propose.scan import Scanned, scan
 from tirelog.diagnosis.rules import (
     ALARM_P,
+    BEYOND_DOUBT_P,
     FEWEST_MANOEUVRES,
     GAIN_SIGMAS,
     LEAST_SHARE_OF_FLOOR,
@@ -40,6 +41,7 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.separation import advise
+from tirelog.diagnosis.wording import percent
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import Base, refit, settled, thinned
 from tirelog.inference.cells.pieces import Pieces
@@ -58,8 +60,9 @@ _SCAN_CELLS = 60
 #: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
 #: much
 _SHAPE_MORE = 0.05
-#: verdicts of `diagnose` that leave something unnamed
-_UNNAMED = ("unknown", "partial")
+#: share of the excess on the locked manoeuvres that a proposal must remove, or it is not made:
+#: what is chance removes nothing; doubled, only what is right to the floor would be said
+_CONFIRMED = 0.5
 
 
 def propose(
@@ -99,7 +102,9 @@ def propose(
     ground, reason = _ground(found, diagnosis, despite)
     if ground is None:
         return _nothing(model, reason, base.cells.manoeuvres, diagnosis)
-    climb = _climb(ground, progress)
+    # what no free shape alone shows to repeat must be beyond doubt over the whole grammar
+    alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
+    climb = _climb(ground, alarm, progress)
     return _proposal(ground, climb, diagnosis, locked, shape, progress)
 
 
@@ -125,7 +130,7 @@ def _too_few(pieces: Pieces) -> str:
 def _ground(found: Found, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
     """The base to propose on, or why there is nothing to propose."""
     verdict = diagnosis.verdict
-    if verdict == "unknown" or (despite and diagnosis.selected):
+    if verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
         return found.before, ""
     if verdict == "partial":
         after, before = found.after, found.before
@@ -161,7 +166,7 @@ class _Climb:
         return self.bases[-1]
 
 
-def _climb(base: Base, progress: Progress) -> _Climb:
+def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
     """Terms until nothing of size is left, or none is worth it."""
     climb = _Climb([base])
     taken = {effect.id for effect in base.model.effects}
@@ -176,7 +181,7 @@ def _climb(base: Base, progress: Progress) -> _Climb:
         progress(f"term {number}: trying every form of the grammar")
         scanned = scan(few)
         climb.scans.append(scanned)
-        if scanned.p > ALARM_P:
+        if scanned.p > alarm:
             break
         name = next(n for i in range(number, 100) if (n := f"proposed_{i}") not in taken)
         choice = choose(full, polished(few, scanned.atoms), name)
@@ -205,13 +210,18 @@ def _proposal(
 ) -> Proposal:
     """What is written down in the end, and its error on the locked manoeuvres."""
     after, status = climb.after, "formula" if climb.choices else "nothing"
-    by_shape = _with_shape(base, climb.shapes)
+    repeats = diagnosis.verdict != "scatter" or climb.choices
+    by_shape = _with_shape(base, climb.shapes) if repeats else None
     if by_shape is not None:
         more = after.square_held - by_shape.square_held
         if shape_wanted or more > max(
             LEAST_SHARE_OF_FLOOR * base.floor.square, _SHAPE_MORE * base.excess
         ):
             after, status = by_shape, "shape"
+    if status == "nothing" and diagnosis.verdict == "scatter":
+        return _nothing(
+            base.model, diagnosis.sentence, base.cells.manoeuvres, diagnosis, climb.shapes
+        )
     if status == "nothing":
         return _nothing(
             base.model,
@@ -225,10 +235,12 @@ def _proposal(
     number = int(np.unique(locked.manoeuvre).size)
     before_there, after_there = untouched(base, locked), untouched(after, locked)
     result = Locked(number, before_there[0], after_there[0], after_there[1])
-    if result.after >= result.before:
+    if result.share is None or result.share < _CONFIRMED:
+        held = percent(max(result.share or 0.0, 0.0))
         return _nothing(
             base.model,
-            f"what was found does not hold on the {number} manoeuvres that were locked away.",
+            f"what was found removes {held} of the excess on the {number} manoeuvres that were "
+            "locked away, too little to be claimed.",
             base.cells.manoeuvres,
             diagnosis,
             climb.shapes,
