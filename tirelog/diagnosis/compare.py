@@ -26,6 +26,7 @@ from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.floor import Plain
 from tirelog.inference.motion import without_motion_parameters
 from tirelog.inference.scatter import scatter_columns
+from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
@@ -128,7 +129,7 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 
 def remarks_of(base: FittedChannel) -> list[str]:
     """What a person should know of the fit before believing it."""
-    said = [*base.cells.notes, *of_rounding(base)]
+    said = [*base.cells.notes, *unit_remarks(base.model), *of_rounding(base)]
     if base.cells.manoeuvres < 2:
         said.append(
             "one manoeuvre: none can be held out from the fit, so there is no held-out error; "

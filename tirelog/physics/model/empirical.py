@@ -35,7 +35,7 @@ MOST_NODES = 720
 LARGEST = 1e12
 #: keys of a table in a model file, besides its name
 KEYS = ("shape", "acts_on", "frame", "law", "nodes", "values")
-AMPLITUDE = Parameter("amplitude", "1", "factor on the measured shape", 1.0, -10.0, 10.0, probe=1.0)
+AMPLITUDE = Parameter("amplitude", "", "factor on the measured shape", 1.0, -10.0, 10.0, probe=1.0)
 
 
 @dataclass(frozen=True)

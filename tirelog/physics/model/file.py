@@ -22,6 +22,7 @@ from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import Effect
 from tirelog.physics.model import empirical
+from tirelog.physics.model.dimensions import BASE, dimension_of, unit_disagreements
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model
 from tirelog.physics.model.nuisances import BY_NAME, NUISANCES, USES, Nuisance
@@ -322,7 +323,9 @@ def _effect(
         given = {k: v for k, v in table.items() if k != "name" and k not in effect.options}
     _only(given, (p.name for p in effect.parameters), source, f"effect {name!r}", after - 1)
     parameters = tuple(
-        _number(given[p.name], p, source, p.name, after - 1) if p.name in given else p
+        _number(_unitless(given[p.name]) if own else given[p.name], p, source, p.name, after - 1)
+        if p.name in given
+        else p
         for p in effect.parameters
     )
     options = {
@@ -350,7 +353,8 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
             do="correct it",
         )
     parameters = tuple(
-        _number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items()
+        _number(_unitless(value), _unknown(key, value, source, after), source, key, after - 1)
+        for key, value in given.items()
     )
     parameters = tuple(
         replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters
@@ -387,11 +391,37 @@ def _by_shape(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
         raise source.here(problem, table["name"], after - 1) from None
 
 
-def _unknown(key: str, value: Any) -> Parameter:
-    """A user's own parameter has no bounds but those that it brings."""
+def _unknown(key: str, value: Any, source: _Text, after: int) -> Parameter:
+    """A user's own parameter has no bounds and no unit but those that it brings."""
     start = value.get("value", 0.0) if isinstance(value, dict) else value
+    unit = value.get("unit", "") if isinstance(value, dict) else ""
+    if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
+        raise source.error(
+            f"{key}: unit = {unit!r}",
+            key,
+            after - 1,
+            allowed=f"powers and products of {', '.join(BASE)} are allowed, such as N/m^2",
+            do="correct it, or leave it out",
+        )
     size = max(1.0, abs(start)) if isinstance(start, int | float) else 1.0
-    return Parameter(key, "", "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
+    return Parameter(key, unit, "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
+
+
+def _unitless(value: Any) -> Any:
+    """The numbers of a user's own parameter, without its unit."""
+    return {k: v for k, v in value.items() if k != "unit"} if isinstance(value, dict) else value
+
+
+def unit_remarks(model: Model) -> list[str]:
+    """Sentences on the user's own formulas whose units do not agree, with file and line."""
+    source = _Text(model.document or "", model.path)
+    remarks = []
+    for name, wrong in unit_disagreements(model).items():
+        after = source.line(name) or 0
+        line = source.line("expression", after) if model.document else None
+        place = f"{model.path or 'model'}{f':{line}' if line else ''}"
+        remarks.append(f"{place}: the units of effect {name!r} do not agree: {wrong}")
+    return remarks
 
 
 # ---- writing -------------------------------------------------------------------------------------
@@ -468,7 +498,7 @@ def _put_effects(document: Any, model: Model) -> None:
         if name in held:
             numbers = held[name].get("parameters", held[name]) if effect.source else held[name]
             for parameter in effect.parameters:
-                _put(numbers, parameter)
+                _put(numbers, parameter, remark=not effect.source)
             continue
         table = tomlkit.table()
         table["name"] = name
@@ -509,9 +539,15 @@ def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
     """Writes one parameter, leaving an unchanged one (and every comment) as it stands."""
     old = table.get(parameter.name)
     if parameter.free or parameter.se is not None or isinstance(old, dict):
-        wanted = {"value": parameter.value, "min": parameter.min, "max": parameter.max}
+        wanted: dict[str, Any] = {
+            "value": parameter.value,
+            "min": parameter.min,
+            "max": parameter.max,
+        }
         wanted |= {"se": parameter.se} if parameter.se is not None else {}
         wanted |= {} if parameter.free else {"fixed": True}
+        if not remark and parameter.unit:  # a user's own, which has no other place for it
+            wanted |= {"unit": parameter.unit}
         if not isinstance(old, dict):
             new = tomlkit.inline_table()
             new.update(wanted)
