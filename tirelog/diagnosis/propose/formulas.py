@@ -8,6 +8,7 @@ atoms -> what each removes held out, linearly -> the leading ones refitted in th
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,7 +20,7 @@ from scipy.stats import t as student
 from tirelog.diagnosis.propose.grammar import EXPONENTS, LAW_BOUNDS, LAW_UNITS
 from tirelog.diagnosis.propose.ground import Ground
 from tirelog.diagnosis.propose.scan import Atom, columns_of, polish, strengths
-from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2
+from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2, REST_SHARE
 from tirelog.diagnosis.sign_flips import gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
@@ -63,6 +64,15 @@ class Draft:
     @property
     def text(self) -> str:
         return str(self.entry.source["expression"])
+
+    @property
+    def read(self) -> str:
+        """The formula with its fitted exponents as numbers, to read."""
+        text = self.text
+        for name in EXPONENTS:
+            value = self.atom.law.numbers.get(name, 0.0)
+            text = re.sub(rf"\*\* {name}\b", f"** {value:.2g}", text)
+        return text
 
     @property
     def acts_on(self) -> str:
@@ -204,7 +214,8 @@ def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
         return None
     drafts.sort(key=lambda draft: float(draft.base.held_white.sum()))
     best = drafts[0].base
-    good = [draft for draft in drafts if _as_good(best, draft.base)]
+    excess = full.base.excess
+    good = [draft for draft in drafts if _as_good(best, draft.base, excess)]
     good.sort(key=lambda d: (d.complexity, float(d.base.held_white.sum())))
     # the same form under a law that holds the simpler one is no other answer
     other = [d for d in good[1:] if _form_of(d.atom) != _form_of(good[0].atom)]
@@ -232,11 +243,17 @@ def _read(atom: Atom, entry: ModelEffect, new: Base, quarter: int | None = None)
     return Draft(replace(atom, numbers=numbers, law=law), entry, new, quarter)
 
 
-def _as_good(best: Base, other: Base) -> bool:
-    """Does another refit leave as little held out: by its error, or by what is too small?"""
+def _as_good(best: Base, other: Base, excess: float) -> bool:
+    """Does another refit leave as little held out?
+
+    By what is too small to matter; or by its error, if it leaves little more of the excess: where
+    manoeuvres differ in size their scatter alone excuses too much.
+    """
     worse, error = gain_and_error(other.held_white, best.held_white)
-    least = LEAST_SHARE_OF_FLOOR * best.floor.square
-    return worse < AS_GOOD * error or other.square_held - best.square_held < least
+    more = other.square_held - best.square_held
+    if more < LEAST_SHARE_OF_FLOOR * best.floor.square:
+        return True
+    return worse < AS_GOOD * error and more < REST_SHARE * excess
 
 
 def simplified(draft: Draft) -> Draft:
@@ -285,7 +302,7 @@ def _costs_nothing(before: Base, rounded: Base) -> bool:
     worse = rounded.noise_chi2 - before.noise_chi2
     if worse <= ROUNDED_SIGMAS**2 * max(1.0, before.reduced_chi2):
         return True
-    return before.reduced_chi2 > QUIET_CHI2 and _as_good(before, rounded)
+    return before.reduced_chi2 > QUIET_CHI2 and _as_good(before, rounded, before.excess)
 
 
 def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:

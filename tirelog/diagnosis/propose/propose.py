@@ -197,6 +197,22 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         climb.bases.append(new)
         if new.excess < LEAST_SHARE_OF_FLOOR * new.floor.square:
             break
+    return _without_needless(climb)
+
+
+def _without_needless(climb: _Climb) -> _Climb:
+    """The climb without terms that those after them have made needless."""
+    for i in reversed(range(len(climb.choices) - 1)):
+        after, name = climb.after, climb.choices[i].chosen.entry.id
+        try:
+            less = refit(after, after.model.without_effect(name))
+        except ModelError:
+            continue
+        if not worth_it(less, after):
+            for kept in (climb.choices, climb.scans):
+                del kept[i]
+            del climb.bases[i + 1]
+            climb.bases[-1] = settled(less)
     return climb
 
 
@@ -298,18 +314,18 @@ def _terms(climb: _Climb, model: Model) -> Iterable[Term]:
     for choice, scanned in zip(climb.choices, climb.scans, strict=False):
         yield Term(
             name=choice.chosen.entry.id,
-            formula=_formula(choice.chosen),
-            as_good=tuple(_formula(draft) for draft in choice.as_good[1:]),
+            formula=_formula(choice.chosen, choice.chosen.text),
+            as_good=tuple(_formula(draft, draft.read) for draft in choice.as_good[1:]),
             numbers=numbers_of(choice.chosen.entry, model),
             p=scanned.p,
             tried=scanned.tried,
         )
 
 
-def _formula(draft: Draft) -> Formula:
+def _formula(draft: Draft, text: str) -> Formula:
     free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
     return Formula(
-        draft.text,
+        text,
         draft.acts_on,
         draft.atom.form.words,
         draft.atom.law.written(free) or "1",
@@ -321,7 +337,7 @@ def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
     """What to drive so that formulas that are as good part: of the first term that has such."""
     for choice, base in zip(climb.choices, climb.bases, strict=False):
         if len(choice.as_good) > 1:
-            rivals = [(draft.text, draft.base.model) for draft in choice.as_good[:2]]
+            rivals = [(draft.read, draft.base.model) for draft in choice.as_good[:2]]
             rows, notes = advise(base, rivals, most=1)
             return list(rows), notes
     return [], []
