@@ -10,7 +10,14 @@ from tirelog.data.recording import Conditions, Stack
 from tirelog.physics import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-MODEL = Model.new("beam", radius_m=0.3, load_N=3434.0)
+_BEAM = Model.new("beam", radius_m=0.3, load_N=3434.0)
+#: patch length and lever arm are free: what is asked here does not need more
+MODEL = _BEAM.with_parameters(
+    {
+        name: _BEAM.parameters[name].fixed()
+        for name in ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2")
+    }
+)
 HALF_M = float(
     MODEL.half_length_m(
         Conditions.of(1, speed_m_s=9.0, acceleration_m_s2=0.0, time_s=0.0, load_N=3434.0)

@@ -23,7 +23,7 @@ def bump(xi: FloatArray, speed: FloatArray) -> FloatArray:
 
 @pytest.fixture(scope="module")
 def ground() -> Ground:
-    return Ground(start([stack(bump)], MODEL))
+    return Ground(start([stack(bump, m=64)], MODEL))
 
 
 def test_worth_by_the_low_rank_is_that_of_the_columns_themselves(ground: Ground) -> None:
@@ -125,7 +125,7 @@ def test_a_measured_shape_stands_still_in_its_frame_and_follows_its_law() -> Non
     def recovery(xi: FloatArray, speed: FloatArray) -> FloatArray:
         return 4e-5 * speed / 20.0 * np.exp(-0.5 * ((since_exit(xi) / speed - 0.01) / 0.002) ** 2)
 
-    ground = Ground(start([stack(recovery)], MODEL))
+    ground = Ground(start([stack(recovery, m=96)], MODEL))
     best = measured_shapes(ground, ground)[0]
     assert (best.frame, best.acts_on, best.law) == ("time_since_exit", "strain", "(speed / 20)")
     wanted = 4e-5 * np.exp(-0.5 * ((best.nodes - 0.01) / 0.002) ** 2)

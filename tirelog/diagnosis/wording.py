@@ -311,11 +311,18 @@ def next_command(
     model: Model,
     logs: Sequence[str],
     beside: Sequence[str] = (),
+    large_rest: bool = False,
 ) -> str:
-    """The command to type next; `beside`: nuisances that the model does not ask for yet."""
+    """The command to type next.
+
+    `beside`: nuisances that the model does not ask for yet; `large_rest`: something of size repeats
+    beside what is named.
+    """
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
     given = " ".join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
+    if (verdict == "unknown" or large_rest) and model.observable in WAVEFORMS:
+        return f"tirelog propose {given} --model {file} -o {stem}+proposed.toml"
     if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
         parts = [("add", name, "") for name in selected]
@@ -325,8 +332,6 @@ def next_command(
             adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
             file, stem = longer, f"{stem}+{name}"
         return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
-    if verdict == "unknown" and model.observable in WAVEFORMS:
-        return f"tirelog propose {given} --model {file} -o {stem}+proposed.toml"
     if verdict in ("unknown", "scatter"):
         return f"tirelog compare {given} --model {file} --plot residual.png"
     if verdict == "too_few":

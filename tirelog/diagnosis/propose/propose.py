@@ -201,18 +201,39 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
 
 
 def _without_needless(climb: _Climb) -> _Climb:
-    """The climb without terms that those after them have made needless."""
-    for i in reversed(range(len(climb.choices) - 1)):
-        after, name = climb.after, climb.choices[i].chosen.entry.id
+    """The climb without terms that those after them have made needless, numbered anew.
+
+    What was as good as a term was so beside those that go: it is not said then.
+    """
+    after = climb.after
+    names = [choice.chosen.entry.id for choice in climb.choices]
+    needed = list(names)
+    for name in names[:-1]:
         try:
             less = refit(after, after.model.without_effect(name))
         except ModelError:
             continue
         if not worth_it(less, after):
-            for kept in (climb.choices, climb.scans):
-                del kept[i]
-            del climb.bases[i + 1]
-            climb.bases[-1] = settled(less)
+            after = less
+            needed.remove(name)
+    if needed == names:
+        return climb
+    model = after.model
+    entries = {entry.id: entry for entry in model.effects}
+    model = model.without_effect(*needed)
+    kept = [i for i, name in enumerate(names) if name in needed]
+    renamed = []
+    for new, i in zip(names, kept, strict=False):
+        old = entries[names[i]]
+        renamed.append(replace(old, effect=replace(old.effect, id=new)))
+        model = model.with_entry(renamed[-1])
+    top = settled(refit(after, model))
+    climb.scans = [climb.scans[i] for i in kept]
+    choices = []
+    for entry, i in zip(renamed, kept, strict=True):
+        chosen = replace(climb.choices[i].chosen, entry=entry, base=top)
+        choices.append(replace(climb.choices[i], chosen=chosen, as_good=(chosen,)))
+    climb.choices, climb.bases = choices, [climb.bases[0], top]
     return climb
 
 
