@@ -7,12 +7,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tirelog.diagnosis.beside import with_nuisances_on
+from tirelog.diagnosis.beside import (
+    allowed_nuisances,
+    best_nuisance,
+    groups_of,
+    with_nuisances_on,
+)
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
 from tirelog.diagnosis.leftover import leading_shape
 from tirelog.diagnosis.locked import untouched
-from tirelog.diagnosis.naming import worth_it
+from tirelog.diagnosis.naming import quiet, worth_it
 from tirelog.diagnosis.propose.formulas import (
     Choice,
     Draft,
@@ -41,7 +46,7 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.separation import advise
-from tirelog.diagnosis.wording import percent
+from tirelog.diagnosis.wording import NUISANCES_SAID, percent
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import Base, refit, settled, thinned
 from tirelog.inference.cells.pieces import Pieces
@@ -105,7 +110,7 @@ def propose(
     # what no free shape alone shows to repeat must be beyond doubt over the whole grammar
     alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
     climb = _climb(ground, alarm, progress)
-    return _proposal(ground, climb, diagnosis, locked, shape, progress)
+    return _proposal(climb, diagnosis, locked, shape, progress)
 
 
 def locked_third(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
@@ -160,6 +165,8 @@ class _Climb:
     choices: list[Choice] = field(default_factory=list)
     scans: list[Scanned] = field(default_factory=list)
     shapes: list[MeasuredShape] = field(default_factory=list)
+    last: Scanned | None = None
+    beside: list[str] = field(default_factory=list)
 
     @property
     def after(self) -> Base:
@@ -167,37 +174,58 @@ class _Climb:
 
 
 def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
-    """Terms until nothing of size is left, or none is worth it."""
+    """Terms until nothing of size is left, or none is worth it.
+
+    As in the search for names, a nuisance that leaves less than the best form comes in before it.
+    """
     climb = _Climb([base])
-    taken = {effect.id for effect in base.model.effects}
     first_excess = max(base.excess, 1e-300)
-    for number in range(1, MOST_TERMS + 1):
-        at = climb.after
+    while len(climb.choices) < MOST_TERMS:
+        at, number = climb.after, len(climb.choices) + 1
+        if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
+            break
         full = Ground(at)
         few = full if len(at.cells) <= _SCAN_CELLS else Ground(thinned(at, _SCAN_CELLS))
-        if not climb.shapes:
+        if number == 1:
             progress("measuring free shapes")
             climb.shapes = without_twins(measured_shapes(few, full))
         progress(f"term {number}: trying every form of the grammar")
         scanned = scan(few)
-        climb.scans.append(scanned)
-        if scanned.p > alarm:
-            break
-        name = next(n for i in range(number, 100) if (n := f"proposed_{i}") not in taken)
-        choice = choose(full, polished(few, scanned.atoms), name)
-        if choice is None or not worth_it(at, choice.chosen.base):
+        choice = None
+        if scanned.p <= alarm:
+            choice = choose(full, polished(few, scanned.atoms), _free_name(base, number))
+            choice = choice if choice and worth_it(at, choice.chosen.base) else None
+        rival = None if quiet(at, at.floor.square) else best_nuisance(at, allowed_nuisances(at))
+        if rival is not None and (choice is None or _leaves_less(rival, choice)):
+            progress(f"beside the model: {groups_of(rival)[-1]}")
+            climb.bases[-1] = settled(rival)
+            climb.beside.append(groups_of(rival)[-1])
+            continue
+        if choice is None:
+            climb.last = scanned
             break
         chosen = simplified(replace(choice.chosen, base=settled(choice.chosen.base)))
         new = chosen.base
         if number > 1 and at.square_held - new.square_held < REST_SHARE * first_excess:
             break
-        taken.add(name)
         progress(f"term {number}: {choice.chosen.atom.form.words}")
+        climb.scans.append(scanned)
         climb.choices.append(replace(choice, chosen=chosen))
         climb.bases.append(new)
-        if new.excess < LEAST_SHARE_OF_FLOOR * new.floor.square:
-            break
     return _without_needless(climb)
+
+
+def _leaves_less(rival: Base, choice: Choice) -> bool:
+    """Does a nuisance leave less held out than the best form?"""
+    best = min(float(draft.base.held_white.sum()) for draft in choice.refitted)
+    return float(rival.held_white.sum()) < best
+
+
+def _free_name(base: Base, number: int) -> str:
+    """The name of a term that no effect of the model has."""
+    held = {effect.id for effect in base.model.effects}
+    free = (name for i in range(1, 100) if (name := f"proposed_{i}") not in held)
+    return next(name for i, name in enumerate(free, start=1) if i == number)
 
 
 def _without_needless(climb: _Climb) -> _Climb:
@@ -238,7 +266,6 @@ def _without_needless(climb: _Climb) -> _Climb:
 
 
 def _proposal(
-    base: Base,
     climb: _Climb,
     diagnosis: Diagnosis,
     locked: Pieces,
@@ -246,7 +273,8 @@ def _proposal(
     progress: Progress,
 ) -> Proposal:
     """What is written down in the end, and its error on the locked manoeuvres."""
-    after, status = climb.after, "formula" if climb.choices else "nothing"
+    base, after = climb.bases[0], climb.after
+    status = "formula" if climb.choices else "nothing"
     repeats = diagnosis.verdict != "scatter" or climb.choices
     by_shape = _with_shape(base, climb.shapes) if repeats else None
     if by_shape is not None:
@@ -262,8 +290,7 @@ def _proposal(
     if status == "nothing":
         return _nothing(
             base.model,
-            "something repeats, but no form of the grammar and no free shape is beyond doubt "
-            f"(p = {climb.scans[-1].p:.2g} over {climb.scans[-1].tried} forms).",
+            _doubt(climb),
             base.cells.manoeuvres,
             diagnosis,
             climb.shapes,
@@ -309,6 +336,17 @@ def _proposal(
         phi_rad=np.nanmean(base.cells.phi, axis=0),
         leading_before=leading_shape(base),
         leading_after=leading_shape(after),
+    )
+
+
+def _doubt(climb: _Climb) -> str:
+    """Why nothing is proposed although something repeats."""
+    if climb.beside or climb.last is None:
+        names = " and ".join(NUISANCES_SAID[name] for name in climb.beside)
+        return f"what repeats goes with {names or 'what is named'} beside the model."
+    return (
+        "something repeats, but no form of the grammar and no free shape is beyond doubt "
+        f"(p = {climb.last.p:.2g} over {climb.last.tried} forms)."
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.results import plain_values
+from tirelog.diagnosis.rules import GAIN_SIGMAS
 from tirelog.diagnosis.wording import percent, probability
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -145,7 +146,7 @@ class Proposal:
         if self.shapes and self.rmse_heldout_before is not None and self.noise_floor is not None:
             excess = self.rmse_heldout_before**2 - self.noise_floor**2
             best = self.shapes[0]
-            if excess > 0.0:
+            if excess > 0.0 and best.gain > GAIN_SIGMAS:
                 said.append(
                     f"A free shape {best.words}, times {best.law}, removes "
                     f"{percent(min(best.removed / excess, 1.0))} of the excess held out: no single "
