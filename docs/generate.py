@@ -15,8 +15,10 @@ from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
+from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
+from tirelog.physics.model.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
 from tirelog.simulation.scenario import schema
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
@@ -453,6 +455,53 @@ the standard deviation of an amplitude before anything is measured, and can be g
 """
 
 
+def propose_page() -> str:
+    """The grammar of `propose` and the frames of a measured shape."""
+    frames = [(f.name, f.words, f"`{f.text}`", unit_of(f.unit)) for f in FRAMES if f.side != "none"]
+    profiles = [(p.name, f"`{p.text}`", ", ".join(p.sides), ", ".join(p.stages)) for p in PROFILES]
+    stages = [
+        (s.words, f"`{s.acts_on or 'the observable'}`", s.unit or "the observable's")
+        for s in STAGES.values()
+    ]
+    grown = [(f"`{law.text}`", words(law.varies)) for law in LAWS]
+    shapes = [
+        (f"`{f.name}`", f.words, f"`{f.coordinate}`", unit_of(f.unit), words(f.acts_on))
+        for f in SHAPE_FRAMES.values()
+    ]
+    return f"""{NOTE.format("tirelog/diagnosis/propose/grammar.py")}
+# What `propose` tries
+`tirelog propose LOG... --model M -o BETTER.toml` writes an unknown effect down if `diagnose` says
+*unknown*, or if a large rest repeats beside what it names. A third of the manoeuvres is locked
+away before anything is looked at and serves once, for the error that is said. Free shapes come
+first: each frame below times each law; the best is the ceiling, and can stand in a model file as it
+is. Then every profile in every frame at every stage under every law, with p over all of them; at
+most three terms. A new form: [howto/form.md](howto/form.md).
+
+## Profiles
+Along a coordinate u of a frame, with d = u - at; `@` stands for a wave of free phase.
+
+{table(("profile", "formula", "frames to one or both sides", "stages"), profiles)}
+
+## Frames
+{table(("frame", "it stands still", "u", "unit"), frames)}
+
+## Stages
+{table(("where it acts", "`acts_on`", "unit of the strength"), stages)}
+
+## Laws
+{{name}} is a typical value of the condition; a law is left out if its condition does not vary.
+
+{table(("law", "only if it varies"), grown)}
+
+## Measured shapes
+`shape = "empirical"` in a model file: `nodes` and `values` along a `frame`, times a `law` over
+conditions (`speed / 20`; `1` for none), straight lines between the nodes and nothing outside. On
+`contact_pressure` values are shares of the mean pressure.
+
+{table(("frame", "it stands still", "coordinate", "unit", "`acts_on`"), shapes)}
+"""
+
+
 PAGES: Mapping[str, Callable[[], str]] = {
     "docs/quality_words.md": quality_page,
     "docs/channel_kinds.md": kinds_page,
@@ -460,6 +509,7 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "docs/observables.md": observables_page,
     "docs/effects.md": effects_page,
     "docs/verdicts.md": verdicts_page,
+    "docs/propose.md": propose_page,
     "docs/tables.md": tables_page,
     "docs/scenario.md": scenario_page,
 }

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from tirelog.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from tirelog.api.answers import compare, diagnose, fit, ladder, measure
+    from tirelog.api.answers import compare, diagnose, fit, ladder, measure, propose
     from tirelog.api.logs import open_log
     from tirelog.api.models import contributions, load_model, predict
     from tirelog.api.simulated import simulate
@@ -50,6 +50,7 @@ _HOMES = {
     "compare": "tirelog.api.answers",
     "diagnose": "tirelog.api.answers",
     "ladder": "tirelog.api.answers",
+    "propose": "tirelog.api.answers",
     "simulate": "tirelog.api.simulated",
     "Conditions": "tirelog.data.recording",
     "Model": "tirelog.physics.model.model",
@@ -60,7 +61,7 @@ _HOMES = {
 __all__ = [
     "Conditions", "Model", "Recording", "TirelogError", "compare", "contributions",
     "diagnose", "dissipation", "fit", "footprint", "inflation", "ladder", "load_model", "measure",
-    "open_log", "phase_shift", "predict", "save_model", "simulate", "speed",
+    "open_log", "phase_shift", "predict", "propose", "save_model", "simulate", "speed",
 ]  # fmt: skip
 
 

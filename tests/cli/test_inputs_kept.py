@@ -42,6 +42,8 @@ OVERWRITES = {
     "the model": ["model", "add", "m.toml", "wear", "-o", "m.toml"],
     "the model by its fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml"],
     "the model by the ladder": ["ladder", "log.csv", "--model", "m.toml", "--save", "m.toml"],
+    "the model by a proposal": ["propose", "log.csv", "--model", "m.toml", "-o", "m.toml"],
+    "the log by a proposal": ["propose", "log.csv", "--model", "m.toml", "-o", "log.csv"],
     "the model by a document": [
         "compare",
         "log.csv",

@@ -10,7 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from tirelog.api.logs import Logs, Path, each_log
-from tirelog.api.results import ComparisonOfLogs, DiagnosisOfLogs, FitOfLogs, LadderOfLogs
+from tirelog.api.results import (
+    ComparisonOfLogs,
+    DiagnosisOfLogs,
+    FitOfLogs,
+    LadderOfLogs,
+    ProposalOfLogs,
+)
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
 from tirelog.diagnosis import compare as comparing
@@ -19,6 +25,7 @@ from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
 from tirelog.diagnosis.obstacles.compare import compare_transients
 from tirelog.diagnosis.obstacles.learn import learn_motion
+from tirelog.diagnosis.propose import propose as proposing
 from tirelog.errors import UsageError, nearest
 from tirelog.inference.measured import MeasuredLogs, measured, measured_together
 from tirelog.inference.motion import motion_names
@@ -26,7 +33,16 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, waveform_of
 
-__all__ = ["MeasuredLogs", "compare", "diagnose", "fit", "ladder", "measure", "observable_of"]
+__all__ = [
+    "MeasuredLogs",
+    "compare",
+    "diagnose",
+    "fit",
+    "ladder",
+    "measure",
+    "observable_of",
+    "propose",
+]
 
 Progress = Callable[[str], None]
 
@@ -258,6 +274,60 @@ def ladder(
     found = _known(measured)
     return LadderOfLogs.of(
         climbing.ladder(found.revolutions, model, effects=effects, progress=progress or _silent)
+    )
+
+
+def propose(
+    measured: MeasuredLogs,
+    model: Model,
+    *,
+    effects: Iterable[Effect] = (),
+    despite: bool = False,
+    shape: bool = False,
+    progress: Progress | None = None,
+) -> ProposalOfLogs:
+    """The unknown effect written down as formulas or as a measured shape.
+
+    A third of the manoeuvres is locked away before anything is looked at, and serves once: for
+    the error that is said.
+
+    Parameters
+    ----------
+    measured : MeasuredLogs
+        What `measure` gave; twelve manoeuvres at least.
+    model : Model
+        The model that lacks something: of strain or of radial acceleration.
+    effects : iterable of Effect
+        Candidates of your own beside the catalogue, which go before any proposal.
+    despite : bool
+        Also if an effect of the catalogue explains it.
+    shape : bool
+        A measured shape in any case, in place of formulas.
+    progress : callable, optional
+        Hears what is being done, a sentence at a time.
+
+    Returns
+    -------
+    ProposalOfLogs
+        ``status`` ("formula", "shape" or "nothing"), ``sentence``, ``terms``, ``shapes``,
+        ``locked``, ``model`` with what is proposed (None if nothing is); ``to_json()``,
+        ``plot()``.
+
+    Raises
+    ------
+    UsageError
+        Model and revolutions do not fit together, or the model gives a number per revolution.
+    """
+    found = _known(measured)
+    return ProposalOfLogs.of(
+        proposing.propose(
+            found.stacks,
+            model,
+            effects=effects,
+            despite=despite,
+            shape=shape,
+            progress=progress or _silent,
+        )
     )
 
 

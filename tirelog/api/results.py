@@ -13,6 +13,7 @@ from tirelog.api.html import document, table
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
+from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Comparison, Ladder, in_unit, plain_values
 from tirelog.inference.fit.result import FitResult
 from tirelog.physics.model.model import Model
@@ -160,6 +161,34 @@ class DiagnosisOfLogs(Diagnosis):
             [table(["effect", "selected", "excess removed", "p"], ranking)],
             (errors, *self.notes, *self.before.remarks, f"next: {self.next_command}"),
         )
+
+
+@dataclass(frozen=True)
+class ProposalOfLogs(Proposal):
+    """The unknown effect written down (see `Proposal`)."""
+
+    @classmethod
+    def of(cls, proposal: Proposal) -> ProposalOfLogs:
+        """The same, to show."""
+        return _filled(cls, proposal)
+
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
+        """The measured shape with its band, and what is left before and after; the figure.
+
+        path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the shape
+        """
+        from tirelog.plots.propose import figure, shape
+
+        return _drawn(path_or_axes, lambda: figure(self), lambda axes: shape(axes, self))
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (term.name, term.formula.acts_on, term.formula.expression, name, n["value"], n["se"])
+            for term in self.terms
+            for name, n in term.numbers.items()
+        ]
+        names = ["effect", "acts on", "expression", "number", "value", "error"]
+        return document(self.sentence, [table(names, rows)] if rows else [], self.sentences())
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ AFTER_TABLES = (
     ("model", "app"),
     ("compare", "compare"),
     ("diagnose", "diagnose"),
+    ("propose", "propose"),
     ("ladder", "ladder"),
     ("report", "report"),
     ("campaign", "app"),

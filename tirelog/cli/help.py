@@ -24,7 +24,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "tables",
         "check",
     ),
-    "Physics": ("effects", "model", "compare", "diagnose", "ladder", "report"),
+    "Physics": ("effects", "model", "compare", "diagnose", "propose", "ladder", "report"),
     "Campaigns": ("campaign",),
 }
 #: per command: lines as they are typed in a folder like sample_data, with what they do
@@ -110,6 +110,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "diagnose": (
         ("tirelog diagnose a.csv b.csv --model model.toml", "which effect is missing"),
         ("tirelog diagnose a.csv b.csv --model model.toml --format json", "for a script"),
+    ),
+    "propose": (
+        (
+            "tirelog propose a.csv b.csv --model model.toml -o better.toml",
+            "the unknown effect as a formula",
+        ),
     ),
     "ladder": (
         (

@@ -37,6 +37,7 @@ from tirelog.inference.cells.together import PiecesTogether, StacksTogether, mod
 from tirelog.inference.floor import Plain
 from tirelog.inference.motion import without_motion_parameters
 from tirelog.inference.scatter import scatter_columns
+from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
@@ -258,7 +259,7 @@ def remarks_of(base: FittedChannel) -> list[str]:
                 for remark in remarks
             )
         )
-    said = [*base.cells.notes, *of_rounding(base)]
+    said = [*base.cells.notes, *unit_remarks(base.model), *of_rounding(base)]
     if base.cells.manoeuvres < 2:
         said.append(
             "one manoeuvre: none can be held out from the fit, so there is no held-out error; "

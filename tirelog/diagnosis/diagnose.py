@@ -64,6 +64,7 @@ from tirelog.diagnosis.rules import (
     LEAST_SHARE_OF_FLOOR,
     MOST,
     REST_SHARE,
+    SECOND_LEAST,
     TOGETHER,
     Evidence,
     verdict_of,
@@ -296,6 +297,9 @@ def conclude(found: Found, stacks: Sequence[Stack] | StacksTogether) -> Diagnosi
             selected,
             model=before.model,
             logs=before.cells.log_names,
+            large_rest=verdict == "partial"
+            and left.significant
+            and excess_after > SECOND_LEAST * floor.square,
             beside=[
                 n.name
                 for n in before.model.nuisances

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.beside import groups_of, with_nuisances_on
+from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.locked import untouched
 from tirelog.diagnosis.naming import Step
 from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
@@ -25,14 +26,11 @@ from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
-from tirelog.inference.base import Base, apart
-from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.base import Base
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.cells.together import PiecesTogether, predicted
-from tirelog.inference.fit.cells import Problem, centred
-from tirelog.inference.floor import Plain, at_mean_speed
+from tirelog.inference.cells.together import PiecesTogether
+from tirelog.inference.fit.cells import Problem
 from tirelog.inference.metric.projection import Normal, solve_scaled
-from tirelog.inference.nuisances import shared_by
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
@@ -58,7 +56,7 @@ def ladder(
     base = start(seen, model)
     found = search_effects(base, tuple(effects), progress)
     after = found.after
-    untouched = _untouched(after, locked) if locked is not None else (None, None)
+    on_locked = untouched(after, locked) if locked is not None else (None, None)
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
     return Ladder(
         observable=observed(after)[0],
@@ -66,8 +64,8 @@ def ladder(
         steps=tuple(_steps(found)),
         model=with_nuisances_on(after),
         verdict=_verdict(found),
-        rmse_untouched=untouched[0],
-        floor_untouched=untouched[1],
+        rmse_untouched=on_locked[0],
+        floor_untouched=on_locked[1],
         strengths_by_log=tuple(
             row for name in found.named for row in strengths_by_log(after, name)
         ),
@@ -105,58 +103,6 @@ def locked_away(
         return pieces, None
     mask = np.isin(pieces.manoeuvre, chosen)
     return pieces.take(~mask), pieces.take(mask)
-
-
-def _untouched(after: Base, locked: Pieces | PiecesTogether) -> tuple[float, float]:
-    """(rmse of the model on the locked manoeuvres, the floor there).
-
-    The offsets are as fitted on the others. Of several observables both are in floors.
-    """
-    if isinstance(locked, PiecesTogether):
-        return _untouched_several(after, locked)
-    cells = cells_of(locked)
-    for _ in range(3):
-        cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
-    cells = at_mean_speed(cells, _fit_on(after, cells))
-    fit = _fit_on(after, cells)
-    plain = Plain.of(cells)
-    offsets = np.zeros(len(cells))
-    if after.fit.offsets.size:
-        seen = np.unique(after.cells.log)
-        offsets = np.array(
-            [
-                after.fit.offsets[np.searchsorted(seen, log)] if log in seen else 0.0
-                for log in cells.log
-            ]
-        )
-    beside = shared_by(cells, fit, groups_of(after), after.cells)
-    nuisances = 0.0 if beside is None else beside.columns @ after.fit.amplitudes
-    left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None] - nuisances))
-    share = plain.weights**2
-    within = float((share * np.where(share > 0, cells.within, 0.0)).sum() / plain.weight)
-    rmse = float(np.sqrt(max(within + plain.mean_square((left**2).sum()), 0.0)))
-    return rmse, float(np.sqrt(within + after.floor.between))
-
-
-def _untouched_several(after: Base, locked: PiecesTogether) -> tuple[float, float]:
-    """The root mean square over the observables, weighted by their revolutions."""
-    layout = after.cells.together
-    assert layout is not None
-    squares, weights = [], []
-    for part, own, scale in zip(apart(after), locked.parts, layout.scales, strict=True):
-        if len(own):
-            squares.append(np.square(_untouched(part, own)) / scale**2)
-            weights.append(float(own.number.sum()))
-    rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
-    return rmse, floor
-
-
-def _fit_on(after: Base, cells: Any) -> Any:
-    """The fitted model's prediction on other cells."""
-    return replace(
-        after.fit,
-        prediction=predicted(after.model, cells),
-    )
 
 
 def _verdict(found: Found) -> str:

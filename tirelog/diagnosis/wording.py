@@ -17,7 +17,7 @@ from tirelog.diagnosis.sign_flips import least_p
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
-from tirelog.vocabulary.observables import OBSERVABLES, shown
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, shown
 
 # Said with every diagnosis, since no statistic can.
 #
@@ -331,11 +331,18 @@ def next_command(
     model: Model,
     logs: Sequence[str],
     beside: Sequence[str] = (),
+    large_rest: bool = False,
 ) -> str:
-    """The command to type next; `beside`: nuisances that the model does not ask for yet."""
+    """The command to type next.
+
+    `beside`: nuisances that the model does not ask for yet; `large_rest`: something of size repeats
+    beside what is named.
+    """
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
     given = " ".join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
+    if (verdict == "unknown" or large_rest) and model.observable in WAVEFORMS:
+        return f"tirelog propose {given} --model {file} -o {stem}+proposed.toml"
     if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
         parts = [("add", name, "") for name in selected]

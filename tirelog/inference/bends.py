@@ -21,13 +21,14 @@ from tirelog.vocabulary.arrays import FloatArray
 _BENDING = ("drift", "rolling")
 
 
-def bends(cells: Cells, fit: Fit) -> FloatArray:
+def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     """What drift and rolling radius do to the cells of a fit beyond their columns, (C, m).
 
-    Zero in a cell that the model cannot be computed for.
+    Zero in a cell that the model cannot be computed for. `whole`: the cells that the nuisances are
+    known from, if these are others of the same logs.
     """
     bent = np.zeros(fit.prediction.shape)
-    shared, changes = cells.shared, relative_changes(cells, fit)
+    shared, changes = cells.shared, relative_changes(cells, fit, whole)
     if shared is None or not changes:
         return bent
     own = [

@@ -239,6 +239,18 @@ def _own_levels(cells: Cells) -> FloatArray:
     return np.stack(columns, axis=-1) if columns else np.zeros((*cells.phi.shape, 0))
 
 
+def steps_left_out(cells: Cells, white: Whitener, fit: Fit) -> FloatArray:
+    """How far the free parameters move (M, p) if each manoeuvre is left out in its turn.
+
+    One step from the fitted point, as for held-out losses; zero for what stands at a bound.
+    """
+    in_white = _levelled(cells, white, fit, ())
+    p = fit.jacobian.shape[-1]
+    theta, _ = in_white.left_out()
+    of_all, _ = in_white.step_of_all(p + fit.amplitudes.size)
+    return np.asarray((theta - of_all)[:, :p], dtype=np.float64)
+
+
 def losses_of_errors(cells: Cells, white: Whitener, plain: Plain, fit: Fit) -> FloatArray:
     """What the errors of the parameters add to held-out losses in the plain metric, (M,).
 

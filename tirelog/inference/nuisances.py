@@ -250,7 +250,7 @@ def shared_effects(
     return replace(found, columns=columns) if np.isfinite(columns).all() else None
 
 
-def relative_changes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
+def relative_changes(cells: Cells, fit: Fit, whole: Cells | None = None) -> dict[str, FloatArray]:
     """What the nuisances beside a fitted model change of its parameters, relative, (C,) each.
 
     Those of `drift` and `rolling`; none if the cells have neither, or it was fitted without them.
@@ -259,13 +259,14 @@ def relative_changes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
         return {}
     amplitudes = dict(zip(cells.shared.names, fit.amplitudes.tolist(), strict=True))
     changes: dict[str, FloatArray] = {}
+    whole = cells if whole is None else whole
     if "drift" in cells.shared.groups:
         moving = [name for name in (*_DRIFTING, _PRESSURE) if name in fit.model.parameters]
-        for change in _drifts(cells, cells, moving):
+        for change in _drifts(cells, whole, moving):
             moved = amplitudes.get(change.name, 0.0) * change.factor
             changes[change.of] = changes.get(change.of, 0.0) + moved
     if "rolling" in cells.shared.groups:
-        factors = _radius_factors(cells, cells)
+        factors = _radius_factors(cells, whole)
         changes[_RADIUS] = np.sum(
             [amplitudes.get(f"radius {name}", 0.0) * x for name, x in factors.items()], axis=0
         )

@@ -10,6 +10,7 @@ points with local cubic interpolation adds 4e-7 there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ class Angles:
 
     def __init__(self, phi_rad: FloatArray, phi_variance: FloatArray | None = None) -> None:
         self.phi_rad = np.atleast_2d(np.asarray(phi_rad, dtype=np.float64))
+        self._spread = None if phi_variance is None else np.sqrt(np.atleast_2d(phi_variance))
         position = self.phi_rad / STEP
         floor = np.floor(position)
         t = position - floor
@@ -92,9 +94,19 @@ class Angles:
         """The angles of some revolutions."""
         part = Angles.__new__(Angles)
         part.phi_rad = self._rows(self.phi_rad, rows)
+        part._spread = None if self._spread is None else self._rows(self._spread, rows)
         part._weights = tuple(self._rows(w, rows) for w in self._weights)
         part._index = [self._rows(i, rows) for i in self._index]
         return part
+
+    def mean(self, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """Mean of a function of the angle over the samples' spread, (n or 1, m).
+
+        At two angles a standard deviation to either side: f + f''/2 times the variance.
+        """
+        if self._spread is None or not np.any(self._spread > 0.0):
+            return function(self.phi_rad)
+        return 0.5 * (function(self.phi_rad - self._spread) + function(self.phi_rad + self._spread))
 
     @staticmethod
     def _rows(values: Any, rows: slice) -> Any:

@@ -21,6 +21,8 @@ from tomlkit.exceptions import TOMLKitError
 from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import Effect
+from tirelog.physics.model import empirical
+from tirelog.physics.model.dimensions import BASE, dimension_of, unit_disagreements
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model, observables_known
 from tirelog.physics.model.nuisances import BY_NAME, NUISANCES, USES, Nuisance
@@ -324,6 +326,12 @@ def _effect(
     if "expression" in table:
         effect = _by_expression(table, source, after)
         given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
+    elif "shape" in table:
+        effect = _by_shape(table, source, after)
+        given, own = (
+            table.get("parameters", {}),
+            {k: table[k] for k in empirical.KEYS if k in table},
+        )
     elif name not in catalogue:
         raise source.error(
             f"unknown effect {name!r}{nearest(name, catalogue)}",
@@ -337,7 +345,9 @@ def _effect(
         given = {k: v for k, v in table.items() if k != "name" and k not in effect.options}
     _only(given, (p.name for p in effect.parameters), source, f"effect {name!r}", after - 1)
     parameters = tuple(
-        _number(given[p.name], p, source, p.name, after - 1) if p.name in given else p
+        _number(_unitless(given[p.name]) if own else given[p.name], p, source, p.name, after - 1)
+        if p.name in given
+        else p
         for p in effect.parameters
     )
     options = {
@@ -365,7 +375,8 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
             do="correct it",
         )
     parameters = tuple(
-        _number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items()
+        _number(_unitless(value), _unknown(key, value, source, after), source, key, after - 1)
+        for key, value in given.items()
     )
     parameters = tuple(
         replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters
@@ -377,11 +388,62 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
         raise source.here(problem, table["name"], after - 1) from None
 
 
-def _unknown(key: str, value: Any) -> Parameter:
-    """A user's own parameter has no bounds but those that it brings."""
+def _by_shape(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
+    """The effect of a measured shape: numbers along a frame's coordinate, times a law."""
+    what = f"effect {table['name']!r}"
+    _only(table, ("name", *empirical.KEYS, "parameters"), source, what, after - 1)
+    _word(table, "shape", ("empirical",), None, source, after - 1)
+    given = table.get("parameters", {})
+    frame = _word(table, "frame", tuple(empirical.FRAMES), None, source, after - 1)
+    place = _word(table, "acts_on", empirical.ACTS_ON, "strain", source, after - 1)
+    law = table.get("law", "1")
+    if not isinstance(law, str) or not isinstance(given, dict):
+        raise source.error(
+            "law is a text and parameters a table",
+            "law",
+            after - 1,
+            allowed="no other form is allowed",
+            do="correct it",
+        )
+    try:
+        return empirical.effect_by_shape(
+            table["name"], place, frame, law, table.get("nodes"), table.get("values")
+        )
+    except ModelError as problem:
+        raise source.here(problem, table["name"], after - 1) from None
+
+
+def _unknown(key: str, value: Any, source: _Text, after: int) -> Parameter:
+    """A user's own parameter has no bounds and no unit but those that it brings."""
     start = value.get("value", 0.0) if isinstance(value, dict) else value
+    unit = value.get("unit", "") if isinstance(value, dict) else ""
+    if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
+        raise source.error(
+            f"{key}: unit = {unit!r}",
+            key,
+            after - 1,
+            allowed=f"powers and products of {', '.join(BASE)} are allowed, such as N/m^2",
+            do="correct it, or leave it out",
+        )
     size = max(1.0, abs(start)) if isinstance(start, int | float) else 1.0
-    return Parameter(key, "", "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
+    return Parameter(key, unit, "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
+
+
+def _unitless(value: Any) -> Any:
+    """The numbers of a user's own parameter, without its unit."""
+    return {k: v for k, v in value.items() if k != "unit"} if isinstance(value, dict) else value
+
+
+def unit_remarks(model: Model) -> list[str]:
+    """Sentences on the user's own formulas whose units do not agree, with file and line."""
+    source = _Text(model.document or "", model.path)
+    remarks = []
+    for name, wrong in unit_disagreements(model).items():
+        after = source.line(name) or 0
+        line = source.line("expression", after) if model.document else None
+        place = f"{model.path or 'model'}{f':{line}' if line else ''}"
+        remarks.append(f"{place}: the units of effect {name!r} do not agree: {wrong}")
+    return remarks
 
 
 # ---- writing -------------------------------------------------------------------------------------
@@ -459,7 +521,7 @@ def _put_effects(document: Any, model: Model) -> None:
         if name in held:
             numbers = held[name].get("parameters", held[name]) if effect.source else held[name]
             for parameter in effect.parameters:
-                _put(numbers, parameter)
+                _put(numbers, parameter, remark=not effect.source)
             continue
         table = tomlkit.table()
         table["name"] = name
@@ -500,9 +562,15 @@ def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
     """Writes one parameter, leaving an unchanged one (and every comment) as it stands."""
     old = table.get(parameter.name)
     if parameter.free or parameter.se is not None or isinstance(old, dict):
-        wanted = {"value": parameter.value, "min": parameter.min, "max": parameter.max}
+        wanted: dict[str, Any] = {
+            "value": parameter.value,
+            "min": parameter.min,
+            "max": parameter.max,
+        }
         wanted |= {"se": parameter.se} if parameter.se is not None else {}
         wanted |= {} if parameter.free else {"fixed": True}
+        if not remark and parameter.unit:  # a user's own, which has no other place for it
+            wanted |= {"unit": parameter.unit}
         if not isinstance(old, dict):
             new = tomlkit.inline_table()
             new.update(wanted)

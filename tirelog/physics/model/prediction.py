@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -164,7 +165,7 @@ class Predicting:
         (up, level_up), (down, level_down) = (
             waveform(end, observable, _lever(end, surface)) for end in ends
         )
-        added_up, added_down = (_added(end, observable, angles.phi_rad) for end in ends)
+        added_up, added_down = (_added(end, observable, angles) for end in ends)
         level = (level_up - level_down + added_up - added_down) / (2.0 * step)
         return angles.evaluate((up - down) / (2.0 * step)) + level
 
@@ -264,16 +265,17 @@ def _predicted(
     if angles is None:
         return scalar(task, observable, _lever(task, surface))
     modes, level = waveform(task, observable, _lever(task, surface))
-    return angles.evaluate(modes) + (level + _added(task, observable, angles.phi_rad))
+    return angles.evaluate(modes) + (level + _added(task, observable, angles))
 
 
-def _added(task: Task, observable: str, phi_rad: FloatArray) -> FloatArray | float:
-    """What effects add at the angles themselves.
+def _added(task: Task, observable: str, angles: Angles) -> FloatArray | float:
+    """What effects add at the angles themselves, in the mean over the samples of each bin.
 
     These are a user's own, `acts_on = "strain"` or "radial_acceleration".
     """
     total: FloatArray | float = 0.0
     hook = _AT_ANGLES.get(observable, "")
     for a in task.having(hook) if hook else ():
-        total = total + getattr(a.effect, hook)(a.values, task.drive, loaded_site(task)[0], phi_rad)
+        site, at = loaded_site(task)[0], getattr(a.effect, hook)
+        total = total + angles.mean(partial(at, a.values, task.drive, site))
     return total

@@ -21,14 +21,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from tirelog.errors import ModelError, TirelogError, nearest
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
-from tirelog.physics.model.expression import FUNCTIONS, Expression, parse_expression
+from tirelog.physics.model.expression import FUNCTIONS, parse_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
 from tirelog.vocabulary import conditions
@@ -64,6 +64,28 @@ def effect_by_expression(
             allowed=EXPRESSION_ACTS_ON,
             do="choose one",
         )
+    places = PLACES if acts_on in _WAVES else ()
+    formula = parse_expression(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
+    return effect_by_formula(name, acts_on, formula, parameters)
+
+
+class Formula(Protocol):
+    """What a user's effect computes: its words, the names that it reads, and its values."""
+
+    @property
+    def text(self) -> str: ...
+    @property
+    def names(self) -> frozenset[str]: ...
+    def __call__(self, values: Mapping[str, Any]) -> FloatArray: ...
+
+
+def effect_by_formula(
+    name: str, acts_on: str, formula: Formula, parameters: tuple[Parameter, ...]
+) -> Effect:
+    """The effect that acts on a place as a formula says.
+
+    ModelError if its name or a parameter's is not allowed.
+    """
     taken = {*PLACES, *CONDITIONS, *FUNCTIONS, "pi", "e"}
     clash = [p.name for p in parameters if p.name in taken or not p.name.isidentifier()]
     if name in BY_ID or not name.replace("-", "_").isidentifier() or clash:
@@ -73,11 +95,9 @@ def effect_by_expression(
             allowed="allowed are names that are no effect, function or condition",
             do="rename it",
         )
-    places = PLACES if acts_on in _WAVES else ()
-    formula = parse_expression(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
     return Effect(
         id=name,
-        mechanism=f"by expression: {expression}",
+        mechanism=f"by expression: {formula.text}",
         follows=tuple((CONDITIONS[n], 1.0) for n in sorted(formula.names & set(CONDITIONS))),
         acts_on=(_STAGE.get(acts_on, acts_on),),
         parameters=parameters,
@@ -94,7 +114,7 @@ def effect_by_expression(
 _STAGE = {"foundation_stiffness": "structure"}
 
 
-def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
+def _hook(acts_on: str, formula: Formula) -> dict[str, Any]:
     def column(v: Values, drive: Drive) -> FloatArray:
         return np.atleast_2d(formula(_names(v, drive)))
 
@@ -152,7 +172,7 @@ def _names(
     return values
 
 
-def _strength(formula: Expression, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+def _strength(formula: Formula, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
     """The parameter that switches the formula off at zero; all of them if none does so alone."""
     rng = np.random.default_rng(0)
     size = 64

@@ -1,0 +1,74 @@
+"""Revolutions of a beam with something more planted, and scatter and noise on top."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tirelog.data.recording import Conditions, Stack
+from tirelog.physics import Model
+from tirelog.vocabulary.arrays import FloatArray
+
+_BEAM = Model.new("beam", radius_m=0.3, load_N=3434.0)
+#: patch length and lever arm are free: what is asked here does not need more
+MODEL = _BEAM.with_parameters(
+    {
+        name: _BEAM.parameters[name].fixed()
+        for name in ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2")
+    }
+)
+HALF_M = float(
+    MODEL.half_length_m(
+        Conditions.of(1, speed_m_s=9.0, acceleration_m_s2=0.0, time_s=0.0, load_N=3434.0)
+    )[0]
+)
+
+
+def stack(
+    planted: Callable[[FloatArray, FloatArray], FloatArray] = lambda xi, speed: 0.0 * xi,
+    *,
+    manoeuvres: int = 15,
+    revolutions: int = 8,
+    noise: float = 2e-6,
+    seed: int = 1,
+    m: int = 128,
+) -> Stack:
+    """Revolutions at a speed for each manoeuvre; `planted` of xi [m] and speed [m/s], (n, m)."""
+    random = np.random.default_rng(seed)
+    n = manoeuvres * revolutions
+    number = np.repeat(np.arange(manoeuvres), revolutions)
+    grid = (np.arange(m) + 0.5) * 2 * np.pi / m - np.pi
+    speed = 8.0 + 16.0 * random.permutation(manoeuvres)[number] / (manoeuvres - 1)
+    speed = speed + 0.05 * random.standard_normal(n)
+    conditions = Conditions.of(
+        n, speed_m_s=speed, acceleration_m_s2=0.0, time_s=0.2 * np.arange(n), load_N=3434.0
+    )
+    values = MODEL.predict(conditions, grid) + planted(
+        0.3 * grid + 0.0 * speed[:, None], speed[:, None]
+    )
+    values *= 1.0 + 0.002 * random.standard_normal((n, 1))
+    values += noise * random.standard_normal((n, m))
+    return Stack(
+        observable="strain",
+        channel="made",
+        surface="outer",
+        radius_m=0.3,
+        values=values,
+        phi_rad=grid,
+        phi_mean=np.broadcast_to(grid, (n, m)).copy(),
+        phi_variance=np.zeros((n, m)),
+        count=np.ones((n, m), np.int64),
+        noise=np.full(n, noise),
+        conditions=conditions,
+        log=np.zeros(n, np.int64),
+        manoeuvre=number,
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=("made",),
+    )
+
+
+def since_exit(xi: FloatArray) -> FloatArray:
+    """Distance behind the exit edge [m]."""
+    return np.mod(xi - HALF_M, 2 * np.pi * 0.3)

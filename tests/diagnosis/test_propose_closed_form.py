@@ -1,0 +1,135 @@
+"""Closed form: what forms are worth beside a base, how laws are written, what hats interpolate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.planted import MODEL, since_exit, stack
+from tirelog.diagnosis.compare import start
+from tirelog.diagnosis.propose.formulas import polished
+from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
+from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.measured_shapes import hats, measured_shapes
+from tirelog.diagnosis.propose.scan import Atom, columns_of, polish, scan, strengths, unit_columns
+from tirelog.vocabulary.arrays import FloatArray
+
+
+def bump(xi: FloatArray, speed: FloatArray) -> FloatArray:
+    """3e-5 (v/20)^2 at 2 rad of the wheel, 0.3 rad wide."""
+    off = np.angle(np.exp(1j * (xi / 0.3 - 2.0)))
+    return 3e-5 * (speed / 20.0) ** 2 * np.exp(-0.5 * (off / 0.3) ** 2)
+
+
+@pytest.fixture(scope="module")
+def ground() -> Ground:
+    return Ground(start([stack(bump, m=64)], MODEL))
+
+
+def test_worth_by_the_low_rank_is_that_of_the_columns_themselves(ground: Ground) -> None:
+    """Scores and Gram under each law, against columns whitened and projected one by one."""
+    random = np.random.default_rng(3)
+    columns = ground.of_cells(random.standard_normal((*ground.residual.shape, 4)))
+    factors = np.stack([np.ones(len(ground.base.cells)), ground.law("speed / 20", {})])
+    worth = ground.worth(columns, factors, 2)
+    for number, factor in enumerate(factors):
+        left = ground.coupled(columns * factor[:, None, None])
+        np.testing.assert_allclose(
+            ground.without(columns * factor[:, None, None]), left.reshape(-1, 4), atol=1e-8
+        )
+        for pair in range(2):
+            own, at = left[..., 2 * pair : 2 * pair + 2], 2 * number + pair
+            flat = own.reshape(-1, 2)
+            np.testing.assert_allclose(worth.gram[at], flat.T @ flat, rtol=1e-8)
+            along = (own * ground.residual[..., None]).sum(axis=1)
+            scores = np.zeros((ground.manoeuvres, 2))
+            np.add.at(scores, ground.base.cells.manoeuvre, along)
+            np.testing.assert_allclose(worth.scores[at], scores, atol=1e-6 * np.abs(scores).max())
+
+
+def test_a_planted_bump_is_found_with_its_place_width_law_and_size(ground: Ground) -> None:
+    scanned = scan(ground)
+    assert scanned.p < 1e-3
+    best = polished(ground, scanned.atoms)[0]
+    # under one load the exit edge stays at its angle: both frames are one
+    assert best.form.words in (
+        "bump at a place of the wheel",
+        "bump in the distance since the exit edge",
+    )
+    assert best.law.text == "(speed / 20) ** n"
+    assert best.law.numbers["n"] == pytest.approx(2.0, abs=0.15)
+    size, explained = strengths(ground, best)
+    assert size[0] == pytest.approx(3e-5, rel=0.05)
+    found = columns_of(ground, best)[..., 0] * size[0]
+    wanted = bump(ground.values["xi"], ground.values["speed"])
+    assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * np.sqrt(np.mean(wanted**2))
+    assert explained > 0.9 * (ground.square - ground.base.white.values)
+
+
+def test_polishing_does_not_explain_less(ground: Ground) -> None:
+    for form in forms():
+        if form.words in (
+            "bump at a place of the wheel",
+            "ringing in the time since the exit edge",
+        ):
+            grid = {name: float(values[0]) for name, values in form.grid().items()}
+            atom = Atom(form, grid, GivenLaw(LAWS[0], LAWS[0].text, {"n": 1.0}))
+            assert polish(ground, atom).explained >= strengths(ground, atom)[1] * (1.0 - 1e-3)
+
+
+def test_a_wave_has_two_quadratures_at_every_value_of_its_grid(ground: Ground) -> None:
+    form = next(f for f in forms() if f.words == "ringing in the time since the exit edge")
+    numbers = {"decay": np.array([0.01, 0.02]), "f": np.array([80.0, 120.0])}
+    found = unit_columns(ground, form, numbers, in_bins=False)
+    late = (
+        np.mod(ground.values["xi"] - ground.values["L"], 2 * np.pi * 0.3) / ground.values["speed"]
+    )
+    for i, wave in enumerate((np.cos, np.sin)):
+        wanted = np.exp(-late / 0.02) * wave(2 * np.pi * 120.0 * late)
+        np.testing.assert_allclose(found[..., 2 + i], wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("law", "numbers", "free", "written"),
+    [
+        (0, {"n": 0.0}, (), ""),
+        (0, {"n": 1.0}, (), "(speed / 20)"),
+        (0, {"n": 1.5}, (), "(speed / 20) ** 1.5"),
+        (0, {"n": 1.0}, ("n",), "(speed / 20) ** n"),
+        (1, {"n": 0.0}, (), "(acceleration / 9.81)"),
+        (3, {"m": 1.0, "n": 0.0}, (), "(load / 3500)"),
+        (3, {"m": 0.0, "n": 2.0}, (), "(speed / 20) ** 2"),
+        (4, {"tau": 25.0, "n": 0.0}, (), "(1 - exp(-time / 25))"),
+        (4, {"tau": 25.0, "n": 0.0}, ("tau",), "(1 - exp(-time / tau))"),
+    ],
+)
+def test_a_law_is_written_without_what_is_one(
+    law: int, numbers: dict[str, float], free: tuple[str, ...], written: str
+) -> None:
+    text = LAWS[law].text.format(load="3500")
+    assert GivenLaw(LAWS[law], text, numbers).written(free) == written
+
+
+def test_hats_interpolate_straight_lines_and_close_on_themselves() -> None:
+    nodes, values = np.array([0.0, 0.1, 0.4, 1.0]), np.array([1.0, -2.0, 0.5, 3.0])
+    x = np.linspace(-0.5, 1.5, 77)
+    np.testing.assert_allclose(
+        hats(x, nodes) @ values, np.interp(x, nodes, values, left=0.0, right=0.0), atol=1e-14
+    )
+    round_nodes = np.append(nodes, 1.5)
+    found = hats(x, round_nodes, 1.5) @ np.append(values, values[0])
+    np.testing.assert_allclose(found, np.interp(x, nodes, values, period=1.5), atol=1e-12)
+
+
+def test_a_measured_shape_stands_still_in_its_frame_and_follows_its_law() -> None:
+    def recovery(xi: FloatArray, speed: FloatArray) -> FloatArray:
+        return 4e-5 * speed / 20.0 * np.exp(-0.5 * ((since_exit(xi) / speed - 0.01) / 0.002) ** 2)
+
+    ground = Ground(start([stack(recovery, m=96)], MODEL))
+    best = measured_shapes(ground, ground)[0]
+    assert (best.frame, best.acts_on, best.law) == ("time_since_exit", "strain", "(speed / 20)")
+    wanted = 4e-5 * np.exp(-0.5 * ((best.nodes - 0.01) / 0.002) ** 2)
+    seen = best.nodes < 0.025
+    assert np.all(np.abs(best.values - wanted)[seen] < 4.0 * best.band[seen] + 1e-6)
+    assert np.median(best.band[seen]) < 4e-6
+    assert best.removed == pytest.approx(ground.base.excess, rel=0.1)

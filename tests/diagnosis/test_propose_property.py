@@ -1,0 +1,202 @@
+"""Property: what `propose` writes can be read again, and lowers the error that `compare` says; it
+writes nothing if nothing is missing.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import Command, folder, tirelog
+from tests.diagnosis.planted import MODEL, since_exit, stack
+from tirelog.diagnosis.compare import compare, start
+from tirelog.diagnosis.propose.formulas import Choice, Draft, entry_of
+from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
+from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
+from tirelog.diagnosis.propose.results import Proposal
+from tirelog.diagnosis.propose.scan import Atom, Scanned
+from tirelog.diagnosis.wording import next_command
+from tirelog.errors import UsageError
+from tirelog.inference.base import refit
+from tirelog.physics import Model
+from tirelog.physics.model.file import load_model, save_model
+from tirelog.vocabulary.arrays import FloatArray
+
+
+def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
+    late = since_exit(xi) / speed
+    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)
+
+
+LOGS = [stack(ringing, manoeuvres=13, m=96)]
+__all__ = ["folder", "tirelog"]
+
+
+@pytest.fixture(scope="module")
+def proposal() -> Proposal:
+    return propose(LOGS, MODEL)
+
+
+def test_a_ringing_is_written_down(proposal: Proposal) -> None:
+    assert proposal.status == "formula"
+    (term,) = proposal.terms
+    assert term.formula.words == "ringing in the time since the exit edge"
+    assert term.formula.law == "(speed / 20)"
+    assert term.numbers["f"]["value"] == pytest.approx(120.0, abs=4 * term.numbers["f"]["se"])
+    assert term.numbers["decay"]["unit"] == "s"
+    assert proposal.locked is not None
+    assert proposal.locked.manoeuvres == len(range(1, 13, LOCK_EVERY))
+    assert proposal.locked.share > 0.95
+    told = json.loads(json.dumps(proposal.to_json()))
+    assert told["terms"][0]["expression"] == term.formula.expression
+    assert told["locked"]["share_removed"] == pytest.approx(proposal.locked.share)
+
+
+def test_the_model_is_read_again_and_its_error_has_fallen(
+    proposal: Proposal, tmp_path: Path
+) -> None:
+    assert proposal.model is not None
+    save_model(proposal.model, tmp_path / "better.toml")
+    after = compare(LOGS, load_model(tmp_path / "better.toml"))
+    assert after.rmse_heldout is not None
+    assert proposal.rmse_heldout_before is not None
+    assert proposal.rmse_heldout_before > 1.7 * after.noise_floor
+    assert after.rmse_heldout < 1.05 * after.noise_floor
+
+
+def test_its_measured_shape_is_an_effect_as_well(proposal: Proposal, tmp_path: Path) -> None:
+    best = proposal.shapes[0]
+    save_model(MODEL.with_entry(best.entry("as_measured")), tmp_path / "shape.toml")
+    after = compare(LOGS, load_model(tmp_path / "shape.toml"))
+    assert after.rmse_heldout is not None
+    assert after.rmse_heldout < 1.1 * after.noise_floor
+
+
+def test_a_term_that_a_later_one_made_needless_goes() -> None:
+    """An odd wave of no size before the ringing that is there: one term is left, the first."""
+    alone = start(LOGS, MODEL)
+    by_words = {form.words: form for form in forms()}
+    law = GivenLaw(LAWS[0], LAWS[0].text, {"n": 1.0})
+    atoms = [
+        Atom(by_words["odd wave along the patch (xi / L)"], {"width": 1.0}, law, fixed=("n",)),
+        Atom(
+            by_words["ringing in the time since the exit edge"],
+            {"decay": 0.008, "f": 120.0},
+            law,
+            fixed=("n",),
+        ),
+    ]
+    sizes = (np.array([1e-8]), np.array([0.0, 4e-5]))
+    climb = _Climb([alone])
+    for i, (atom, size) in enumerate(zip(atoms, sizes, strict=True), start=1):
+        entry = entry_of(atom, size, f"proposed_{i}", "strain")
+        draft = Draft(atom, entry, refit(climb.after, climb.after.model.with_entry(entry)))
+        climb.choices.append(Choice(draft, (draft, draft), (draft,)))
+        climb.scans.append(Scanned((), i, 0.001))
+        climb.bases.append(draft.base)
+    left = _without_needless(climb)
+    (choice,), (scanned,) = left.choices, left.scans
+    assert (choice.chosen.entry.id, choice.chosen.atom.form.profile.name) == (
+        "proposed_1",
+        "ringing",
+    )
+    assert scanned.tried == 2
+    assert choice.as_good == (choice.chosen,)
+    assert [entry.id for entry in left.after.model.effects] == ["proposed_1"]
+    assert left.after.model.values["proposed_1.f"] == pytest.approx(120.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "large_rest", "begins"),
+    [
+        ("unknown", False, "tirelog propose a.csv --model m.toml -o m+proposed.toml"),
+        ("partial", True, "tirelog propose a.csv --model m.toml -o m+proposed.toml"),
+        ("partial", False, "tirelog model add m.toml wear"),
+        ("missing", False, "tirelog model add m.toml wear"),
+        ("scatter", False, "tirelog compare a.csv --model m.toml --plot"),
+    ],
+)
+def test_a_diagnosis_ends_with_the_command_that_goes_on(
+    verdict: str, large_rest: bool, begins: str
+) -> None:
+    model = replace(MODEL, path=Path("m.toml"))
+    selected = ("wear",) if verdict in ("partial", "missing") else ()
+    said = next_command(verdict, selected, model=model, logs=["a.csv"], large_rest=large_rest)
+    assert said.startswith(begins)
+    number = Model.new("beam", "patch_length")
+    assert "propose" not in next_command(verdict, selected, model=number, logs=["a.csv"])
+
+
+def test_nothing_is_proposed_if_nothing_is_missing() -> None:
+    result = propose([stack(seed=5, m=64)], MODEL)
+    assert (result.status, result.model, result.written) == ("nothing", None, ())
+    assert result.sentence.startswith("Nothing to propose: Nothing is missing")
+
+
+def test_too_few_manoeuvres_are_said_to_be() -> None:
+    result = propose([stack(ringing, manoeuvres=11)], MODEL)
+    assert result.status == "nothing"
+    assert "11 manoeuvres are too few" in result.reason
+    assert "drive 12 at least" in result.reason
+
+
+def test_a_number_per_revolution_has_no_shape() -> None:
+    with pytest.raises(UsageError, match="one number per revolution"):
+        propose(LOGS, Model.new("beam", "patch_length"))
+
+
+COMMAND = ("propose", "log.csv", "--model", "m.toml")
+
+
+@pytest.fixture
+def proposed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder in which whatever is measured, this is proposed."""
+    monkeypatch.chdir(folder)
+    save_model(MODEL, folder / "m.toml")
+
+
+def answers(monkeypatch: pytest.MonkeyPatch, result: Proposal) -> None:
+    monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", lambda *given, **more: result)
+
+
+@pytest.mark.usefixtures("proposed")
+def test_the_command_prints_and_writes_what_python_gives(
+    proposal: Proposal, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers(monkeypatch, proposal)
+    result = tirelog(*COMMAND, "-o", "better.toml", "--plot", "p.png")
+    assert result.status == 0
+    assert result.out.startswith("FORMULA.  Proposed: ringing in the time since the exit edge")
+    assert proposal.terms[0].formula.expression in result.out
+    assert "next: tirelog compare log.csv --model better.toml" in result.out
+    assert proposal.model is not None
+    assert load_model("better.toml").values == proposal.model.values
+    assert Path("p.png").stat().st_size > 10_000
+    told = json.loads(tirelog(*COMMAND, "--format", "json").out)
+    assert told.pop("next_command") == "tirelog compare log.csv --model BETTER.toml"
+    assert told == json.loads(json.dumps(proposal.to_json()))
+
+
+@pytest.mark.usefixtures("proposed")
+def test_without_a_proposal_no_file_is_written_and_the_old_one_stays(
+    tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers(monkeypatch, propose([stack(manoeuvres=3, m=64)], MODEL))
+    Path("better.toml").write_text("mine")
+    result = tirelog(*COMMAND, "-o", "better.toml", "--plot", "p.png")
+    assert result.status == 0
+    assert result.out.startswith("NOTHING.  Nothing to propose: 3 manoeuvres are too few")
+    assert "better.toml and p.png not written" in result.err
+    assert Path("better.toml").read_text() == "mine"
+    assert not Path("p.png").exists()
+
+
+@pytest.mark.usefixtures("proposed")
+def test_another_format_than_json_is_refused(tirelog: Command) -> None:
+    result = tirelog(*COMMAND, "--format", "csv")
+    assert result.status == 2
+    assert "json is allowed" in result.err

@@ -1,0 +1,129 @@
+"""`tirelog propose LOG... --model M -o BETTER.toml`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tirelog.cli.common import (
+    ChannelName,
+    EffectsFile,
+    Logs,
+    ModelFile,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    in_a_folder,
+    page,
+    say,
+)
+from tirelog.cli.compare import measured_and_model, write_json
+
+if TYPE_CHECKING:
+    from tirelog.diagnosis.propose.results import Proposal
+
+#: letters in a line of the page
+_WIDTH = 110
+
+
+def propose(
+    logs: Logs,
+    model: ModelFile,
+    setup: SetupFile = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Write the model with what is proposed; none if nothing is.",
+            show_default=False,
+            callback=in_a_folder,
+        ),
+    ] = None,
+    format: Annotated[
+        str | None,
+        typer.Option("--format", help="json in place of the page.", show_default=False),
+    ] = None,
+    quiet: Quiet = False,
+    channel: ChannelName = None,
+    effects: EffectsFile = None,
+    plot: Plot = None,
+    despite: Annotated[
+        bool,
+        typer.Option("--despite", help="Also if an effect of the catalogue explains it."),
+    ] = False,
+    shape: Annotated[
+        bool,
+        typer.Option("--shape", help="A measured shape in any case, in place of formulas."),
+    ] = False,
+) -> None:
+    """Write down the unknown effect: formulas that remove it, or its measured shape."""
+    from tirelog.cli.targets import refuse_picture, refuse_unwritable
+    from tirelog.errors import UsageError
+
+    if format not in (None, "json"):
+        raise UsageError(
+            f"--format {format}", allowed="json is allowed", do="give it, or leave it out"
+        )
+    refuse_unwritable(output)
+    refuse_picture(plot)
+    with Session(setup, quiet) as session:
+        found, read = measured_and_model(session, logs, model, effects, channel)
+        from tirelog.api.answers import propose as propose_measured
+        from tirelog.physics.model.user_effects import own_effects
+
+        result = propose_measured(
+            found,
+            read,
+            effects=own_effects(effects),
+            despite=despite,
+            shape=shape,
+            progress=None if quiet else say,
+        )
+        if plot is not None and result.status != "nothing":
+            from tirelog.plots.propose import draw
+
+            draw(result, plot)
+        if output is not None and result.model is not None:
+            from tirelog.physics.model.file import save_model
+
+            save_model(result.model, output)
+        if result.status == "nothing":
+            unwritten = [str(path) for path in (output, plot) if path is not None]
+            if unwritten:
+                session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
+        if format == "json":
+            write_json(result.to_json() | {"next_command": _next(result, logs, output)}, None)
+        else:
+            _page(result, _next(result, logs, output))
+
+
+def _next(result: Proposal, logs: list[str], output: Path | None) -> str:
+    """The command to type next; empty if there is no proposal."""
+    if result.status == "nothing":
+        return ""
+    return f"tirelog compare {' '.join(logs)} --model {output or 'BETTER.toml'}"
+
+
+def _page(result: Proposal, command: str) -> None:
+    """The proposal to read."""
+    out = page(_WIDTH)
+    out.print(f"{result.status.upper()}.  {result.sentence}")
+    for term in result.terms:
+        out.print(f"\n{term.name}, acts on {term.formula.acts_on}: {term.formula.words}")
+        out.print(f"  {term.formula.expression}")
+        for name, number in term.numbers.items():
+            error = number["se"]
+            told = "not determined" if error is None else f"{error:.2g}"
+            unit = "" if number["unit"] in ("", "1") else f" {number['unit']}"
+            out.print(f"  {name} = {number['value']:.5g} +- {told}{unit}")
+    sentences = result.sentences()
+    if sentences:
+        out.print("")
+    for sentence in sentences:
+        out.print(sentence)
+    if command:
+        out.print(f"next: {command}")

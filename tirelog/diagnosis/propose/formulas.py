@@ -1,0 +1,331 @@
+"""One more term: polished atoms as effects of the model, refitted, and the simplest of the best.
+
+atoms -> what each removes held out, linearly -> the leading ones refitted in the model
+    -> least held-out loss; those that leave as little are as good, the simplest stands for them
+    -> exponents and phases rounded if that costs nothing
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm as normal
+from scipy.stats import t as student
+
+from tirelog.diagnosis.propose.grammar import EXPONENTS, LAW_BOUNDS, LAW_UNITS
+from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.scan import Atom, columns_of, polish, strengths
+from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2, REST_SHARE
+from tirelog.diagnosis.sign_flips import gain_and_error
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base, refit
+from tirelog.inference.floor import held_out_losses, steps_left_out
+from tirelog.physics.model.entry import ModelEffect
+from tirelog.physics.model.expression import parse_expression
+from tirelog.physics.model.model import Model
+from tirelog.physics.model.user_effects import CONDITIONS, PLACES, effect_by_expression
+from tirelog.physics.parameters import Parameter
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES
+
+#: forms that are polished, with another kind of law for the first of them
+POLISHED = 8
+OTHER_LAWS = 3
+#: forms that are refitted in the model: each takes a fit of the whole model
+REFITTED = 4
+#: of those that leave as little, so many are said
+MOST_AS_GOOD = 3
+#: an amplitude may become so many times what the linear fit says; a phase turns freely
+_LARGER = 100.0
+#: standard errors that a number may lie from a round one: beyond them rounding would push the
+#: others out of their errors
+ROUNDED_SIGMAS = 2.0
+#: standard errors by which another form may be worse held out and be as good
+AS_GOOD = 1.0
+
+
+@dataclass(frozen=True)
+class Draft:
+    """An atom in a model: its entry, and the base refitted with it.
+
+    `quarter`: the phase in quarter turns, None if it is free.
+    """
+
+    atom: Atom
+    entry: ModelEffect
+    base: Base
+    quarter: int | None = None
+
+    @property
+    def text(self) -> str:
+        return str(self.entry.source["expression"])
+
+    @property
+    def read(self) -> str:
+        """The formula with its fitted exponents as numbers, to read."""
+        text = self.text
+        for name in EXPONENTS:
+            value = self.atom.law.numbers.get(name, 0.0)
+            text = re.sub(rf"\*\* {name}\b", f"** {value:.2g}", text)
+        return text
+
+    @property
+    def acts_on(self) -> str:
+        return str(self.entry.source["acts_on"])
+
+    @property
+    def complexity(self) -> int:
+        return self.atom.complexity
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The drafts of a term: the chosen one, those as good, and all that were refitted."""
+
+    chosen: Draft
+    as_good: tuple[Draft, ...]
+    refitted: tuple[Draft, ...]
+
+
+def entry_of(
+    atom: Atom,
+    amplitudes: FloatArray,
+    name: str,
+    observable: str,
+    quarter: int | None = None,
+) -> ModelEffect:
+    """The atom as an effect of a model.
+
+    `amplitudes` (1,) of its column, or (2,) of cosine and sine; a phase stands at a quarter turn if
+    one is given. ModelError if a number is outside of its bounds.
+    """
+    form, parameters = atom.form, []
+    text = form.text
+    if form.wave:
+        phase = float(np.arctan2(amplitudes[0], amplitudes[1]))
+        size = float(np.hypot(amplitudes[0], amplitudes[1]))
+        if quarter is None:
+            text = _with_phase(text)
+            parameters.append(Parameter("psi", "rad", "phase", phase, -7.0, 7.0, 0.5))
+        else:
+            text = text.replace("@", "sin" if quarter % 2 == 0 else "cos")
+            size *= 1.0 if quarter % 4 < 2 else -1.0
+    else:
+        size = float(amplitudes[0])
+    free = [number for number in atom.law.numbers if number not in atom.fixed]
+    law = atom.law.written(free)
+    plain = text != "1"
+    body = " * ".join(
+        part for part in (law, form.stage.prefix.removesuffix(" * "), text * plain) if part
+    )
+    expression = ast.unparse(ast.parse(f"A * {body}" if body else "A", mode="eval"))
+    large = max(abs(size), 1e-12)
+    unit = form.stage.unit or OBSERVABLES[observable].unit
+    amplitude = Parameter(
+        "A", unit, "strength", size, -_LARGER * large, _LARGER * large, 0.1 * large
+    )
+    parameters.append(amplitude)
+    numbers = [(n, v, form.bounds(n), form.unit(n)) for n, v in atom.numbers.items()]
+    numbers += [(n, atom.law.numbers[n], LAW_BOUNDS[n], LAW_UNITS[n]) for n in free]
+    for number, value, (low, high), its_unit in numbers:
+        inside = float(np.clip(value, low, high))
+        probe = max(0.1 * abs(inside), 1e-3 * (high - low))
+        parameters.append(Parameter(number, its_unit, "", inside, low, high, probe))
+    names = parse_expression(
+        expression, {*PLACES, *CONDITIONS, *(p.name for p in parameters)}
+    ).names
+    used = tuple(p for p in parameters if p.name in names)
+    acts_on = form.stage.acts_on or observable
+    effect = effect_by_expression(name, acts_on, expression, used)
+    return ModelEffect(effect, used, {}, {"acts_on": acts_on, "expression": expression})
+
+
+def _with_phase(text: str) -> str:
+    """The text with its wave @(x) as sin(x + psi)."""
+    start = text.index("@(")
+    depth, end = 0, start + 1
+    while True:
+        depth += {"(": 1, ")": -1}.get(text[end], 0)
+        if depth == 0:
+            break
+        end += 1
+    return f"{text[:start]}sin({text[start + 2 : end]} + psi){text[end + 1 :]}"
+
+
+def polished(ground: Ground, atoms: Sequence[Atom]) -> list[Atom]:
+    """The best atom of each form, and other laws of the first of them, polished."""
+    best: dict[tuple[str, str], Atom] = {}
+    for atom in atoms:
+        best.setdefault(_form_of(atom), atom)
+    leading = list(best.values())[:POLISHED]
+    first, taken = [_form_of(atom) for atom in leading[:2]], {id(atom) for atom in leading}
+    others = [a for a in atoms if _form_of(a) in first and id(a) not in taken][:OTHER_LAWS]
+    found = []
+    for atom in [*leading, *others]:
+        try:
+            found.append(polish(ground, atom))
+        except ModelError:
+            continue
+    return sorted(found, key=lambda atom: -atom.explained)
+
+
+def _form_of(atom: Atom) -> tuple[str, str]:
+    return atom.form.stage.name, atom.form.words
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """An atom with what it leaves held out, its columns free: losses (M,), [unit^2] removed."""
+
+    atom: Atom
+    white: FloatArray
+    removed: float
+
+
+def _linear(full: Ground, atom: Atom) -> _Linear:
+    base = full.base
+    white, plain = held_out_losses(
+        base.cells, base.white, base.plain, base.fit, columns_of(full, atom)
+    )
+    return _Linear(atom, white, float((base.held_plain - plain).sum()) / base.plain.weight)
+
+
+def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
+    """The leading atoms refitted in the model, and the simplest of the best; None if all fail."""
+    scored = []
+    for atom in atoms:
+        try:
+            scored.append(_linear(full, atom))
+        except ModelError:
+            continue
+    scored.sort(key=lambda row: float(row.white.sum()))
+    leading = [row for row in scored if row.removed >= CONTENDER * scored[0].removed][:REFITTED]
+    stages = {row.atom.form.stage.name for row in leading}
+    near = [row for row in scored if row.removed >= CONTENDER * scored[0].removed]
+    leading += [row for row in near if row.atom.form.stage.name not in stages][:1]
+    tried = [_drafted(full, row.atom, name) for row in leading]
+    drafts = [draft for draft in tried if draft is not None]
+    if not drafts:
+        return None
+    drafts.sort(key=lambda draft: float(draft.base.held_white.sum()))
+    best = drafts[0].base
+    excess = full.base.excess
+    good = [draft for draft in drafts if _as_good(best, draft.base, excess)]
+    good.sort(key=lambda d: (d.complexity, float(d.base.held_white.sum())))
+    # the same form under a law that holds the simpler one is no other answer
+    other = [d for d in good[1:] if _form_of(d.atom) != _form_of(good[0].atom)]
+    return Choice(good[0], (good[0], *other[: MOST_AS_GOOD - 1]), tuple(drafts))
+
+
+def _drafted(full: Ground, atom: Atom, name: str) -> Draft | None:
+    """The atom refitted in the model; None if that fails or ends above the base."""
+    base = full.base
+    try:
+        amplitudes, _ = strengths(full, atom)
+        entry = entry_of(atom, amplitudes, name, base.model.observable)
+        new = refit(base, base.model.with_entry(entry))
+    except ModelError:
+        return None
+    return None if new.fit.chi2 > base.fit.chi2 else _read(atom, entry, new)
+
+
+def _read(atom: Atom, entry: ModelEffect, new: Base, quarter: int | None = None) -> Draft:
+    """The draft with the numbers of its atom as they were fitted."""
+    name = entry.id
+    own = {p.name: new.model.values[f"{name}.{p.name}"] for p in entry.parameters}
+    law = replace(atom.law, numbers={n: own.get(n, value) for n, value in atom.law.numbers.items()})
+    numbers = {n: own.get(n, value) for n, value in atom.numbers.items()}
+    return Draft(replace(atom, numbers=numbers, law=law), entry, new, quarter)
+
+
+def _as_good(best: Base, other: Base, excess: float) -> bool:
+    """Does another refit leave as little held out?
+
+    By what is too small to matter; or by its error, if it leaves little more of the excess: where
+    manoeuvres differ in size their scatter alone excuses too much.
+    """
+    worse, error = gain_and_error(other.held_white, best.held_white)
+    more = other.square_held - best.square_held
+    if more < LEAST_SHARE_OF_FLOOR * best.floor.square:
+        return True
+    return worse < AS_GOOD * error and more < REST_SHARE * excess
+
+
+def simplified(draft: Draft) -> Draft:
+    """The draft with exponents at whole numbers, or halves, and the phase at a quarter turn.
+
+    Each if that costs nothing. Its base is settled: rounding is judged by the noise.
+    """
+    best = draft
+    for number in EXPONENTS:
+        if number not in best.atom.law.numbers or number in best.atom.fixed:
+            continue
+        value = best.atom.law.numbers[number]
+        for wanted in dict.fromkeys((float(round(value)), round(2.0 * value) / 2.0)):
+            law = replace(best.atom.law, numbers={**best.atom.law.numbers, number: wanted})
+            atom = replace(best.atom, law=law, fixed=(*best.atom.fixed, number))
+            trial = _with_fixed(best, atom, best.quarter)
+            if trial is not None and _costs_nothing(best.base, trial.base):
+                best = trial
+                break
+    if best.atom.form.wave:
+        phase = best.base.model.values[f"{best.entry.id}.psi"]
+        trial = _with_fixed(best, best.atom, round(phase / (0.5 * np.pi)) % 4)
+        if trial is not None and _costs_nothing(best.base, trial.base):
+            best = trial
+    return best
+
+
+def _with_fixed(draft: Draft, atom: Atom, quarter: int | None) -> Draft | None:
+    """The draft with some of its numbers given, fitted again from where it is."""
+    base, name = draft.base, draft.entry.id
+    size = base.model.values[f"{name}.A"]
+    phase = base.model.values.get(f"{name}.psi", 0.0)
+    amplitudes = np.array(
+        [size * np.sin(phase), size * np.cos(phase)] if atom.form.wave else [size]
+    )
+    try:
+        entry = entry_of(atom, amplitudes, name, base.model.observable, quarter)
+        new = refit(base, base.model.without_effect(name).with_entry(entry))
+    except ModelError:
+        return None
+    return _read(atom, entry, new, quarter)
+
+
+def _costs_nothing(before: Base, rounded: Base) -> bool:
+    """Is a rounded number as good: by chi-square, or, of a form that is not right, held out?"""
+    worse = rounded.noise_chi2 - before.noise_chi2
+    if worse <= ROUNDED_SIGMAS**2 * max(1.0, before.reduced_chi2):
+        return True
+    return before.reduced_chi2 > QUIET_CHI2 and _as_good(before, rounded, before.excess)
+
+
+def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:
+    """The base's model, whose standard errors of these effects' numbers cover.
+
+    The error of a fit knows noise and the random effects that it models. Where manoeuvres scatter
+    in another way, or a form is not quite right, what leaving each of them out does to a number
+    tells more: the larger of the two is its error.
+    """
+    moved = steps_left_out(base.cells, base.white, base.fit)
+    M = moved.shape[0]
+    spread = np.sqrt((M - 1) / M * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
+    # as wide as a normal distribution's error would have to be for the same 95 %
+    spread *= float(student.ppf(0.975, M - 1) / normal.ppf(0.975))
+    changed = {}
+    for name, error in zip(base.fit.names, spread.tolist(), strict=True):
+        own = base.model.parameters[name]
+        if name.partition(".")[0] in effects and own.se is not None:
+            changed[name] = replace(own, se=max(own.se, error))
+    return base.model.with_parameters(changed)
+
+
+def numbers_of(entry: ModelEffect, model: Model) -> dict[str, dict[str, Any]]:
+    """Value, standard error and unit of each number of an effect of a fitted model."""
+    own = {p.name: model.parameters[f"{entry.id}.{p.name}"] for p in entry.parameters}
+    return {name: {"value": p.value, "se": p.se, "unit": p.unit} for name, p in own.items()}

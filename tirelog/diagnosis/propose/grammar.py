@@ -1,0 +1,306 @@
+"""The forms that are tried, as data: frame x profile x stage x law.
+
+A frame gives a coordinate u in the language of a model file, a profile a formula of it, a stage the
+place where it acts, a law how it grows. One line more is one form more; what is dimensionally wrong
+is refused by a test, since a grammar carries units.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from tirelog.vocabulary.arrays import FloatArray
+
+_EXIT = "((xi - L) % (2 * pi * R))"
+_ENTRY = "((-L - xi) % (2 * pi * R))"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A coordinate u in which a form stands still.
+
+    `text` and `unit` of u; `offset` the text of u - at; `side`: "round" (the wheel's angle), "both"
+    (to both sides of the patch), "one" (from an edge on), "gated" (likewise, u > 0 being asked).
+    Scanned values: `widths` [unit], `places` [unit], `rates` [1/unit].
+    """
+
+    name: str
+    words: str
+    text: str
+    unit: str
+    side: str
+    widths: FloatArray
+    places: FloatArray
+    rates: FloatArray = field(default_factory=lambda: np.zeros(0))
+    offset: str = "({u} - at)"
+
+    def bounds(self, role: str) -> tuple[float, float]:
+        """Where a polished or fitted number of this role may go."""
+        if role == "width":
+            return 0.2 * float(self.widths[0]), 4.0 * float(self.widths[-1])
+        if role == "rate":
+            return 0.3 * float(self.rates[0]), 3.0 * float(self.rates[-1])
+        reach = float(np.ptp(self.places))
+        low = 0.0 if self.side in ("one", "gated") else float(self.places[0]) - 0.5 * reach
+        return low, float(self.places[-1]) + 0.5 * reach
+
+
+def _evenly(first: float, last: float, number: int) -> FloatArray:
+    return np.linspace(first, last, number)
+
+
+def _by_factors(first: float, last: float, number: int) -> FloatArray:
+    return np.geomspace(first, last, number)
+
+
+FRAMES: tuple[Frame, ...] = (
+    Frame("wheel_angle", "at a place of the wheel", "phi", "rad", "round",
+          np.deg2rad([3.0, 6.0, 12.0, 24.0, 45.0]), np.deg2rad(np.arange(-180.0, 180.0, 6.0)),
+          offset="((phi - at + pi) % (2 * pi) - pi)"),
+    Frame("patch", "along the patch (xi / L)", "(xi / L)", "1", "both",
+          _by_factors(0.1, 5.0, 9), _evenly(-3.0, 3.0, 25)),
+    Frame("tread", "along the tread about the patch centre", "xi", "m", "both",
+          _by_factors(0.02, 0.5, 8), _evenly(0.02, 0.86, 22)),
+    Frame("time_since_exit", "in the time since the exit edge", f"({_EXIT} / speed)", "s", "one",
+          _by_factors(0.0015, 0.08, 8), _evenly(0.002, 0.04, 20), _by_factors(25.0, 420.0, 36)),
+    Frame("distance_since_exit", "in the distance since the exit edge", _EXIT, "m", "one",
+          _by_factors(0.015, 0.6, 8), _evenly(0.03, 0.51, 17), _by_factors(1.4, 20.0, 28)),
+    Frame("time_before_entry", "in the time before the entry edge", f"({_ENTRY} / speed)", "s",
+          "one", _by_factors(0.0015, 0.08, 5), _evenly(0.004, 0.04, 10),
+          _by_factors(25.0, 420.0, 18)),
+    Frame("distance_before_entry", "in the distance before the entry edge", _ENTRY, "m", "one",
+          _by_factors(0.015, 0.6, 5), _evenly(0.06, 0.5, 8), _by_factors(1.4, 20.0, 14)),
+    Frame("after_exit", "behind the exit edge, in half lengths of the patch", "((xi - L) / L)",
+          "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
+    Frame("before_entry", "ahead of the entry edge, in half lengths of the patch",
+          "((-L - xi) / L)", "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
+    Frame("none", "all around", "1", "1", "none", np.ones(1), np.ones(2)),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A form along a coordinate.
+
+    `text` of u, of d = u - at, and of its numbers: name -> role (width, place, rate). `@(x)` stands
+    for a wave of free phase. `sides`, `stages` that it is for; every `each`-th width is scanned;
+    `complexity` counts what a reader has to take in.
+    """
+
+    name: str
+    text: str
+    numbers: Mapping[str, str]
+    sides: tuple[str, ...]
+    complexity: int
+    each: int = 1
+    stages: tuple[str, ...] = ("waveform",)
+    frames: tuple[str, ...] = ()
+
+
+_BUMP = {"at": "place", "width": "width"}
+_BOTH_STAGES = ("waveform", "contact_pressure")
+PROFILES: tuple[Profile, ...] = (
+    Profile("bump", "exp(-(d / width) ** 2 / 2)", _BUMP, ("round", "one"), 3),
+    Profile("bump", "exp(-(d / width) ** 2 / 2)", _BUMP, ("both",), 3, 2, frames=("patch",)),
+    Profile("bump", "exp(-(d / width) ** 2 / 2)", _BUMP, ("both",), 3, 3, ("contact_pressure",),
+            ("patch",)),
+    Profile("two flanks", "exp(-((abs(u) - at) / width) ** 2 / 2)", _BUMP, ("both",), 3, 2,
+            frames=("tread",)),
+    Profile("flanks from zero", "(u / width) ** 2 * exp(1 - (u / width) ** 2)",
+            {"width": "width"}, ("both",), 2),
+    Profile("odd wave", "u / width * exp(0.5 - (u / width) ** 2 / 2)", {"width": "width"},
+            ("both",), 2),
+    Profile("decay", "exp(-u / decay)", {"decay": "width"}, ("one",), 2),
+    Profile("pulse", "u / decay * exp(1 - u / decay)", {"decay": "width"}, ("one",), 2),
+    Profile("ringing", "exp(-u / decay) * @(2 * pi * f * u)", {"decay": "width", "f": "rate"},
+            ("one",), 4, 2),
+    *(Profile(f"wheel harmonic {n}", f"@({n} * u)", {}, ("round",), 2) for n in range(1, 7)),
+    *(Profile(f"power {n} within the patch", f"u ** {n} * (abs(u) < 1)", {}, ("both",), 1, 1,
+              _BOTH_STAGES, ("patch",)) for n in (1, 2, 3, 4)),
+    *(Profile(f"parabola times power {n}", f"(1 - u ** 2) * u ** {n} * (abs(u) < 1)", {}, ("both",),
+              1, 1, ("contact_pressure",), ("patch",)) for n in (1, 2, 3, 4)),
+    Profile("decay", "exp(-abs(u) / decay) * (u > 0)", {"decay": "width"}, ("gated",), 2, 1,
+            ("contact_pressure",)),
+    Profile("pulse", "abs(u) / decay * exp(1 - abs(u) / decay) * (u > 0)", {"decay": "width"},
+            ("gated",), 2, 1, ("contact_pressure",)),
+    Profile("the same everywhere", "1", {}, ("none",), 0, 1,
+            ("baseline", "load", "foundation_stiffness", "sensor")),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A place where a form acts.
+
+    `acts_on` in a model file ("" for the observable itself); `unit` of the amplitude ("" for the
+    observable's); `prefix` of the formula; `probe` an amplitude that is small there.
+    """
+
+    name: str
+    words: str
+    acts_on: str
+    unit: str
+    prefix: str = ""
+    probe: float = 0.01
+
+
+STAGES: Mapping[str, Stage] = {
+    stage.name: stage
+    for stage in (
+        Stage("waveform", "the waveform itself", "", ""),
+        Stage("contact_pressure", "the contact pressure", "contact_pressure", "1",
+              "load / (2 * L) * ", 0.02),
+        Stage("baseline", "the baseline", "baseline", "", probe=1e-6),
+        Stage("load", "the load", "load", "N", probe=20.0),
+        Stage("foundation_stiffness", "the foundation's stiffness", "foundation_stiffness",
+              "N/m^2", probe=1e4),
+        Stage("sensor", "the sensor's gain", "sensor", "1"),
+    )
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Law:
+    """How a form grows with what a revolution is driven under.
+
+    `text`, with {name} for a typical value of a condition; scanned values of its `numbers`;
+    `varies`: conditions that must vary in the data, or it says nothing.
+    """
+
+    text: str
+    numbers: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    varies: tuple[str, ...] = ()
+    complexity: int = 1
+
+
+_SPEEDS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
+_FEW = (0.0, 1.0, 2.0)
+LAWS: tuple[Law, ...] = (
+    Law("(speed / 20) ** n", {"n": _SPEEDS}),
+    Law("(acceleration / 9.81) * (speed / 20) ** n", {"n": _FEW}, ("acceleration",)),
+    Law("abs(acceleration / 9.81) * (speed / 20) ** n", {"n": _FEW}, ("acceleration",), 2),
+    Law("(load / {load}) ** m * (speed / 20) ** n", {"m": (-1.0, 1.0, 2.0), "n": _FEW}, ("load",)),
+    Law("(1 - exp(-time / tau)) * (speed / 20) ** n", {"tau": (8.0, 25.0, 80.0), "n": (0.0, 1.0)},
+        (), 2),
+    Law("(temperature / {temperature}) * (speed / 20) ** n", {"n": (0.0, 1.0)}, ("temperature",)),
+    Law("(distance / {distance}) * (speed / 20) ** n", {"n": (0.0, 1.0)}, ("distance",)),
+    Law("(water / {water}) * (speed / 20) ** n", {"n": _FEW}, ("water",)),
+    Law("(pressure / {pressure}) ** m * (speed / 20) ** n", {"m": (-1.0, 1.0), "n": (0.0, 1.0)},
+        ("pressure",)),
+)  # fmt: skip
+#: where the numbers of a law may go, and their units
+LAW_BOUNDS: Mapping[str, tuple[float, float]] = {
+    "n": (-1.0, 5.0),
+    "m": (-3.0, 4.0),
+    "tau": (2.0, 300.0),
+}
+LAW_UNITS: Mapping[str, str] = {"n": "1", "m": "1", "tau": "s"}
+#: numbers that are rounded to halves if that costs nothing
+EXPONENTS = ("n", "m")
+
+
+@dataclass(frozen=True)
+class Form:
+    """A profile in a frame at a stage: a formula without its law."""
+
+    frame: Frame
+    profile: Profile
+    stage: Stage
+
+    @property
+    def text(self) -> str:
+        """The formula over places and its own numbers."""
+        text = re.sub(r"\bd\b", self.frame.offset.format(u=self.frame.text), self.profile.text)
+        return re.sub(r"\bu\b", self.frame.text, text)
+
+    @property
+    def words(self) -> str:
+        return f"{self.profile.name} {self.frame.words}".replace("everywhere all", "all")
+
+    @property
+    def wave(self) -> bool:
+        """Is it a wave of free phase: two columns?"""
+        return "@(" in self.profile.text
+
+    @property
+    def complexity(self) -> int:
+        return self.profile.complexity
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Scanned values of each number, one for each combination, (S,)."""
+        values = {
+            "width": self.frame.widths[:: self.profile.each],
+            "place": self.frame.places,
+            "rate": self.frame.rates,
+        }
+        each = [values[role] for role in self.profile.numbers.values()]
+        combined = list(product(*each))
+        rows = np.array(combined, dtype=np.float64).reshape(len(combined), len(each))
+        return {name: rows[:, i] for i, name in enumerate(self.profile.numbers)}
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        return self.frame.bounds(self.profile.numbers[name])
+
+    def unit(self, name: str) -> str:
+        """The unit of one of its numbers."""
+        if self.profile.numbers[name] != "rate":
+            return self.frame.unit
+        return {"s": "Hz", "m": "1/m"}.get(self.frame.unit, f"1/{self.frame.unit}")
+
+
+def forms() -> Iterator[Form]:
+    """Every form of the grammar, the most general stage first."""
+    for stage in STAGES.values():
+        for frame in FRAMES:
+            for profile in PROFILES:
+                wanted = frame.side in profile.sides and stage.name in profile.stages
+                if profile.frames and frame.name not in profile.frames:
+                    wanted = False
+                if stage.name == "contact_pressure" and frame.name == "tread":
+                    wanted = False
+                if wanted:
+                    yield Form(frame, profile, stage)
+
+
+@dataclass(frozen=True)
+class GivenLaw:
+    """A law with its numbers given."""
+
+    law: Law
+    text: str
+    numbers: Mapping[str, float]
+
+    def written(self, free: Sequence[str] = ()) -> str:
+        """The law as it stands in a formula: what is not `free` as a plain number, 1 left out."""
+        factors = []
+        for factor in self.text.split(" * "):
+            base, _, power = factor.partition(" ** ")
+            value = 1.0 if power in free or not power else self.numbers[power]
+            if value == 0.0:
+                continue
+            plain = base if value == 1.0 and power not in free else f"{base} ** "
+            factors.append(
+                plain + ("" if plain == base else power if power in free else f"{value:g}")
+            )
+        text = " * ".join(factors)
+        for name, value in self.numbers.items():
+            if name not in (*EXPONENTS, *free):
+                text = re.sub(rf"\b{name}\b", f"{value:.6g}", text)
+        return text
+
+
+def laws(typical: Mapping[str, float]) -> list[GivenLaw]:
+    """The laws over conditions that vary: `typical` has a value for each of these, by symbol."""
+    found = []
+    for law in LAWS:
+        if any(name not in typical for name in law.varies):
+            continue
+        text = law.text.format(**{name: f"{value:.4g}" for name, value in typical.items()})
+        for values in product(*law.numbers.values()):
+            found.append(GivenLaw(law, text, dict(zip(law.numbers, values, strict=True))))
+    return found

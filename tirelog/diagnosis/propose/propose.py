@@ -1,0 +1,429 @@
+"""`propose`: the unknown effect written down, with its error on manoeuvres that nothing touched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tirelog.diagnosis.beside import (
+    allowed_nuisances,
+    best_nuisance,
+    groups_of,
+    with_nuisances_on,
+)
+from tirelog.diagnosis.compare import Measured, measured_pieces, start
+from tirelog.diagnosis.diagnose import Diagnosis, conclude
+from tirelog.diagnosis.leftover import leading_shape
+from tirelog.diagnosis.locked import untouched
+from tirelog.diagnosis.naming import quiet, worth_it
+from tirelog.diagnosis.propose.formulas import (
+    Choice,
+    Draft,
+    choose,
+    numbers_of,
+    polished,
+    simplified,
+    with_covering_errors,
+)
+from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.measured_shapes import (
+    MeasuredShape,
+    measured_shapes,
+    without_twins,
+)
+from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.diagnosis.propose.scan import Scanned, scan
+from tirelog.diagnosis.rules import (
+    ALARM_P,
+    BEYOND_DOUBT_P,
+    FEWEST_MANOEUVRES,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    REST_SHARE,
+    SECOND_LEAST,
+)
+from tirelog.diagnosis.search import Found, Progress, search_effects
+from tirelog.diagnosis.separation import advise
+from tirelog.diagnosis.wording import NUISANCES_SAID, percent
+from tirelog.errors import ModelError, UsageError
+from tirelog.inference.base import Base, refit, settled, thinned
+from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.cells.together import PiecesTogether
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
+
+#: every so many manoeuvres one is locked away before anything is looked at; twice as rarely leaves
+#: the number that is said to two or three manoeuvres
+LOCK_EVERY = 3
+#: terms of a proposal at most: what needs more is better told by its measured shape
+MOST_TERMS = 3
+#: cells on which the grammar is scanned; the time goes with them, and 60 span 20 manoeuvres
+_SCAN_CELLS = 60
+#: share of the excess that a measured shape must remove beyond the formulas to stand in their
+#: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
+#: much
+_SHAPE_MORE = 0.05
+#: share of the excess on the locked manoeuvres that a proposal must remove, or it is not made:
+#: what is chance removes nothing; doubled, only what is right to the floor would be said
+_CONFIRMED = 0.5
+
+
+def propose(
+    measured: Measured,
+    model: Model,
+    *,
+    effects: Iterable[Effect] = (),
+    despite: bool = False,
+    shape: bool = False,
+    progress: Progress = lambda text: None,
+) -> Proposal:
+    """The unknown effect written down, or why there is nothing to propose.
+
+    effects   the user's own candidates, as for `diagnose`
+    despite   also if an effect of the catalogue explains it: the proposal stands in its place
+    shape     a measured shape in any case, in place of formulas
+    UsageError: the model predicts a number per revolution, in which no shape is seen, or several
+    observables at once.
+    """
+    if model.observable not in WAVEFORMS:
+        raise UsageError(
+            f"a model of {model.observable} gives one number per revolution, which has no shape",
+            allowed=f"a model of {' or '.join(WAVEFORMS)} is allowed",
+            do="take one; for numbers `tirelog diagnose` tells what they follow",
+        )
+    pieces = measured_pieces(measured)
+    if isinstance(pieces, PiecesTogether):
+        raise UsageError(
+            f"a model of {' and '.join(model.observables)}",
+            allowed="allowed is a model of one waveform",
+            do="propose with a model of one of them, and compare the result on all",
+        )
+    seen, locked = locked_third(pieces)
+    if locked is None:
+        return _nothing(model, _too_few(pieces), int(np.unique(pieces.manoeuvre).size))
+    progress("fitting the model")
+    base = start(seen, model)
+    progress(
+        f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres seen, "
+        f"{np.unique(locked.manoeuvre).size} locked away; testing candidates"
+    )
+    found = search_effects(base, tuple(effects), progress)
+    diagnosis = conclude(found, ())
+    ground, reason = _ground(found, diagnosis, despite)
+    if ground is None:
+        return _nothing(model, reason, base.cells.manoeuvres, diagnosis)
+    # what no free shape alone shows to repeat must be beyond doubt over the whole grammar
+    alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
+    climb = _climb(ground, alarm, progress)
+    return _proposal(climb, diagnosis, locked, shape, progress)
+
+
+def locked_third(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
+    """(what may be seen, what nothing touches); nothing is locked if too few would be left."""
+    numbers = np.unique(pieces.manoeuvre)
+    chosen = numbers[1::LOCK_EVERY]
+    if numbers.size - chosen.size < FEWEST_MANOEUVRES:
+        return pieces, None
+    mask = np.isin(pieces.manoeuvre, chosen)
+    return pieces.take(~mask), pieces.take(mask)
+
+
+def _too_few(pieces: Pieces) -> str:
+    number = int(np.unique(pieces.manoeuvre).size)
+    needed = next(n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
+    return (
+        f"{number} manoeuvres are too few: a third is locked away before anything is looked at, "
+        f"and a test needs {FEWEST_MANOEUVRES} of the others; drive {needed} at least."
+    )
+
+
+def _ground(found: Found, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
+    """The base to propose on, or why there is nothing to propose."""
+    verdict = diagnosis.verdict
+    if verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
+        return found.before, ""
+    if verdict == "partial":
+        after, before = found.after, found.before
+        if (
+            diagnosis.unexplained["significant"]
+            and after.excess > SECOND_LEAST * after.floor.square
+            and after.excess > REST_SHARE * before.excess
+        ):
+            return after, ""
+        return None, (
+            f"{diagnosis.sentence} The rest is too small, or does not repeat well enough, to "
+            "write down."
+        )
+    if diagnosis.selected:
+        return None, (
+            f"{diagnosis.sentence} Add it to the model, or give --despite to have what these data "
+            "would say without it."
+        )
+    return None, diagnosis.sentence
+
+
+@dataclass
+class _Climb:
+    """Terms one by one: the bases from the start upwards, what was chosen, and the shapes."""
+
+    bases: list[Base]
+    choices: list[Choice] = field(default_factory=list)
+    scans: list[Scanned] = field(default_factory=list)
+    shapes: list[MeasuredShape] = field(default_factory=list)
+    last: Scanned | None = None
+    beside: list[str] = field(default_factory=list)
+
+    @property
+    def after(self) -> Base:
+        return self.bases[-1]
+
+
+def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
+    """Terms until nothing of size is left, or none is worth it.
+
+    As in the search for names, a nuisance that leaves less than the best form comes in before it.
+    """
+    climb = _Climb([base])
+    first_excess = max(base.excess, 1e-300)
+    while len(climb.choices) < MOST_TERMS:
+        at, number = climb.after, len(climb.choices) + 1
+        if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
+            break
+        full = Ground(at)
+        few = full if len(at.cells) <= _SCAN_CELLS else Ground(thinned(at, _SCAN_CELLS))
+        if number == 1:
+            progress("measuring free shapes")
+            climb.shapes = without_twins(measured_shapes(few, full))
+        progress(f"term {number}: trying every form of the grammar")
+        scanned = scan(few)
+        choice = None
+        if scanned.p <= alarm:
+            choice = choose(full, polished(few, scanned.atoms), _free_name(base, number))
+            choice = choice if choice and worth_it(at, choice.chosen.base) else None
+        rival = None if quiet(at, at.floor.square) else best_nuisance(at, allowed_nuisances(at))
+        if rival is not None and (choice is None or _leaves_less(rival, choice)):
+            progress(f"beside the model: {groups_of(rival)[-1]}")
+            climb.bases[-1] = settled(rival)
+            climb.beside.append(groups_of(rival)[-1])
+            continue
+        if choice is None:
+            climb.last = scanned
+            break
+        chosen = simplified(replace(choice.chosen, base=settled(choice.chosen.base)))
+        new = chosen.base
+        if number > 1 and at.square_held - new.square_held < REST_SHARE * first_excess:
+            break
+        progress(f"term {number}: {choice.chosen.atom.form.words}")
+        climb.scans.append(scanned)
+        climb.choices.append(replace(choice, chosen=chosen))
+        climb.bases.append(new)
+    return _without_needless(climb)
+
+
+def _leaves_less(rival: Base, choice: Choice) -> bool:
+    """Does a nuisance leave less held out than the best form?"""
+    best = min(float(draft.base.held_white.sum()) for draft in choice.refitted)
+    return float(rival.held_white.sum()) < best
+
+
+def _free_name(base: Base, number: int) -> str:
+    """The name of a term that no effect of the model has."""
+    held = {effect.id for effect in base.model.effects}
+    free = (name for i in range(1, 100) if (name := f"proposed_{i}") not in held)
+    return next(name for i, name in enumerate(free, start=1) if i == number)
+
+
+def _without_needless(climb: _Climb) -> _Climb:
+    """The climb without terms that those after them have made needless, numbered anew.
+
+    What was as good as a term was so beside those that go: it is not said then.
+    """
+    after = climb.after
+    names = [choice.chosen.entry.id for choice in climb.choices]
+    needed = list(names)
+    for name in names[:-1]:
+        try:
+            less = refit(after, after.model.without_effect(name))
+        except ModelError:
+            continue
+        if not worth_it(less, after):
+            after = less
+            needed.remove(name)
+    if needed == names:
+        return climb
+    model = after.model
+    entries = {entry.id: entry for entry in model.effects}
+    model = model.without_effect(*needed)
+    kept = [i for i, name in enumerate(names) if name in needed]
+    renamed = []
+    for new, i in zip(names, kept, strict=False):
+        old = entries[names[i]]
+        renamed.append(replace(old, effect=replace(old.effect, id=new)))
+        model = model.with_entry(renamed[-1])
+    top = settled(refit(after, model))
+    climb.scans = [climb.scans[i] for i in kept]
+    choices = []
+    for entry, i in zip(renamed, kept, strict=True):
+        chosen = replace(climb.choices[i].chosen, entry=entry, base=top)
+        choices.append(replace(climb.choices[i], chosen=chosen, as_good=(chosen,)))
+    climb.choices, climb.bases = choices, [climb.bases[0], top]
+    return climb
+
+
+def _proposal(
+    climb: _Climb,
+    diagnosis: Diagnosis,
+    locked: Pieces,
+    shape_wanted: bool,
+    progress: Progress,
+) -> Proposal:
+    """What is written down in the end, and its error on the locked manoeuvres."""
+    base, after = climb.bases[0], climb.after
+    status = "formula" if climb.choices else "nothing"
+    repeats = diagnosis.verdict != "scatter" or climb.choices
+    by_shape = _with_shape(base, climb.shapes) if repeats else None
+    if by_shape is not None:
+        more = after.square_held - by_shape.square_held
+        if shape_wanted or more > max(
+            LEAST_SHARE_OF_FLOOR * base.floor.square, _SHAPE_MORE * base.excess
+        ):
+            after, status = by_shape, "shape"
+    if status == "nothing" and diagnosis.verdict == "scatter":
+        return _nothing(
+            base.model, diagnosis.sentence, base.cells.manoeuvres, diagnosis, climb.shapes
+        )
+    if status == "nothing":
+        return _nothing(
+            base.model,
+            _doubt(climb),
+            base.cells.manoeuvres,
+            diagnosis,
+            climb.shapes,
+        )
+    progress("asking the manoeuvres that were locked away")
+    number = int(np.unique(locked.manoeuvre).size)
+    before_there, after_there = untouched(base, locked), untouched(after, locked)
+    result = Locked(number, before_there[0], after_there[0], after_there[1])
+    if result.share is None or result.share < _CONFIRMED:
+        held = percent(max(result.share or 0.0, 0.0))
+        return _nothing(
+            base.model,
+            f"what was found removes {held} of the excess on the {number} manoeuvres that were "
+            "locked away, too little to be claimed.",
+            base.cells.manoeuvres,
+            diagnosis,
+            climb.shapes,
+        )
+    own = {effect.id for effect in base.model.effects}
+    written = tuple(e.id for e in after.model.effects if e.id not in own)
+    covering = with_covering_errors(after, written)
+    terms = tuple(_terms(climb, covering)) if status == "formula" else ()
+    rows, notes = _advice(climb) if status == "formula" else ([], [])
+    near = sorted(diagnosis.effects, key=lambda c: -c.excess_removed)[:2]
+    return Proposal(
+        status=status,
+        reason="",
+        diagnosis=diagnosis,
+        terms=terms,
+        shapes=tuple(climb.shapes),
+        written=written,
+        model=with_nuisances_on(replace(after, fit=replace(after.fit, model=covering))),
+        locked=result,
+        observable=base.model.observable,
+        unit=OBSERVABLES[base.model.observable].unit,
+        rmse_heldout_before=base.rmse_held,
+        rmse_heldout_after=after.rmse_held,
+        noise_floor=float(np.sqrt(after.floor.square)),
+        manoeuvres=base.cells.manoeuvres,
+        nearest=tuple((c.effect, c.excess_removed) for c in near if c.excess_removed > REST_SHARE),
+        separating_manoeuvres=tuple(rows),
+        notes=tuple(notes),
+        phi_rad=np.nanmean(base.cells.phi, axis=0),
+        leading_before=leading_shape(base),
+        leading_after=leading_shape(after),
+    )
+
+
+def _doubt(climb: _Climb) -> str:
+    """Why nothing is proposed although something repeats."""
+    if climb.beside or climb.last is None:
+        names = " and ".join(NUISANCES_SAID[name] for name in climb.beside)
+        return f"what repeats goes with {names or 'what is named'} beside the model."
+    return (
+        "something repeats, but no form of the grammar and no free shape is beyond doubt "
+        f"(p = {climb.last.p:.2g} over {climb.last.tried} forms)."
+    )
+
+
+def _with_shape(base: Base, shapes: list[MeasuredShape]) -> Base | None:
+    """The base with the best measured shape; None if it is not beyond doubt."""
+    if not shapes:
+        return None
+    best = shapes[0]
+    if best.gain < GAIN_SIGMAS or best.removed < LEAST_SHARE_OF_FLOOR * base.floor.square:
+        return None
+    try:
+        return settled(refit(base, base.model.with_entry(best.entry(_shape_name(base)))))
+    except ModelError:
+        return None
+
+
+def _shape_name(base: Base) -> str:
+    held = {effect.id for effect in base.model.effects}
+    return next(n for i in range(1, 100) if (n := f"proposed_shape_{i}") not in held)
+
+
+def _terms(climb: _Climb, model: Model) -> Iterable[Term]:
+    """The chosen formulas with their numbers in the model at the top."""
+    for choice, scanned in zip(climb.choices, climb.scans, strict=False):
+        yield Term(
+            name=choice.chosen.entry.id,
+            formula=_formula(choice.chosen, choice.chosen.text),
+            as_good=tuple(_formula(draft, draft.read) for draft in choice.as_good[1:]),
+            numbers=numbers_of(choice.chosen.entry, model),
+            p=scanned.p,
+            tried=scanned.tried,
+        )
+
+
+def _formula(draft: Draft, text: str) -> Formula:
+    free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
+    return Formula(
+        text,
+        draft.acts_on,
+        draft.atom.form.words,
+        draft.atom.law.written(free) or "1",
+        draft.base.square_held,
+    )
+
+
+def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
+    """What to drive so that formulas that are as good part: of the first term that has such."""
+    for choice, base in zip(climb.choices, climb.bases, strict=False):
+        if len(choice.as_good) > 1:
+            rivals = [(draft.read, draft.base.model) for draft in choice.as_good[:2]]
+            rows, notes = advise(base, rivals, most=1)
+            return list(rows), notes
+    return [], []
+
+
+def _nothing(
+    model: Model,
+    reason: str,
+    manoeuvres: int,
+    diagnosis: Diagnosis | None = None,
+    shapes: Iterable[MeasuredShape] = (),
+) -> Proposal:
+    """No proposal, and why."""
+    empty = np.zeros(0)
+    return Proposal(
+        "nothing", reason, diagnosis, (), tuple(shapes), (), None, None, model.observable,
+        OBSERVABLES[model.observable].unit,
+        None if diagnosis is None else diagnosis.rmse_heldout_before,
+        None if diagnosis is None else diagnosis.rmse_heldout_after,
+        None if diagnosis is None else diagnosis.noise_floor,
+        manoeuvres, (), (), (), empty, empty, empty,
+    )  # fmt: skip
