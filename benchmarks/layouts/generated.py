@@ -579,12 +579,9 @@ def _other_formats() -> Iterator[Case]:
     )
     yield zipped("an office document", {"[Content_Types].xml": "<x/>"}, truth={}, refused="Excel")
     for name, magic in (
-        ("TDMS", b"TDSm\x0e\0\0\0"),
-        ("MDF", b"MDF     4.10    "),
         ("pickle", b"\x80\x04\x95\0\0"),
-        ("SQLite", b"SQLite format 3\0"),
-        ("ROS 1 bag", b"#ROSBAG V2.0\n"),
-        ("xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"),
+        ("CAN log of Vector", b"LOGG\x90\0\0\0"),
+        ("7-zip archive", b"7z\xbc\xaf\x27\x1c"),
     ):
         yield text_case(
             "formats that are not read",
