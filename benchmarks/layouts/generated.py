@@ -299,6 +299,25 @@ def _rows() -> Iterator[Case]:
     yield pollution("words below", head + "".join(good) + "end of log\n")
     yield pollution("blank rows inside", head + "".join(good[:50] + ["\n", "\n"] + good[50:]))
     yield pollution("rows of blank cells inside", head + "".join(good[:50] + [",,,\n"] + good[50:]))
+    yield pollution(
+        "a span of blank cells inside",
+        head + "".join(good[:80] + [",,,\n"] * 10 + good[90:]),
+        said="10 rows do not parse",
+    )
+    lines = ["Logger 7\n", "serial 12\n", "a drive\n", "by B\n", "\n", head]
+    yield pollution(
+        "preamble and header again, as of a logger that starts anew",
+        "".join(lines + good[:70] + lines + good[70:]),
+        said="5 rows do not parse",
+    )
+    yield text_case(
+        "polluted tables",
+        "many words inside, columns by #n",
+        head + "".join(good[:70] + lines[:5] * 2 + good[70:]),
+        setup("#2", "#3", "#4"),
+        {name: v[70:] for name, v in both.items()},
+        said="70 lines above line 82",
+    )
     for k, name in ((0, "first"), (450, "middle"), (ROWS - 1, "last")):
         yield pollution(
             f"an unreadable stamp in the {name} row", row(k, good[k].replace(t[k], "noon", 1))
