@@ -11,13 +11,18 @@ PARQUET_MAGIC = b"PAR1"
 #: bytes by which a format is told: magic numbers stand at the start
 HEAD_BYTES = 4096
 
-_NUMPY = "python -c \"import numpy; numpy.savetxt('log.txt', numpy.load('FILE'))\""
+#: columns are the longer axis, and fields of records have names
+_NUMPY = (
+    "python -c \"import numpy, pandas; a = numpy.load('FILE'); "
+    "a = a.T if a.ndim == 2 and len(a) < a.shape[1] else a; "
+    "pandas.DataFrame(a).to_csv('log.csv', index=False, header=bool(a.dtype.names))\""
+)
 #: first bytes -> (name, how to make of it what is read)
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"\x93NUMPY", "a numpy array", _NUMPY),
     (b"LOGG\x90\0\0\0", "a CAN log of Vector (.blf)", "export it as csv or mat"),
     (b"\x80\x04\x95", "a Python pickle, which is never opened", "save it as csv or HDF5"),
-    (b"BZh91AY&SY", "compressed by bzip2", "bunzip2 FILE"),
+    (b"BZh91AY&SY", "compressed by bzip2", "bunzip2 -k FILE"),
     (b"7z\xbc\xaf\x27\x1c", "a 7-zip archive", "7z x FILE"),
     (b"Rar!\x1a\x07", "a RAR archive", "unrar x FILE"),
 )
