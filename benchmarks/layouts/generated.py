@@ -316,7 +316,7 @@ def _rows() -> Iterator[Case]:
         head + "".join(good[:70] + lines[:5] * 2 + good[70:]),
         setup("#2", "#3", "#4"),
         {name: v[70:] for name, v in both.items()},
-        said="70 lines above line 82",
+        said="70 lines above line 82, where the rows are taken to begin, look like rows",
     )
     for k, name in ((0, "first"), (450, "middle"), (ROWS - 1, "last")):
         yield pollution(

@@ -94,6 +94,8 @@ def judged(case: Case, folder: Path) -> Verdict:
                 wrong.append("read, where it must be refused")
             if case.said and case.said not in told:
                 wrong.append(f"{case.said!r} is not said")
+            if "look like rows" in told and "look like rows" not in case.said:
+                wrong.append("rows are said to be left out, and none are")
             rows, rate = first.size, first.axis.rate_Hz
             told = "; ".join(recording.losses)
     except TirelogError as problem:

@@ -133,7 +133,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     rows = rows if len(rows) <= 2 * SAMPLE_ROWS else rows[:SAMPLE_ROWS] + rows[-SAMPLE_ROWS:]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     above = [i for i in full if i < first]
-    rows_above = _rows_above(above, cells, rows) if given.header_rows is None else 0
+    rows_above = _rows_above(above, cells, rows, decimal) if given.header_rows is None else 0
     spoilt = _spoilt(above, cells, width, decimal)
     names, unit_row = _header(above[:-1] if spoilt else above, cells, width, separator)
     if given.columns is not None:
@@ -330,19 +330,16 @@ def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most:
     return first
 
 
-def _rows_above(above: list[int], cells: dict[int, list[str]], rows: list[list[str]]) -> int:
-    """How many lines above the first row have numbers in the same places as most rows.
+def _rows_above(
+    above: list[int], cells: dict[int, list[str]], rows: list[list[str]], decimal: str
+) -> int:
+    """How many lines above the first row have numbers and nothing else where most rows have.
 
     0 if these are too few to be more than a stray line of a preamble.
     """
-    like = Counter(tuple(map(_plain, row)) for row in rows).most_common(1)[0][0]
-    many = sum(tuple(map(_plain, cells[i])) == like for i in above)
+    like = Counter(tuple(_kind(cell, decimal) for cell in row) for row in rows).most_common(1)[0][0]
+    many = sum(tuple(_kind(cell, decimal) for cell in cells[i]) == like for i in above)
     return many if many >= _FEWEST_ABOVE else 0
-
-
-def _plain(cell: str) -> bool:
-    """True if a cell begins as a number does."""
-    return cell.strip("+-.,")[:1].isdigit()
 
 
 def _ragged(rows: list[list[str]], width: int) -> bool:
