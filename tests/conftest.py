@@ -4,8 +4,11 @@ in the background; and tests that share something dear share it.
 
 from __future__ import annotations
 
+import re
 import signal
 import threading
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,12 +22,26 @@ if threading.current_thread() is threading.main_thread():
             signal.signal(number, usual)
 
 
+@cache
+def group_of(path: Path) -> str:
+    """The group that a file of tests is marked with as a whole, '' if with none."""
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    found = re.search(r'^pytestmark = pytest\.mark\.xdist_group\("([^"]+)"\)', text, re.MULTILINE)
+    return found[1] if found else ""
+
+
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
-    """Tests of one group on one worker, also without `--dist loadgroup`.
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Tests of one group go to one worker: they share what takes half a minute to make.
 
-    They share what takes half a minute to make.
+    xdist's own way writes the group into a test's name, which newer ones of pytest do not let it.
     """
-    from xdist.scheduler import LoadGroupScheduling
+    if config.getoption("dist") not in ("load", "loadgroup"):
+        return None
+    from xdist.scheduler import LoadScopeScheduling
 
-    return LoadGroupScheduling(config, log) if config.getoption("dist") == "load" else None
+    class Grouped(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
+        def _split_scope(self, nodeid: str) -> str:
+            return group_of(config.rootpath / nodeid.split("::")[0]) or nodeid
+
+    return Grouped(config, log)

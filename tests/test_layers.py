@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.xdist_group("layers")  # one worker makes what these tests share
+
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: a folder or file imports only itself and what stands before it
 ORDER = (
