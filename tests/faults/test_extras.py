@@ -98,7 +98,13 @@ def test_every_extra_is_one_that_can_be_installed() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["-1\n58\n3\n", "    -1,2\n    58,3\n", "time,a\n    -1\n    58\n", "    -1.0\n    58\n"],
+    [
+        "-1\n58\n3\n",
+        "    -1,2\n    58,3\n",
+        "    58\n    59\n    60\n",
+        "time,a\n    -1\n    58\n",
+        "    -1.0\n    58\n",
+    ],
 )
 def test_a_column_of_numbers_is_no_universal_file(text: str) -> None:
     assert extra_format(text.encode()) == ""
