@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test test-versions coverage bench lint hidden nuisances fuzz docs
+.PHONY: demo test test-extras test-versions coverage bench lint hidden nuisances fuzz docs
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -37,6 +37,14 @@ test-versions:
 		.venv-$$version/bin/python -m pip install --quiet --editable . pytest hypothesis || exit 1; \
 		.venv-$$version/bin/python -m pytest -q $(QUICK) || exit 1; \
 	done
+
+# logs that the libraries of the extras read: tests that `make test` passes over without them, in an
+# environment of its own
+test-extras:
+	test -x .venv-extras/bin/python || $(PYTHON) -m venv .venv-extras
+	.venv-extras/bin/python -m pip install --quiet --editable ".[formats]" pytest hypothesis
+	.venv-extras/bin/python -m pytest -q tests/faults/test_extras.py \
+		tests/readers/test_generated_layouts.py tests/cli/test_contents.py
 
 # which lines no test runs; kernels run as plain Python, or their lines would all seem not to be run
 coverage: .venv/.dev

@@ -4,6 +4,8 @@ import re
 import tomllib
 from pathlib import Path
 
+from tests.conftest import group_of
+
 ROOT = Path(__file__).parents[1]
 #: where an `ignore` hides a mistake in the physics
 PIPELINE = ("physics/model/", "physics/moving/")
@@ -40,3 +42,14 @@ def test_checks_are_strict() -> None:
     options = tools["pytest"]["ini_options"]
     assert options["xfail_strict"] is True
     assert options["filterwarnings"][0] == "error"
+
+
+def test_every_mark_of_a_group_is_one_that_the_scheduler_sees() -> None:
+    """Else each worker makes again what the group shares, and nothing says so."""
+    marked = [
+        path
+        for path in sorted((ROOT / "tests").rglob("test_*.py"))
+        if "xdist_group(" in path.read_text(encoding="utf-8") and path != Path(__file__)
+    ]
+    assert len(marked) > 10
+    assert [path.name for path in marked if not group_of(path)] == []

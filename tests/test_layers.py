@@ -4,10 +4,13 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterable
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+pytestmark = pytest.mark.xdist_group("layers")  # one worker makes what these tests share
 
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: a folder or file imports only itself and what stands before it
@@ -49,10 +52,17 @@ def modules() -> dict[str, Path]:
     }
 
 
+@cache
+def imports(path: Path) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    """A module's statements of import, anywhere in it; parsed once for all tests."""
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return tuple(node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom))
+
+
 def imported(path: Path, known: Iterable[str]) -> set[str]:
     """The modules of tirelog that a module imports, anywhere in it."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in imports(path):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tirelog."):
             module = str(node.module).removeprefix("tirelog.")
             found |= {

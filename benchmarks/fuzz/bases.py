@@ -6,6 +6,8 @@ import gzip
 import json
 import lzma
 import zipfile
+from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import h5py
@@ -16,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from scipy.io import savemat, wavfile
 
+from benchmarks.layouts import writers
 from tirelog.cli import run
 
 RATE_HZ = 1000.0
@@ -190,6 +193,46 @@ def _other_formats(folder: Path, t: NDArray, strain: NDArray, twin: NDArray, pla
     (folder / "labview.toml").write_text(named)
 
 
+#: family: (library, file, source of the grating, source of its twin)
+EXTRA_LOGS = {
+    "tdms": ("nptdms", "waves.tdms", "/run/CH1", "/run/CH2"),
+    "excel": ("python_calamine", "sheet.xlsx", "CH1", "CH2"),
+    "ros 1": ("rosbags", "first.bag", "/tire:vector.x", "/tire:vector.y"),
+    "ros 2": ("rosbags", "second.db3", "/tire:vector.x", "/tire:vector.y"),
+    "mdf": ("asammdf", "bus.mf4", "/run/CH1", "/run/CH2"),
+    "uff": ("pyuff", "sets.uff", "/set_1_node_1_+Z/values", "/set_2_node_2_+Z/values"),
+    "uff binary": ("pyuff", "binary.uff", "/set_1_node_1_+Z/values", "/set_2_node_2_+Z/values"),
+    "feather": ("pyarrow", "batches.feather", "CH1", "CH2"),
+}
+
+
+def has_library(family: str) -> bool:
+    """True if the library that a family's files need is installed."""
+    return find_spec(EXTRA_LOGS[family][0]) is not None
+
+
+def _extra_logs(folder: Path, t: NDArray, strain: NDArray, twin: NDArray) -> None:
+    """Logs that a library reads, as far as it is installed, with their setups."""
+    columns = {"CH1": strain, "CH2": twin}
+    rows = [["time_s", *columns], *np.column_stack([t, strain, twin]).tolist()]
+    frame = pd.DataFrame({"time_s": t, **columns})
+    write: dict[str, Callable[[Path], object]] = {
+        "tdms": lambda path: writers.tdms(path, columns, RATE_HZ, unit="nm"),
+        "excel": lambda path: writers.xlsx(path, {"run": rows}),
+        "ros 1": lambda path: writers.bag_1(path, columns, RATE_HZ),
+        "ros 2": lambda path: writers.bag_2(path, columns, RATE_HZ),
+        "mdf": lambda path: writers.mdf(path, columns, RATE_HZ, unit="nm"),
+        "uff": lambda path: writers.uff(path, columns, t, unit="nm"),
+        "uff binary": lambda path: writers.uff(path, columns, t, binary=True, unit="nm"),
+        "feather": lambda path: frame.to_feather(path),
+    }
+    for family, (_, name, grating, second) in EXTRA_LOGS.items():
+        if has_library(family):
+            write[family](folder / name)
+            setup = SETUP.format(strain=grating, twin=second, log="")
+            (folder / name).with_suffix(".toml").write_text(setup)
+
+
 def make(folder: Path) -> None:
     """Write every base file and its setup (`NAME.toml`) into `folder`.
 
@@ -209,6 +252,7 @@ def make(folder: Path) -> None:
         (folder / f"packed.csv.{suffix}").write_bytes(data)
     (folder / "packed.toml").write_text((folder / "plain.toml").read_text())
     _other_formats(folder, t, strain, twin, plain)
+    _extra_logs(folder, t, strain, twin)
     for name, compression in (
         ("none", CompressionType.NONE),
         ("zstd", CompressionType.ZSTD),

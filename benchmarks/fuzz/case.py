@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.fuzz import damage
+from benchmarks.fuzz import bases, damage
 from benchmarks.fuzz.damage import Rng
 
 MOST_BYTES = 1 << 30
@@ -232,6 +232,13 @@ FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
     "campaign": (0.04, _campaign),
     "scenario": (0.03, _scenario),
     "check": (0.03, _check),
+} | {
+    family: (
+        0.01,
+        _log((one[1],), damage.damaged_zip if family == "excel" else damage.damaged_bytes),
+    )
+    for family, one in bases.EXTRA_LOGS.items()
+    if bases.has_library(family)
 }
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -383,6 +385,20 @@ def damaged_json(data: bytes, rng: Rng) -> bytes:
         + str(rng.choice(np.array(values, dtype=object)))
         + text[found.end() :]
     ).encode()
+
+
+def damaged_zip(data: bytes, rng: Rng) -> bytes:
+    """An archive with one member's bytes damaged under a sound checksum, or damaged as it is."""
+    if rng.random() < 0.3:
+        return damaged_bytes(data, rng)
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(out, "w") as new:
+        names = old.namelist()
+        spoilt = names[-1] if rng.random() < 0.6 else str(rng.choice(names))
+        for name in names:
+            held = old.read(name)
+            new.writestr(name, damaged_bytes(held, rng) if name == spoilt else held)
+    return out.getvalue()
 
 
 def damage_mcap(path: Path, rng: Rng) -> None:

@@ -299,6 +299,25 @@ def _rows() -> Iterator[Case]:
     yield pollution("words below", head + "".join(good) + "end of log\n")
     yield pollution("blank rows inside", head + "".join(good[:50] + ["\n", "\n"] + good[50:]))
     yield pollution("rows of blank cells inside", head + "".join(good[:50] + [",,,\n"] + good[50:]))
+    yield pollution(
+        "a span of blank cells inside",
+        head + "".join(good[:80] + [",,,\n"] * 10 + good[90:]),
+        said="10 rows do not parse",
+    )
+    lines = ["Logger 7\n", "serial 12\n", "a drive\n", "by B\n", "\n", head]
+    yield pollution(
+        "preamble and header again, as of a logger that starts anew",
+        "".join(lines + good[:70] + lines + good[70:]),
+        said="5 rows do not parse",
+    )
+    yield text_case(
+        "polluted tables",
+        "many words inside, columns by #n",
+        head + "".join(good[:70] + lines[:5] * 2 + good[70:]),
+        setup("#2", "#3", "#4"),
+        {name: v[70:] for name, v in both.items()},
+        said="70 lines above line 82, where the rows are taken to begin, look like rows",
+    )
     for k, name in ((0, "first"), (450, "middle"), (ROWS - 1, "last")):
         yield pollution(
             f"an unreadable stamp in the {name} row", row(k, good[k].replace(t[k], "noon", 1))
@@ -579,12 +598,9 @@ def _other_formats() -> Iterator[Case]:
     )
     yield zipped("an office document", {"[Content_Types].xml": "<x/>"}, truth={}, refused="Excel")
     for name, magic in (
-        ("TDMS", b"TDSm\x0e\0\0\0"),
-        ("MDF", b"MDF     4.10    "),
         ("pickle", b"\x80\x04\x95\0\0"),
-        ("SQLite", b"SQLite format 3\0"),
-        ("ROS 1 bag", b"#ROSBAG V2.0\n"),
-        ("xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"),
+        ("CAN log of Vector", b"LOGG\x90\0\0\0"),
+        ("7-zip archive", b"7z\xbc\xaf\x27\x1c"),
     ):
         yield text_case(
             "formats that are not read",

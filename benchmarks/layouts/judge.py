@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ class Case:
 
     `truth` values per channel in SI (n,); `times_s` (n,) from the first row; `refused` is a part of
     the message if refusing is right; `said` a part of what has to be said; `time_error_s` how far a
-    time may be off, `value_error` a value.
+    time may be off, `value_error` a value; `needs` the library of an extra.
     """
 
     source: str
@@ -37,16 +38,26 @@ class Case:
     said: str = ""
     time_error_s: float = 1e-6
     value_error: float = 1e-9
+    needs: str = ""
+
+    @property
+    def can_be_made(self) -> bool:
+        """True if the library that writes and reads it is installed."""
+        return not self.needs or find_spec(self.needs) is not None
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Rows and rate that were read; `wrong` says what is not right ('' if all is)."""
+    """Rows and rate that were read; `wrong` says what is not right ('' if all is).
+
+    `skipped` says why it was not even made.
+    """
 
     rows: int = 0
     rate_Hz: float = float("nan")
     told: str = ""
     wrong: str = ""
+    skipped: str = ""
 
 
 def read(
@@ -83,6 +94,8 @@ def judged(case: Case, folder: Path) -> Verdict:
                 wrong.append("read, where it must be refused")
             if case.said and case.said not in told:
                 wrong.append(f"{case.said!r} is not said")
+            if "look like rows" in told and "look like rows" not in case.said:
+                wrong.append("rows are said to be left out, and none are")
             rows, rate = first.size, first.axis.rate_Hz
             told = "; ".join(recording.losses)
     except TirelogError as problem:

@@ -12,6 +12,7 @@ from mcap.writer import Writer
 from rich.console import Console
 from scipy.io import savemat, wavfile
 
+from benchmarks.layouts import writers
 from tests.cli.conftest import Command, pulse_rows
 from tirelog.data.setup import load_setup
 
@@ -109,6 +110,35 @@ LOGS = {
         },
     ),
     "wav": (wav, {"#1": "signal"}),
+    "feather": (
+        lambda path: pd.DataFrame({"t": T, "CH1": STRAIN, "CH2": TWIN, "v": SPEED}).to_feather(
+            path
+        ),
+        {"CH1": "fbg_strain", "CH2": "fbg_temperature", "v": "signal"},
+    ),
+}
+GRATINGS = {"CH1": STRAIN, "CH2": TWIN}
+_RUN = {"/run/CH1": "fbg_strain", "/run/CH2": "fbg_temperature"}
+_TIRE = {"/tire:vector.x": "fbg_strain", "/tire:vector.y": "fbg_temperature"}
+#: suffix: library, and as in LOGS
+EXTRA_LOGS = {
+    "tdms": ("nptdms", lambda path: writers.tdms(path, GRATINGS, 2500.0, unit="nm"), _RUN),
+    "xlsx": (
+        "python_calamine",
+        lambda path: writers.xlsx(path, {"run": [["time", *GRATINGS], *ROWS.tolist()]}),
+        {"CH1": "fbg_strain", "CH2": "fbg_temperature"},
+    ),
+    "bag": ("rosbags", lambda path: writers.bag_1(path, GRATINGS, 2500.0), _TIRE),
+    "db3": ("rosbags", lambda path: writers.bag_2(path, GRATINGS, 2500.0), _TIRE),
+    "mf4": ("asammdf", lambda path: writers.mdf(path, GRATINGS, 2500.0, unit="nm"), _RUN),
+    "uff": (
+        "pyuff",
+        lambda path: writers.uff(path, GRATINGS, T, unit="nm"),
+        {
+            "/set_1_node_1_+Z/values": "fbg_strain",
+            "/set_2_node_2_+Z/values": "fbg_temperature",
+        },
+    ),
 }
 
 
@@ -245,3 +275,28 @@ def test_names_that_toml_would_trip_over(place: Path, tirelog: Command) -> None:
     told = tirelog("info", "l.csv")
     assert told.status == 0
     assert "\x1b" not in told.out + told.err
+
+
+@pytest.mark.parametrize("suffix", EXTRA_LOGS)
+def test_a_log_that_a_library_reads_gives_the_speed_that_its_text_gives(
+    suffix: str, place: Path, tirelog: Command
+) -> None:
+    needs, write, kinds = EXTRA_LOGS[suffix]
+    pytest.importorskip(needs, reason=f"{needs} comes with an extra")
+    write(place / f"drive.{suffix}")
+    rows = json.loads(tirelog("info", f"drive.{suffix}", "--format", "json").out)
+    found = {row["source"]: row["likely_kind"] for row in rows}
+    assert {source: found.get(source) for source in kinds} == kinds
+    text(place / "text.csv")
+    tables = []
+    for log in (f"drive.{suffix}", "text.csv"):
+        setup = f"{log.split('.')[0]}.toml"
+        assert tirelog("setup", "new", log, "-o", setup).status == 0
+        draft = (place / setup).read_text()
+        (place / setup).write_text(draft.replace("# rolling_radius_m", "rolling_radius_m"))
+        assert tirelog("setup", "check", log).status == 0
+        assert tirelog("ingest", log, "-o", f"{log}.h5").status == 0
+        assert tirelog("tables", f"{log}.h5", "-o", f"{log}.d").status == 0
+        tables.append(pd.read_csv(place / f"{log}.d" / "speed.csv")["speed_m_s"])
+    assert len(tables[0]) > 8
+    np.testing.assert_allclose(*tables, rtol=1e-6)

@@ -15,6 +15,8 @@ from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 
+pytestmark = pytest.mark.xdist_group("hidden truths")  # one worker makes what these tests share
+
 
 def stacks(effects, seed, **how):
     logs = case(effects, seed=seed, how=Case(**{"plan": "short", "logs": 2, **how}))

@@ -19,6 +19,8 @@ from tirelog.inference.stacks.spooled import Stacks, joined
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 
+pytestmark = pytest.mark.xdist_group("long logs")  # one worker makes what these tests share
+
 
 def same(one, other):
     """Equal to the bit, types too."""

@@ -30,6 +30,8 @@ from tirelog.report.asked import Asked
 from tirelog.report.diagnosed import model_story
 from tirelog.runs.ingest import open_recording
 
+pytestmark = pytest.mark.xdist_group("measured")  # one worker makes what these tests share
+
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 HIT = (
     "2 hits on an obstacle; 10 of 17 revolutions are disturbed by them and kept apart from the "

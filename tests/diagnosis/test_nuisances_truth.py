@@ -32,6 +32,8 @@ from tirelog.simulation.scenario.schema import (
     RunOut,
 )
 
+pytestmark = pytest.mark.xdist_group("nuisances")  # one worker makes what these tests share
+
 SHORT = Case(plan="short", logs=2, duration=0.6)
 WHEEL = Nuisances(
     run_out=RunOut((8.0, 4.0, 2.0), (30.0, 100.0, 200.0)),

@@ -18,6 +18,8 @@ from tirelog.inference.obstacle_log import TransientLog, around, steady_revoluti
 from tirelog.inference.stacks.align import PassageAngle
 from tirelog.physics import Model
 
+pytestmark = pytest.mark.xdist_group("a hit")  # one worker makes what these tests share
+
 RATE, SPIN, NOISE = 2500.0, 50.0, 1e-6
 MODEL = Model.new(
     "coupled_ring", load_N=3434.0, radius_m=0.305, inflation_pressure_Pa=2.2e5, width_m=0.14,

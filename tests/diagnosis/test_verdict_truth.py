@@ -23,6 +23,8 @@ from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Road, TrueConditions
 
+pytestmark = pytest.mark.xdist_group("verdicts")  # one worker makes what these tests share
+
 MODEL = Model.new("beam", radius_m=0.305)
 
 

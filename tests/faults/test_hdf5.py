@@ -11,6 +11,7 @@ import pytest
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError
 from tirelog.readers.hdf5.reader import open_hdf5
+from tirelog.readers.hdf5.series import datasets
 from tirelog.vocabulary.quality import Quality
 
 GOOD = np.arange(20_000.0)
@@ -328,3 +329,40 @@ def test_types_that_are_whole_and_cannot_be_read_here(tmp_path):
         with pytest.raises(ReadError, match=why) as caught:
             open_hdf5(tmp_path / "log.h5", setup_of(source), "log.h5")
         assert "damaged" not in str(caught.value)
+
+
+def other_types(path):
+    """Whole datasets of types that numpy does not have, arrays as elements, and a good one."""
+    from h5py import h5d, h5s, h5t
+
+    quad = h5t.IEEE_F64LE.copy()
+    quad.set_size(16)
+    quad.set_precision(128)
+    quad.set_fields(127, 112, 15, 0, 112)
+    quad.set_ebias(16383)
+    with h5py.File(path, "w") as file:
+        file["good"] = GOOD[:100]
+        file.create_dataset("arrays", shape=(100,), dtype=np.dtype(("f8", (10,))))
+        for name, kind in ((b"times", h5t.UNIX_D32LE), (b"quad", quad)):
+            h5d.create(file.id, name, kind, h5s.create_simple((100,)))
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("arrays", "holds arrays of shape (10,) as its elements"),
+        ("times", "allowed are numbers; store it as such"),
+        ("quad", "allowed are numbers; store it as such"),
+    ],
+)
+def test_a_type_that_is_whole_but_no_number_here_is_not_called_damaged(path, name, says):
+    other_types(path)
+    _, _, report = read(path, "/good", f"/{name}")
+    assert len(report.losses) == 1
+    assert says in report.losses[0]
+    assert "damaged" not in report.losses[0]
+
+
+def test_what_is_in_a_file_of_such_types_is_told(path):
+    other_types(path)
+    assert [one.source for one in datasets(path, "log.h5").series] == ["/good"]

@@ -276,3 +276,24 @@ def test_text_in_a_table_is_handed_to_nobody(tmp_path: Path) -> None:
     data = parquet(words=words, time=np.arange(N) / 100.0, a=A)
     np.testing.assert_array_equal(read(data, tmp_path)[0], A)
     assert "no column 'words'" in refusal(data, tmp_path, "words")
+
+
+ARRAYS = {
+    "columns": np.column_stack([np.arange(N) / 100.0, A]),
+    "rows": np.vstack([np.arange(N) / 100.0, A]),
+    "records": np.rec.fromarrays([np.arange(N) / 100.0, A], names="t,a"),
+}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_the_line_that_converts_a_numpy_array_does(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    np.save(tmp_path / "log", ARRAYS[name])
+    (tmp_path / "log.npy").rename(tmp_path / "log")
+    message = refusal((tmp_path / "log").read_bytes(), tmp_path)
+    code = message.split('convert it first: python -c "')[1].removesuffix('"')
+    monkeypatch.chdir(tmp_path)
+    exec(code.replace("FILE", "log"), {})  # what a shell would hand to Python
+    data = (tmp_path / "log.csv").read_bytes()
+    np.testing.assert_array_equal(read(data, tmp_path, "a" if name == "records" else "#2")[0], A)

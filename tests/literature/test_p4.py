@@ -13,6 +13,8 @@ from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, record
 from tirelog.wheel.calibration import calibrate, clean_passages
 from tirelog.wheel.phase_shift import measure_phase_shift
 
+pytestmark = pytest.mark.xdist_group("four corners")  # one worker makes what these tests share
+
 MASS_KG, HEIGHT_OVER_BASE = 1500.0, 0.2
 STATIC_N = {"front": 3700.0, "rear": 3650.0}
 WIDTH_DEG = {2.0: 25.0, 1.6: 26.4}  # P4 Fig. 10: about 25 degrees, slightly more at low pressure

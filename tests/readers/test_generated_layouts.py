@@ -4,12 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.layouts import extras
 from benchmarks.layouts.generated import cases
 from benchmarks.layouts.judge import Case, judged
 
-CASES = {f"{case.source}: {case.layout}": case for case in cases()}
+CASES = {f"{case.source}: {case.layout}": case for case in (*cases(), *extras.cases())}
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_a_layout_is_read_as_it_was_written(case: Case, tmp_path: Path) -> None:
+    if case.needs:
+        pytest.importorskip(case.needs, reason=f"{case.needs} comes with an extra")
     assert judged(case, tmp_path).wrong == ""

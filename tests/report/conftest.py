@@ -1,8 +1,10 @@
 """A page from a small log, and a browser to look at it with."""
 
+import gzip
 import os
 import shutil
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ from tests.cli.conftest import SETUP, pulse_rows
 from tirelog.cli import run
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
+#: lines of a sample log of 40 s, of which its half is 50,000
+_LINES = 50_000
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 
@@ -61,6 +65,12 @@ def browser() -> Iterator[Any]:
         browser.close()
 
 
+def _first_lines(log: Path, folder: Path) -> None:
+    """The log's begin: as many manoeuvres as ladder, verdict and switches need."""
+    with gzip.open(log) as whole, gzip.open(folder / log.name, "wb", compresslevel=1) as part:
+        part.writelines(islice(whole, _LINES))
+
+
 @pytest.fixture(scope="session")
 def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page of two logs that lack an effect, a model of one effect, and the ladder climbed on
@@ -70,8 +80,8 @@ def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder.mkdir()
     logs = []
     for name in ("hidden_1", "hidden_2"):
-        for suffix in (".csv.gz", ".toml"):
-            shutil.copy(SAMPLES / f"{name}{suffix}", folder)
+        shutil.copy(SAMPLES / f"{name}.toml", folder)
+        _first_lines(SAMPLES / f"{name}.csv.gz", folder)
         logs.append(str(folder / f"{name}.csv.gz"))
     plain, model, page = (str(folder / name) for name in ("plain.toml", "M.toml", "page.html"))
     assert (

@@ -2,14 +2,18 @@
 prints.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.xdist_group("browser")  # one worker makes what these tests share
 
-@pytest.fixture
-def opened(browser: Any, page_file: Path) -> Any:
+
+@contextmanager
+def loaded(browser: Any, page_file: Path) -> Iterator[tuple[Any, list[str], list[str]]]:
     """(page, console errors, requests beyond the file itself)."""
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     page = context.new_page()
@@ -30,6 +34,26 @@ def opened(browser: Any, page_file: Path) -> Any:
     context.close()
 
 
+@pytest.fixture
+def opened(browser: Any, page_file: Path) -> Any:
+    """A page of its own, for what changes it."""
+    with loaded(browser, page_file) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def loaded_once(browser: Any, page_file: Path) -> Any:
+    with loaded(browser, page_file) as made:
+        yield made
+
+
+@pytest.fixture
+def shown(loaded_once: Any) -> Any:
+    """The page that all share who only look at it."""
+    loaded_once[0].set_viewport_size({"width": 1440, "height": 900})
+    return loaded_once
+
+
 def draw_all(page: Any) -> None:
     for figure in page.query_selector_all(".plot"):
         figure.scroll_into_view_if_needed()
@@ -38,24 +62,24 @@ def draw_all(page: Any) -> None:
         )
 
 
-def test_it_loads_without_an_error_or_a_request(opened: Any, page_file: Path) -> None:
-    page, problems, requests = opened
+def test_it_loads_without_an_error_or_a_request(shown: Any, page_file: Path) -> None:
+    page, problems, requests = shown
     draw_all(page)
     assert len(page.query_selector_all(".plot")) >= 8
     assert problems == []
     assert requests == [page_file.as_uri()]
 
 
-def test_a_hostile_name_is_only_text(opened: Any) -> None:
-    page, problems, _ = opened
+def test_a_hostile_name_is_only_text(shown: Any) -> None:
+    page, problems, _ = shown
     assert "onerror" in page.inner_text("h1")
     assert page.query_selector("h1 img") is None
     assert problems == []
 
 
 @pytest.mark.parametrize("width", [375, 1440])
-def test_nothing_is_wider_than_the_window(opened: Any, width: int) -> None:
-    page, _, _ = opened
+def test_nothing_is_wider_than_the_window(shown: Any, width: int) -> None:
+    page, _, _ = shown
     page.set_viewport_size({"width": width, "height": 900})
     draw_all(page)
     page.wait_for_function(
@@ -109,8 +133,8 @@ def test_dark_mode_has_dark_paper_and_light_ink(browser: Any, page_file: Path) -
     assert min(int(v) for v in ink[4:-1].split(",")) > 192
 
 
-def test_every_figure_has_a_text_alternative_and_every_axis_a_unit(opened: Any) -> None:
-    page, _, _ = opened
+def test_every_figure_has_a_text_alternative_and_every_axis_a_unit(shown: Any) -> None:
+    page, _, _ = shown
     for figure in page.query_selector_all(".plot"):
         described = page.query_selector(f"#{figure.get_attribute('aria-describedby')}")
         assert len(described.inner_text()) > 20
@@ -120,8 +144,8 @@ def test_every_figure_has_a_text_alternative_and_every_axis_a_unit(opened: Any) 
             assert "[" in figure["layout"][axis]["title"]["text"], name
 
 
-def test_the_keyboard_reaches_the_results(opened: Any) -> None:
-    page, _, _ = opened
+def test_the_keyboard_reaches_the_results(shown: Any) -> None:
+    page, _, _ = shown
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"
 

@@ -20,6 +20,8 @@ from tirelog.simulation.simulate import Simulated
 from .worlds import instants
 from .worlds import world as steady_world
 
+pytestmark = pytest.mark.xdist_group("rolled world")  # one worker makes what these tests share
+
 CHANNELS: dict[str, Any] = {
     "inner": {"kind": "strain", "angle_deg": 70.0, "surface": "inner"},
     "outer": {"kind": "fbg_strain", "angle_deg": 70.0},

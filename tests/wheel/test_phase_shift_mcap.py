@@ -12,6 +12,8 @@ from tests.readers.mcap_files import START_NS, write_json
 from tests.wheel.phase_truth import DYNAMIC, Drive, Encoder, Tread
 from tirelog.cli import run
 
+pytestmark = pytest.mark.xdist_group("messages")  # one worker makes what these tests share
+
 BATCH = 250
 
 SETUP = """[tire]

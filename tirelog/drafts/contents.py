@@ -90,7 +90,7 @@ def contents(log: str) -> Contents:
         head = read_head(raw, log)
         stream = LogStream(head, raw, False)
         with opened_log(str(path), head, stream, log) as opened:
-            inside = listed(opened.format, opened.path or path, log)
+            inside = listed(opened.made, opened.path or path, log)
             if not inside.series:
                 some = ", ".join(inside.others[:8])
                 raise ReadError(

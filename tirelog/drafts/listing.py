@@ -8,11 +8,11 @@ from tirelog.readers.series import Listed
 
 
 def listed(format: str, path: Path, log: str) -> Listed:
-    """The series of the log at `path` (of MATLAB's what was made of it); `log` its name.
+    """The series of the file at `path`, the log or what was made of it; `log` its name.
 
     ReadError: nothing in it can be read.
     """
-    if format in ("HDF5", "MATLAB"):
+    if format == "HDF5":
         from tirelog.readers.hdf5.series import datasets
 
         return datasets(path, log)

@@ -15,26 +15,26 @@ import io
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.readers.base import Group, LogReader, RawBlock
+from tirelog.readers.extra.formats import FORMATS
+from tirelog.readers.other.converted import Converted
 from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import RunWriter, is_run, open_run
 from tirelog.storage.remote import address, open_remote, shown
 from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
 from tirelog.version import __version__
-
-if TYPE_CHECKING:
-    from tirelog.readers.other.matlab import Converted
 
 
 class LogStream(io.RawIOBase):
@@ -151,11 +151,15 @@ def is_file(log: str) -> bool:
 
 @dataclass(frozen=True)
 class OpenedLog:
-    """A log with its format ('' for text), as a file if that has to be one."""
+    """A log with its format ('' for text), as a file if that has to be one.
+
+    `made` is the format of what it was made, and so of the file; its own if it was not converted.
+    """
 
     format: str
     path: Path | None = None
     converted: Converted | None = None
+    made: str = ""
 
 
 def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> LogReader:
@@ -171,47 +175,57 @@ def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> L
             do="remove it, or give the log that it is for",
             file=setup.file or log,
         )
-    if opened.path is not None and opened.format != "Parquet":
+    reader = _reader_of(stream, opened, setup, log)
+    if opened.converted is not None:
+        reader.report.format = "matlab 5" if opened.format == "MATLAB" else opened.format.lower()
+        reader.report.losses += opened.converted.losses
+        reader.report.remarks += opened.converted.said
+        reader.report.start = reader.report.start or opened.converted.start
+    return reader
+
+
+def _reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> LogReader:
+    """The reader of what the log is or was made."""
+    path = opened.path
+    if path is not None and opened.made == "HDF5":
         from tirelog.readers.hdf5.reader import open_hdf5
 
-        reader = open_hdf5(opened.path, setup, log)
-        if opened.converted is not None:
-            reader.report.format = "matlab 5"
-            reader.report.losses += opened.converted.losses
-            reader.report.remarks += opened.converted.said
-        return reader
-    if opened.path is not None:
+        return open_hdf5(path, setup, log)
+    if path is not None and opened.made == "Parquet":
         from tirelog.readers.other.parquet import open_parquet
 
-        return open_parquet(opened.path, setup, log)
+        return open_parquet(path, setup, log)
     buffered = io.BufferedReader(stream, 1 << 20)
-    if opened.format == "MCAP":
+    if opened.made == "MCAP":
         from tirelog.readers.mcap.reader import open_mcap
 
+        if path is not None:
+            return open_mcap(path, setup, log)
         return open_mcap(buffered, setup, log, Path(log) if is_file(log) else None)
-    if opened.format == "WAV":
+    if opened.made == "WAV":
         from tirelog.readers.other.wav import WavReader
 
         return WavReader(buffered, setup, log)
     from tirelog.readers.text.reader import open_text
 
-    return open_text(buffered, setup, log)
+    return open_text(path or buffered, setup, log)
 
 
 @contextmanager
 def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iterator[OpenedLog]:
     """The log's format, and the log as a file if its format needs one to seek in.
 
-    What is no file is copied to a temporary one, and MATLAB's is made HDF5. `name` is the log's in
-    messages, if that is not its path.
+    What is no file is copied to a temporary one; MATLAB's and those of FORMATS are converted.
+    `name` is the log's in messages, if that is not its path.
     """
     format = name_of(head)
     if not format:
         refuse_foreign(head, name or log)
-    if format not in ("HDF5", "MATLAB", "Parquet"):
-        yield OpenedLog(format)
-    elif is_file(log) and format != "MATLAB":
-        yield OpenedLog(format, Path(log))
+    convert = _converter(format)
+    if format not in ("HDF5", "Parquet") and convert is None:
+        yield OpenedLog(format, made=format)
+    elif is_file(log) and convert is None:
+        yield OpenedLog(format, Path(log), made=format)
     else:
         with temporary_folder() as folder:
             path = Path(log) if is_file(log) else folder / "log"
@@ -219,13 +233,28 @@ def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iter
                 with failed_writes(path), path.open("wb") as copy:
                     while part := log_part(stream, log):
                         copy.write(part)
-            if format == "MATLAB":
-                from tirelog.readers.other.matlab import convert
-
-                converted = convert(path, folder / "log.h5", name or log)
-                yield OpenedLog(format, folder / "log.h5", converted)
+            if convert is None:
+                yield OpenedLog(format, path, made=format)
             else:
-                yield OpenedLog(format, path)
+                made, converted = convert(path, folder, name or log)
+                kind = "HDF5" if format == "MATLAB" else FORMATS[format].made
+                yield OpenedLog(format, made, converted, kind)
+
+
+def _converter(format: str) -> Callable[[Path, Path, str], tuple[Path, Converted]] | None:
+    """What converts a log of that format: (log, folder, its name) -> (file, what is said)."""
+    if format == "MATLAB":
+        from tirelog.readers.other.matlab import convert
+
+        def to_hdf5(source: Path, folder: Path, name: str) -> tuple[Path, Converted]:
+            return folder / "log.h5", convert(source, folder / "log.h5", name)
+
+        return to_hdf5
+    if format in FORMATS:
+        from tirelog.readers.extra import apart
+
+        return partial(apart.convert, format)
+    return None
 
 
 def log_part(stream: io.RawIOBase | BinaryIO, log: str) -> bytes:

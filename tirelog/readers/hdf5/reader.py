@@ -34,6 +34,7 @@ from tirelog.readers.hdf5.source import (
     Slabs,
     SourceColumn,
     first_number,
+    is_foreign_type,
 )
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
@@ -153,18 +154,13 @@ class Hdf5Log:
                     self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")
-            except (
-                TypeError
-            ) as problem:  # H5T_TIME, quadruple precision: whole, and of no type that numpy has
-                problems.append(
-                    f"channel {name}: {channel.source} cannot be read here ({problem}); "
-                    "allowed are numbers; store it as such"
-                )
             except LIBRARY_ERRORS as problem:
-                problems.append(
-                    f"channel {name}: {channel.source} cannot be read ({problem}); "
-                    "the file is damaged; record it again"
+                what, do = (
+                    ("cannot be read here", "allowed are numbers; store it as such")
+                    if is_foreign_type(problem)
+                    else ("cannot be read", "the file is damaged; record it again")
                 )
+                problems.append(f"channel {name}: {channel.source} {what} ({problem}); {do}")
         if not channels:
             raise self._error(
                 "; ".join(self.report.losses + problems[:3]) or "the setup has no channels"

@@ -196,6 +196,22 @@ def walk(file: h5py.File, path: str, links: int = MOST_LINKS) -> h5py.Group | h5
     return at
 
 
+def is_foreign_type(problem: Exception) -> bool:
+    """True if h5py says that a type is whole, and none that numpy has.
+
+    H5T_TIME, or floats of quadruple precision.
+    """
+    return isinstance(problem, TypeError) or "Insufficient precision" in str(problem)
+
+
+def _fields(dataset: h5py.Dataset) -> tuple[str, ...]:
+    """The columns of a compound; none of a type that numpy does not have."""
+    try:
+        return dataset.dtype.names or ()
+    except (TypeError, ValueError):
+        return ()
+
+
 def names(file: h5py.File) -> list[str]:
     """Paths of the datasets (the first MOST_NAMES), without following soft or external links."""
     found: list[str] = []
@@ -215,7 +231,7 @@ def names(file: h5py.File) -> list[str]:
                 todo.append((f"{prefix}/{name}", item))
             elif isinstance(item, h5py.Dataset):
                 found.append(f"{prefix}/{name}")
-                found.extend(f"{prefix}/{name}:{field}" for field in item.dtype.names or ())
+                found.extend(f"{prefix}/{name}:{field}" for field in _fields(item))
     return found[:MOST_NAMES]
 
 

@@ -16,7 +16,6 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ReadError
+from tirelog.readers.other.converted import Converted
 from tirelog.storage.whole import failed_writes
 
 #: bytes of one variable, unpacked: the format itself holds no more
@@ -67,21 +67,6 @@ class _Damaged(Exception):
     """The file is not what its lengths say."""
 
 
-@dataclass
-class Converted:
-    """What became of a file's variables."""
-
-    arrays: int = 0
-    losses: tuple[str, ...] = ()
-    passed_over: tuple[str, ...] = ()
-
-    @property
-    def said(self) -> list[str]:
-        """A remark on what was passed over, if anything was."""
-        some = "; ".join(self.passed_over[:3]) + ("; ..." if len(self.passed_over) > 3 else "")
-        return [f"not read: {some}"] if some else []
-
-
 def convert(source: Path, target: Path, log: str) -> Converted:
     """Writes the numbers of the MATLAB file `source` to the HDF5 file `target`.
 
@@ -98,7 +83,7 @@ def convert(source: Path, target: Path, log: str) -> Converted:
             do="save them as such, or with -v7.3",
             file=log,
         )
-    return Converted(work.arrays, tuple(work.losses), tuple(work.passed_over))
+    return Converted(tuple(work.losses), tuple(work.passed_over))
 
 
 class _Conversion:

@@ -39,6 +39,9 @@ _SEPARATORS = "\t;,| "
 #: separator looks at, one after the other
 SAMPLE_ROWS = 200
 _TAILS = (10, 3, 50, 200)
+#: lines above the first row that look like rows and are said to be left out: fewer are numbers of
+#: a preamble, as they stand in the heads of many instruments
+_FEWEST_ABOVE = 3
 
 
 @dataclass(frozen=True)
@@ -53,9 +56,10 @@ class Layout:
     `kinds` says what the cells of each column are: number, time form, blank or text; `timed` rows
     begin with a time of day and `: `. `rows` are sample rows, cut into cells. `damaged` are the
     numbers of lines above the first row that hold NUL bytes; `spoilt` that of a row between the
-    header and the first row that does not parse, or 0; `counter` is true if a row number without a
-    name stands in front of the named cells; `misfit` is a header whose names cannot be laid on the
-    columns, and then `names` hold none of them but what is sure; `quote` stands around cells.
+    header and the first row that does not parse, or 0; `rows_above` counts lines above the first
+    row that look like rows; `counter` is true if a row number without a name stands in front of the
+    named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names`
+    hold none of them but what is sure; `quote` stands around cells.
     """
 
     encoding: str
@@ -76,6 +80,7 @@ class Layout:
     preamble: tuple[str, ...] = ()
     damaged: tuple[int, ...] = ()
     spoilt: int = 0
+    rows_above: int = 0
     counter: bool = False
     misfit: tuple[str, ...] = ()
     quote: str = '"'
@@ -128,6 +133,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     rows = rows if len(rows) <= 2 * SAMPLE_ROWS else rows[:SAMPLE_ROWS] + rows[-SAMPLE_ROWS:]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     above = [i for i in full if i < first]
+    rows_above = _rows_above(above, cells, rows, decimal) if given.header_rows is None else 0
     spoilt = _spoilt(above, cells, width, decimal)
     names, unit_row = _header(above[:-1] if spoilt else above, cells, width, separator)
     if given.columns is not None:
@@ -165,6 +171,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         preamble=tuple(clean[i] for i in full if i < first),
         damaged=tuple(i + 1 for i in range(first) if "\0" in clean[i]),
         spoilt=above[-1] + 1 if spoilt else 0,
+        rows_above=rows_above,
         quote=quote,
     )
     counts_at, counts = _counts(layout)
@@ -303,17 +310,36 @@ def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most:
     usual = Counter(len(cells[i]) for i in tail if rows[i]).most_common(1)
     if not usual:
         return None
-    first, bad = None, 0
-    for i in reversed(full):
+    first, bad, above = None, 0, None
+    for k, i in reversed(list(enumerate(full))):
         if rows[i] and (len(cells[i]) > 1 or usual[0][0] == 1):
             first, bad = i, 0
-        else:
+            above = full[k - 1] if k else None
+        elif any(cells[i]):  # blank cells between rows are lost samples
             # a row that does not parse may stand among the others, a header and a preamble stand
-            # above them
+            # above them; or the header stands there again, as a logger that starts anew writes it
             bad += 1
-            if first is not None and (bad > 3 or not any(rows[j] for j in full if j < i)):
+            if first is None or above is None:
+                continue
+            if not any(rows[j] for j in full[:k]):
                 break
+            if bad > 3:
+                if not any(any(cells[j]) and cells[j] == cells[above] for j in full[:k]):
+                    break
+                bad = 0
     return first
+
+
+def _rows_above(
+    above: list[int], cells: dict[int, list[str]], rows: list[list[str]], decimal: str
+) -> int:
+    """How many lines above the first row have numbers and nothing else where most rows have.
+
+    0 if these are too few to be more than a stray line of a preamble.
+    """
+    like = Counter(tuple(_kind(cell, decimal) for cell in row) for row in rows).most_common(1)[0][0]
+    many = sum(tuple(_kind(cell, decimal) for cell in cells[i]) == like for i in above)
+    return many if many >= _FEWEST_ABOVE else 0
 
 
 def _ragged(rows: list[list[str]], width: int) -> bool:

@@ -95,6 +95,11 @@ class TextReader:
             self.report.losses.append(
                 f"line {self.layout.spoilt} does not parse as a row and was left out"
             )
+        if self.layout.rows_above:
+            self.report.losses.append(
+                f"{self.layout.rows_above} lines above line {self.layout.first_line}, where the "
+                "rows are taken to begin, look like rows and were left out; give [log] header_rows"
+            )
         self.report.losses += [
             f"channel {channel}: {why}" for channel, why in self.columns.missing.items()
         ]

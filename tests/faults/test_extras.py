@@ -1,0 +1,349 @@
+"""Faults of formats that a library reads: a sentence, bounded memory, no code of the file's."""
+
+import dataclasses
+import io
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.feather
+import pytest
+
+from benchmarks.layouts import writers
+from benchmarks.layouts.generated import setup
+from tirelog.data.setup import parse_setup
+from tirelog.errors import ReadError, TirelogError
+from tirelog.readers.extra import apart
+from tirelog.readers.extra.bag import check_names
+from tirelog.readers.extra.datasets import proper
+from tirelog.readers.extra.formats import FORMATS, extra_format
+from tirelog.readers.extra.mdf import unsafe_formula
+from tirelog.runs.ingest import open_recording
+
+N = 400
+COLUMNS = {"inner": 10.0 + np.sin(np.arange(N) * 0.37), "outer": 1e-3 * np.arange(N)}
+
+
+def read(path: Path, source: str = "inner") -> tuple[np.ndarray, str]:
+    """(samples, what was lost)."""
+    with open_recording(str(path), parse_setup(setup(source))) as recording:
+        return recording.channels["a"].read(), "; ".join(recording.losses)
+
+
+def outcome(path: Path, source: str = "inner") -> tuple[int, str]:
+    """(samples read, what is said): a refusal of ours, or what was lost."""
+    try:
+        values, lost = read(path, source)
+    except TirelogError as problem:
+        return 0, str(problem)
+    return values.size, lost
+
+
+def refusal(path: Path, source: str = "inner") -> str:
+    with pytest.raises(ReadError) as caught:
+        read(path, source)
+    assert str(caught.value).startswith(f"{path}: ")
+    return str(caught.value)
+
+
+def written(data: bytes, folder: Path) -> Path:
+    path = folder / "log"
+    path.write_bytes(data)
+    return path
+
+
+HEADS = {
+    "TDMS": b"TDSm\x0e\0\0\0",
+    "Excel": b"PK\3\4" + bytes(26) + b"[Content_Types].xml",
+    "ROS bag": b"#ROSBAG V2.0\n",
+    "MDF": b"MDF     4.10    ",
+    "UFF": b"    -1\n    58\nrun 7\n",
+}
+OTHER_HEADS = {
+    "ROS bag": [b"SQLite format 3\0"],
+    "MDF": [b"UnFinMF 4.10    "],
+    "Excel": [b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", b"PK\3\4" + bytes(26) + b"_rels/.rels"],
+    "UFF": [b"    -1\r\n    58b     1     2\r\n", b"\n    -1" + b" " * 74 + b"\n   151\n"],
+}
+
+
+@pytest.mark.parametrize("name", HEADS)
+def test_without_its_library_the_line_that_installs_it(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(apart, "find_spec", lambda library: None)
+    what = FORMATS[name]
+    for head in (HEADS[name], *OTHER_HEADS.get(name, ())):
+        assert extra_format(head) == name
+        message = refusal(written(head + bytes(500), tmp_path))
+        assert f"is {what.name}, which {what.package} reads, and that is not installed" in message
+        assert message.endswith(f"install it: pip install 'tirelog[{what.extra}]'")
+
+
+def test_every_extra_is_one_that_can_be_installed() -> None:
+    import tomllib
+
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    for what in FORMATS.values():
+        wanted = extras[what.extra] if what.extra else project["dependencies"]
+        assert any(one.startswith(what.package or what.library) for one in wanted)
+    all_of_them = ",".join(what.extra for what in FORMATS.values() if what.extra)
+    assert extras["formats"] == [f"tirelog[{all_of_them}]"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "-1\n58\n3\n",
+        "    -1,2\n    58,3\n",
+        "    58\n    59\n    60\n",
+        "time,a\n    -1\n    58\n",
+        "    -1.0\n    58\n",
+    ],
+)
+def test_a_column_of_numbers_is_no_universal_file(text: str) -> None:
+    assert extra_format(text.encode()) == ""
+
+
+def feather(folder: Path) -> Path:
+    table = pa.table({"time_s": np.arange(N) / 100.0, **COLUMNS})
+    pa.feather.write_feather(table, folder / "log")
+    return folder / "log"
+
+
+LIMITS = {
+    "MEMORY_BYTES": (32 << 20, "too much memory"),
+    "DISK_BYTES": (1 << 12, "File too large|ended with status"),
+    "_START_SECONDS": (0, "took too long"),
+}
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_what_takes_too_much_is_ended_and_said(
+    limit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    most, says = LIMITS[limit]
+    path = tmp_path / "log"  # small, and of one batch of 48 MB
+    pa.feather.write_feather(pa.table({"inner": np.zeros(6_000_000)}), path, chunksize=6_000_000)
+    monkeypatch.setattr(apart, limit, most)
+    monkeypatch.setattr(apart, "_BYTES_PER_SECOND", 1 << 40)
+    message = refusal(path)
+    assert any(part in message for part in says.split("|"))
+    assert [one.name for one in tmp_path.iterdir()] == ["log"]
+
+
+def test_a_library_that_is_gone_when_it_is_wanted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = dataclasses.replace(FORMATS["Feather"], module="no_such_module")
+    monkeypatch.setitem(FORMATS, "Feather", broken)
+    assert "ModuleNotFoundError" in refusal(feather(tmp_path))
+
+
+def test_a_child_that_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(apart, "_run", lambda *_: -11)
+    assert "its library ended with status -11" in refusal(feather(tmp_path))
+
+
+@pytest.mark.parametrize("at", [60, 900, -300])
+def test_a_feather_file_cut_or_changed(at: int, tmp_path: Path) -> None:
+    data = bytearray(feather(tmp_path).read_bytes())
+    if at < 0:
+        del data[at:]
+    else:
+        data[at : at + 8] = b"\xff" * 8
+    size, said = outcome(written(bytes(data), tmp_path))
+    assert size == N or "is an Arrow or Feather file that cannot be read" in said
+
+
+HOSTILE = "x:\n  pass\nopen('made_by_a_log', 'w')\nclass y"
+NUMBER, SHAPE = (1, ("float64", 0)), (2, "geometry_msgs/msg/Vector3")
+GOOD = {"a/msg/B": ([("LIMIT", "int8", 3)], [("x", NUMBER), ("y", (3, (NUMBER, 3))), ("z", SHAPE)])}
+
+
+def test_definitions_of_names_are_let_through() -> None:
+    check_names(GOOD)
+
+
+@pytest.mark.parametrize(
+    "types",
+    [
+        {HOSTILE: ([], [("x", NUMBER)])},
+        {"a/msg/B\n": ([], [("x", NUMBER)])},
+        {"a/msg/B": ([], [(HOSTILE, NUMBER)])},
+        {"a/msg/B": ([], [("x", (2, HOSTILE))])},
+        {"a/msg/B": ([], [("x", (4, ((2, 'a/b").x'), 0)))])},
+        {"a/msg/B": ([], [("x", (1, (HOSTILE, 0)))])},
+        {"a/msg/B": ([(HOSTILE, "int8", 3)], [])},
+        {"a/msg/B": ([("A", HOSTILE, 3)], [])},
+        {"a/msg/B": ([("A", "int8", SimpleNamespace())], [])},
+        {"a/msg/B": ([], [("x", (3, (NUMBER, 1 << 30)))])},
+        {f"a/msg/B{k}": ([], []) for k in range(600)},
+    ],
+)
+def test_definitions_with_more_than_names_make_no_code(types: dict) -> None:
+    with pytest.raises(ValueError, match=r"is no name|array of|more than|constant"):
+        check_names(types)
+
+
+def conversion(formula: str, *inside: object) -> SimpleNamespace:
+    blocks = {f"text_{k}": one for k, one in enumerate(inside)}
+    return SimpleNamespace(formula=formula, referenced_blocks=blocks or None)
+
+
+@pytest.mark.parametrize("formula", ["", "X1 * 2.5e-3 + 1", "(x - 32) / 1.8", "-X"])
+def test_a_formula_of_numbers_and_signs_is_used(formula: str) -> None:
+    assert unsafe_formula(conversion(formula)) == ""
+    assert unsafe_formula(conversion("", b"text", None, conversion(formula))) == ""
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "X ** 9 ** 9 ** 9",
+        "sin(X)",
+        "__import__('os')",
+        "X.real",
+        "X; X",
+        "X[0]",
+        "1" * 300,
+        "X # y",
+    ],
+)
+def test_a_formula_that_could_be_code_is_not_evaluated(formula: str) -> None:
+    assert unsafe_formula(conversion(formula)) == formula[:40]
+    assert unsafe_formula(conversion("", conversion("", conversion(formula)))) == formula[:40]
+
+
+def test_conversions_without_end_end() -> None:
+    endless = conversion("")
+    endless.referenced_blocks = {"text_0": endless}
+    assert unsafe_formula(endless) == "of formulas"
+
+
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [("a/b", "a_b"), ("temp [C]", "temp _C"), ("..", "unnamed"), ("", "unnamed"), ("x:y", "x_y")],
+)
+def test_a_name_is_one_that_a_setup_can_spell(name: str, made: str) -> None:
+    assert proper(name).rstrip("_") == made
+
+
+FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
+    "TDMS": ("nptdms", lambda path: writers.tdms(path, COLUMNS, 100.0), "/run/inner"),
+    "Excel": (
+        "python_calamine",
+        lambda path: writers.xlsx(
+            path, {"run": [["time", "inner"], *([0.01 * k, float(k % 7)] for k in range(N))]}
+        ),
+        "inner",
+    ),
+    "ROS 1": ("rosbags", lambda path: writers.bag_1(path, COLUMNS, 100.0), "/tire:vector.x"),
+    "ROS 2": ("rosbags", lambda path: writers.bag_2(path, COLUMNS, 100.0), "/tire:vector.x"),
+    "MDF": ("asammdf", lambda path: writers.mdf(path, COLUMNS, 100.0), "/run/inner"),
+    "UFF": (
+        "pyuff",
+        lambda path: writers.uff(path, COLUMNS, np.arange(N) / 100.0),
+        "/set_1_node_1_+Z/values",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[bytes, str]]:
+    """(bytes, source) of a good file of a format; the test is skipped without its library."""
+    folder, held = tmp_path_factory.mktemp("made"), {}
+
+    def make(name: str) -> tuple[bytes, str]:
+        needs, write, source = FILES[name]
+        pytest.importorskip(needs, reason=f"{needs} comes with an extra")
+        if name not in held:
+            write(folder / name)
+            held[name] = (folder / name).read_bytes()
+        return held[name], source
+
+    return make
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, made, tmp_path: Path) -> None:
+    data, source = made(name)
+    rng = np.random.default_rng(len(name))
+    for _ in range(6):
+        spoilt = bytearray(data)
+        for at in rng.integers(16, len(spoilt), int(rng.integers(1, 4))):
+            spoilt[at] ^= 1 << int(rng.integers(8))
+        if rng.random() < 0.4:
+            del spoilt[int(rng.integers(1, len(spoilt))) :]
+        size, said = outcome(written(bytes(spoilt), tmp_path), source)
+        assert size > 0 or str(tmp_path / "log") in said
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_half_of_a_file_is_refused_or_said_to_be_half(name: str, made, tmp_path: Path) -> None:
+    data, source = made(name)
+    size, said = outcome(written(data[: len(data) // 2], tmp_path), source)
+    assert size <= N
+    assert said
+
+
+def sheet(rows: str) -> bytes:
+    """A workbook whose sheet has these rows of XML."""
+    file = io.BytesIO()
+    writers.xlsx(file, {"run": [["time"], [1.0]]})  # type: ignore[arg-type]
+    out = io.BytesIO()
+    with zipfile.ZipFile(file) as old, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            text = old.read(name).decode()
+            if name.endswith("sheet1.xml"):
+                start, end = text.index("<sheetData>") + 11, text.index("</sheetData>")
+                text = text[:start] + rows + text[end:]
+            new.writestr(name, text)
+    return out.getvalue()
+
+
+FAR = '<row r="1"><c r="A1"><v>1</v></c></row><row r="1048576"><c r="XFD1048576"><v>2</v></c></row>'
+MANY = "<row>" + "<c><v>1</v></c>" * 16_000 + "</row>"
+
+
+@pytest.mark.parametrize("rows", [FAR, MANY * 4000], ids=["far apart", "very many"])
+def test_a_small_workbook_of_very_many_cells(rows: str, tmp_path: Path, monkeypatch) -> None:
+    pytest.importorskip("python_calamine", reason="python_calamine comes with an extra")
+    monkeypatch.setattr(apart, "MEMORY_BYTES", 1 << 28)
+    assert "cannot be read" in refusal(written(sheet(rows), tmp_path))
+
+
+def test_a_count_of_values_that_no_tdms_can_hold(made, tmp_path: Path) -> None:
+    data, source = made("TDMS")
+    many = struct.pack("<Q", -(-N // 3))
+    assert many in data
+    path = written(data.replace(many, struct.pack("<Q", 1 << 60)), tmp_path)
+    size, said = outcome(path, source)
+    assert size <= N
+    assert said
+
+
+def test_a_bag_whose_type_is_code_runs_none_of_it(made, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    data, source = made("ROS 1")
+    kind, code = b"Vector3Stamped", b"V(open('hacked','w'))"
+    spoilt = data.replace(kind, code[: len(kind)].ljust(len(kind), b" "))
+    path = written(spoilt, tmp_path)
+    with pytest.raises(TirelogError):
+        read(path, source)
+    assert [one.name for one in tmp_path.iterdir()] == ["log"]
+
+
+def test_a_database_that_is_no_bag(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="rosbags comes with an extra")
+    import sqlite3
+
+    with sqlite3.connect(tmp_path / "log") as base:
+        base.execute("CREATE TABLE other(id INTEGER)")
+    base.close()
+    assert "missing tables" in refusal(tmp_path / "log", "/tire:vector.x")

@@ -1,0 +1,1 @@
+"""Formats that other libraries read, each in a process of its own, made HDF5, MCAP or text."""
