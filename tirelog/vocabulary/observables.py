@@ -135,7 +135,10 @@ def at_odds(names: Iterable[str]) -> str:
     seen: dict[str, str] = {}
     for name in names:
         own = OBSERVABLES[name]
-        for what in (own.data or name, *(("a level of its own",) if "regressors" in own.reads else ())):
+        for what in (
+            own.data or name,
+            *(("a level of its own",) if "regressors" in own.reads else ()),
+        ):
             if what in seen and seen[what] == name:
                 return f"{name} stands there twice"
             if what in seen:
