@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Conditions, Stack
+from tirelog.cli.discrepancy_page import comparison_page
+from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
+from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
 from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.naming import quiet
@@ -19,6 +21,7 @@ from tirelog.inference.base import apart, refit, settled
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.cells.together import StacksTogether, joined_cells, one_drive, parts_of
+from tirelog.inference.measured import measured_together
 from tirelog.physics import Model
 from tirelog.physics.model.file import as_toml, parse_model
 
@@ -184,7 +187,7 @@ def test_observables_of_two_tires_contradict_each_other_and_it_is_said_how():
     assert stiffness.alone > stiffness.others
 
 
-def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors():
+def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors(capsys):
     found = compared(several(8), TRUTH)
     assert found.observable == "strain + radial_acceleration + phase_shift"
     assert found.unit == "noise floors"
@@ -197,6 +200,11 @@ def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors():
     told = found.to_json()
     assert set(told["observables"]) == set(ALL)
     assert {row["observable"] for row in found.tables["regime"]} == set(ALL)
+    comparison_page(found)
+    page = " ".join(capsys.readouterr().out.split())
+    assert found.agreement in page
+    assert "fitted together, in noise floors" in page
+    assert all(f"{name} in " in page for name in ALL)
     rows = found.tables["revolution"]
     assert len(rows) == found.revolutions
     assert all(row["rmse"] > 0.0 for row in rows)
@@ -272,6 +280,16 @@ def test_one_observable_in_a_list_is_that_observable():
 def test_data_are_not_counted_twice(names, why):
     with pytest.raises(ModelError, match=why):
         Model.new("beam", names)
+
+
+def test_an_observable_that_no_log_measures_is_named_with_what_it_needs():
+    axis = TimeAxis.uniform(10, 100.0)
+    channel = Channel.of_array("e", "signal", np.zeros(10), axis)
+    text = '[tire]\nunloaded_radius_m = 0.3\n[channels.e]\nkind = "signal"\nsource = "e"\n'
+    recording = Recording("log", {"e": channel}, parse_setup(text))
+    with pytest.raises(UsageError, match="no log measures phase_shift") as refused:
+        measured_together([recording], ("phase_shift",))
+    assert "radial_acceleration and wheel_encoder" in str(refused.value)
 
 
 def test_logs_of_other_observables_are_refused():
