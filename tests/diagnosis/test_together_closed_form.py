@@ -17,7 +17,7 @@ from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, s
 from tirelog.diagnosis.naming import quiet
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import apart, refit, settled
+from tirelog.inference.base import apart, refit, settled, thinned
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.cells.together import StacksTogether, joined_cells, one_drive, parts_of
@@ -255,6 +255,16 @@ def test_settling_anew_what_has_settled_changes_nothing_much():
     for name in base.fit.names:
         moved = abs(again.model.values[name] - base.model.values[name])
         assert moved <= 0.3 * base.model.parameters[name].se
+
+
+def test_some_rows_for_trying_things_are_of_every_observable():
+    base = start_from(measured_pieces(several(13)), TRUTH, several=False)
+    few = thinned(base, 6)
+    assert set(few.cells.part) == {0, 1, 2}
+    assert len(few.cells) <= 6
+    np.testing.assert_array_equal(few.fit.prediction.shape, few.cells.values.shape)
+    left = few.white(np.nan_to_num(few.cells.values - few.fit.prediction))
+    assert 0.3 < float((left**2).sum()) / few.white.values < 3.0
 
 
 def test_one_observable_in_a_list_is_that_observable():
