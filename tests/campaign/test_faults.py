@@ -195,6 +195,18 @@ def test_a_manifest_of_other_types_is_told_what_is_allowed(
     assert not (tmp_path / "results").exists()
 
 
+def test_a_model_of_several_observables_is_refused_before_any_log_is_read(
+    tmp_path: Path, tirelog: Command
+) -> None:
+    (tmp_path / "a.csv").write_text("time_s,CH1\n")
+    (tmp_path / "both.toml").write_text('[model]\nobservable = ["strain", "phase_shift"]\n')
+    (tmp_path / "m.toml").write_text('[[logs]]\nglob = "a.csv"\n[[models]]\nfile = "both.toml"\n')
+    outcome = tirelog("campaign", "run", tmp_path / "m.toml")
+    assert outcome.status == 2, outcome.err
+    assert "both.toml is of 2 observables" in outcome.err
+    assert not (tmp_path / "results").exists()
+
+
 @pytest.mark.parametrize(
     "lock",
     [

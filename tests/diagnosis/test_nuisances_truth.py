@@ -247,8 +247,7 @@ def at_pressures(*pressures_Pa: float):
 
 
 def test_a_patch_that_pressure_shrinks_is_fitted_and_told():
-    stacks = at_pressures(2.2e5, 1.7e5)
-    base = start(stacks, MODEL)
+    base = prepare(cells_of(pieces_of_logs(at_pressures(2.2e5, 1.7e5))), MODEL, several=False)
     assert base.reduced_chi2 > 5.0
     found = best_nuisance(base, allowed_nuisances(base))
     assert found is not None
@@ -260,14 +259,6 @@ def test_a_patch_that_pressure_shrinks_is_fitted_and_told():
     ratio = half[found.cells.log == 1].mean() / half[found.cells.log == 0].mean()
     assert ratio == pytest.approx((1.7 / 2.2) ** -0.4, rel=0.01)
     assert found.reduced_chi2 < 1.2
-
-
-def test_one_pressure_frees_no_law_of_it():
-    model = MODEL.with_nuisance("pressure_law", "on")
-    alone = prepare(cells_of(pieces_of_logs(at_pressures(2.0e5, 2.0e5))), model, several=False)
-    assert not alone.model.parameters["patch_pressure_exponent"].free
-    assert groups_of(alone) == ()
-    assert shared_effects(alone.cells, alone.fit, "pressure_law") is None
 
 
 def test_nuisances_are_seen_where_bins_are_empty(wheel_null):

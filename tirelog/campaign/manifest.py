@@ -447,14 +447,21 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
             do='add file = "beam.toml"',
         )
     path = base / name
-    return CampaignModel(path, _observable(path), tuple(commands))
+    observable = _observable(path)
+    if isinstance(observable, list):
+        raise _refuse(
+            f"{where}: {name} is of {len(observable)} observables, which a campaign does not fit "
+            "together",
+            file,
+            allowed="allowed is a model of one observable",
+            do="make a model of each, or take `tirelog diagnose LOG... --model`",
+        )
+    return CampaignModel(path, str(observable), tuple(commands))
 
 
-def _observable(path: Path) -> str:
+def _observable(path: Path) -> Any:
     """What the model file says it predicts; what else is wrong with it is said when it is used."""
     try:
-        return str(
-            _toml(path, "a model", "mend the path").get("model", {}).get("observable", "strain")
-        )
+        return _toml(path, "a model", "mend the path").get("model", {}).get("observable", "strain")
     except (TirelogError, AttributeError):
         return "strain"

@@ -502,9 +502,9 @@ def thinned(base: Base, most: int) -> Base:
     """
     if len(base.cells) <= most:
         return base
-    rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
     if isinstance(base, TogetherBase):
-        return _thinned_together(base, rows)
+        return _thinned_together(base, most)
+    rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
     cells = take_cells(base.cells, rows)
     cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
     fit = replace(
@@ -518,8 +518,14 @@ def thinned(base: Base, most: int) -> Base:
     return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)
 
 
-def _thinned_together(base: TogetherBase, rows: IntArray) -> TogetherBase:
-    """The same fit on some of the rows."""
+def _thinned_together(base: TogetherBase, most: int) -> TogetherBase:
+    """The same fit on about `most` rows, shared out over the observables: none goes without."""
+    chosen = []
+    for i in range(len(base.channels)):
+        own = np.flatnonzero(base.cells.part == i)
+        few = max(2, round(most * own.size / len(base.cells)))
+        chosen.append(own[np.unique(np.linspace(0, own.size - 1, few).round().astype(int))])
+    rows = np.concatenate(chosen)
     cells = take_cells(base.cells, rows)
     cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
     fit = replace(

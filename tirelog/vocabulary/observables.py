@@ -25,8 +25,8 @@ class Observable:
     reads        stages of the model that it is computed from; an effect that enters none of them
                  does not act on it, unless by another effect that reads its stage (`Effect.reads`)
     meaning      a sentence
-    data         what of a log it is made of: two observables of the same data are no two
-                 measurements, and are not fitted together
+    data         what of a log it is made of, "" for something of its own: two observables of the
+                 same data are no two measurements, and are not fitted together
     beside       kinds of channel that it needs besides
     """
 
@@ -38,7 +38,7 @@ class Observable:
     waveform: bool
     reads: tuple[str, ...]
     meaning: str
-    data: str
+    data: str = ""
     beside: tuple[str, ...] = ()
 
 
@@ -135,7 +135,10 @@ def at_odds(names: Iterable[str]) -> str:
     seen: dict[str, str] = {}
     for name in names:
         own = OBSERVABLES[name]
-        for what in (own.data, *(("a level of its own",) if "regressors" in own.reads else ())):
+        for what in (
+            own.data or name,
+            *(("a level of its own",) if "regressors" in own.reads else ()),
+        ):
             if what in seen and seen[what] == name:
                 return f"{name} stands there twice"
             if what in seen:

@@ -94,27 +94,33 @@ def one_drive(parts: Sequence[Pieces]) -> list[Pieces]:
     """The pieces of each observable, with the manoeuvres of the first in all of them.
 
     Each sensor finds manoeuvres for itself, and some revolutions later. One of another observable
-    becomes the one of the first that most of its revolutions are nearest to in time, if they are of
-    one log; a log that the first does not have keeps its own.
+    becomes the one that most of its revolutions are nearest to in time, of the first observable
+    that the log has.
     """
-    lead = parts[0]
-    number = np.unique(lead.manoeuvre, return_inverse=True)[1]
-    found, free = [replace(lead, manoeuvre=number)], int(number.max()) + 1
-    for part in parts[1:]:
+    found: list[Pieces] = []
+    free = 0
+    for part in parts:
         own = np.empty(len(part), np.int64)
         for manoeuvre in np.unique(part.manoeuvre):
             rows = np.flatnonzero(part.manoeuvre == manoeuvre)
-            beside = np.flatnonzero(np.array(lead.logs)[lead.log] == part.logs[part.log[rows[0]]])
-            if not beside.size:
+            time, number = _of_log(found, part.logs[part.log[rows[0]]])
+            if not number.size:
                 own[rows], free = free, free + 1
                 continue
-            away = np.abs(
-                part.conditions.time_s[rows][:, None] - lead.conditions.time_s[beside][None]
-            )
-            nearest = number[beside[away.argmin(axis=1)]]
+            away = np.abs(part.conditions.time_s[rows][:, None] - time[None])
+            nearest = number[away.argmin(axis=1)]
             own[rows] = int(np.bincount(nearest, part.number[rows]).argmax())
         found.append(replace(part, manoeuvre=own))
     return found
+
+
+def _of_log(parts: Sequence[Pieces], log: str) -> tuple[FloatArray, IntArray]:
+    """(times [s], manoeuvres) of a log's pieces in the first of the parts that has it."""
+    for part in parts:
+        rows = np.array(part.logs)[part.log] == log
+        if rows.any():
+            return part.conditions.time_s[rows], part.manoeuvre[rows]
+    return np.zeros(0), np.zeros(0, np.int64)
 
 
 def joined_cells(
