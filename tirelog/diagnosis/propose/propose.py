@@ -50,6 +50,7 @@ from tirelog.diagnosis.wording import NUISANCES_SAID, percent
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import Base, refit, settled, thinned
 from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.fit.cells import Problem
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
@@ -65,6 +66,9 @@ _SCAN_CELLS = 60
 #: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
 #: much
 _SHAPE_MORE = 0.05
+#: squared floors from which on what a term adds is plainly needed, and no refit without it asked
+#: for; half of it would ask of each, at a second each
+_PLAINLY = 1.0
 #: share of the excess on the locked manoeuvres that a proposal must remove, or it is not made:
 #: what is chance removes nothing; doubled, only what is right to the floor would be said
 _CONFIRMED = 0.5
@@ -237,11 +241,13 @@ def _without_needless(climb: _Climb) -> _Climb:
     names = [choice.chosen.entry.id for choice in climb.choices]
     needed = list(names)
     for name in names[:-1]:
+        if _share(after, name) > _PLAINLY:
+            continue
         try:
             less = refit(after, after.model.without_effect(name))
         except ModelError:
             continue
-        if not worth_it(less, after):
+        if less.square_held - after.square_held < LEAST_SHARE_OF_FLOOR * after.floor.square:
             after = less
             needed.remove(name)
     if needed == names:
@@ -263,6 +269,13 @@ def _without_needless(climb: _Climb) -> _Climb:
         choices.append(replace(climb.choices[i], chosen=chosen, as_good=(chosen,)))
     climb.choices, climb.bases = choices, [climb.bases[0], top]
     return climb
+
+
+def _share(base: Base, name: str) -> float:
+    """What an effect adds to the waveforms, in squared floors."""
+    bare = Problem(base.cells, base.white).predict(base.model.without_effect(name), {})
+    added = base.plain(np.nan_to_num(base.fit.prediction - bare))
+    return float((added**2).sum()) / base.plain.weight / base.floor.square
 
 
 def _proposal(
