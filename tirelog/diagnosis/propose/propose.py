@@ -349,6 +349,7 @@ def _proposal(
         phi_rad=np.nanmean(base.cells.phi, axis=0),
         leading_before=leading_shape(base),
         leading_after=leading_shape(after),
+        asked=shape_wanted,
     )
 
 
