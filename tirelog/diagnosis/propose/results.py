@@ -146,8 +146,10 @@ class Proposal:
             if term.as_good:
                 others = "; ".join(formula.expression for formula in term.as_good)
                 said.append(f"{term.name}: as good held out: {others}.")
-        if self.shapes and self.rmse_heldout_before is not None and self.noise_floor is not None:
-            excess = self.rmse_heldout_before**2 - self.noise_floor**2
+        before, floor = self.rmse_heldout_before, self.noise_floor
+        wanted = self.status != "nothing" and bool(self.shapes)
+        if wanted and before is not None and floor is not None:
+            excess = before**2 - floor**2
             best = self.shapes[0]
             if excess > 0.0 and best.gain > GAIN_SIGMAS:
                 said.append(
