@@ -27,7 +27,7 @@ from tirelog.diagnosis.propose.formulas import (
     simplified,
     with_covering_errors,
 )
-from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.ground import FEW_CELLS, Ground
 from tirelog.diagnosis.propose.measured_shapes import (
     MeasuredShape,
     measured_shapes,
@@ -60,8 +60,6 @@ from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
 LOCK_EVERY = 3
 #: terms of a proposal at most: what needs more is better told by its measured shape
 MOST_TERMS = 3
-#: cells on which the grammar is scanned; the time goes with them, and 60 span 20 manoeuvres
-_SCAN_CELLS = 60
 #: share of the excess that a measured shape must remove beyond the formulas to stand in their
 #: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
 #: much
@@ -189,7 +187,7 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
             break
         full = Ground(at)
-        few = full if len(at.cells) <= _SCAN_CELLS else Ground(thinned(at, _SCAN_CELLS))
+        few = full if len(at.cells) <= FEW_CELLS else Ground(thinned(at, FEW_CELLS))
         if number == 1:
             progress("measuring free shapes")
             climb.shapes = without_twins(measured_shapes(few, full))
