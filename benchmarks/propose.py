@@ -440,7 +440,7 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
         known = list(forms_of(seed))
         turn = [known[seed % len(known)]]
         named = {"turn": turn, "all": known, "none": [""]}.get(
-            options.forms, options.forms.split(",")
+            options.forms, ["" if name == "none" else name for name in options.forms.split(",")]
         )
         for world in options.worlds.split(","):
             for name in named:

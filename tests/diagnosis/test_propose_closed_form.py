@@ -47,6 +47,16 @@ def test_worth_by_the_low_rank_is_that_of_the_columns_themselves(ground: Ground)
             np.testing.assert_allclose(worth.scores[at], scores, atol=1e-6 * np.abs(scores).max())
 
 
+def test_of_many_cells_the_columns_are_the_same_without_the_low_rank(
+    ground: Ground, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    columns = ground.of_cells(np.random.default_rng(4).standard_normal((*ground.residual.shape, 3)))
+    kept = ground.without(columns)
+    monkeypatch.setattr("tirelog.diagnosis.propose.ground.FEW_CELLS", 1)
+    monkeypatch.setattr(Ground, "_low_rank", property(lambda self: pytest.fail("was made")))
+    np.testing.assert_allclose(Ground(ground.base).without(columns), kept, atol=1e-8)
+
+
 def test_a_planted_bump_is_found_with_its_place_width_law_and_size(ground: Ground) -> None:
     scanned = scan(ground)
     assert scanned.p < 1e-3

@@ -76,6 +76,16 @@ def test_its_measured_shape_is_an_effect_as_well(proposal: Proposal, tmp_path: P
     assert after.rmse_heldout < 1.1 * after.noise_floor
 
 
+def test_a_shape_is_said_to_do_better_only_if_it_was_not_asked_for(proposal: Proposal) -> None:
+    as_shape = replace(proposal, status="shape", terms=())
+    said = "a measured shape in the time since the exit edge, times (speed / 20)"
+    assert f"{said}, since no formula does as well." in as_shape.sentence
+    assert f"{said}. On 4 manoeuvres" in replace(as_shape, asked=True).sentence
+    assert any(text.startswith("A free shape") for text in proposal.sentences())
+    nothing = replace(proposal, status="nothing", reason="it scatters.")
+    assert not any(text.startswith("A free shape") for text in nothing.sentences())
+
+
 def test_a_term_that_a_later_one_made_needless_goes() -> None:
     """An odd wave of no size before the ringing that is there: one term is left, the first."""
     alone = start(LOGS, MODEL)

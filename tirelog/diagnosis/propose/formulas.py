@@ -195,6 +195,17 @@ def _linear(full: Ground, atom: Atom) -> _Linear:
     return _Linear(atom, white, float((base.held_plain - plain).sum()) / base.plain.weight)
 
 
+def _without_needless_laws(rows: Sequence[_Linear], base: Base) -> list[_Linear]:
+    """The rows without those whose law does no more than a simpler one of the same form."""
+    least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, REST_SHARE * base.excess)
+    kept: list[_Linear] = []
+    for row in sorted(rows, key=lambda row: row.atom.complexity):
+        same = [other for other in kept if _form_of(other.atom) == _form_of(row.atom)]
+        if all(row.removed - other.removed >= least for other in same):
+            kept.append(row)
+    return [row for row in rows if any(row is one for one in kept)]
+
+
 def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
     """The leading atoms refitted in the model, and the simplest of the best; None if all fail."""
     scored = []
@@ -203,10 +214,13 @@ def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
             scored.append(_linear(full, atom))
         except ModelError:
             continue
+    if not scored:
+        return None
     scored.sort(key=lambda row: float(row.white.sum()))
-    leading = [row for row in scored if row.removed >= CONTENDER * scored[0].removed][:REFITTED]
-    stages = {row.atom.form.stage.name for row in leading}
     near = [row for row in scored if row.removed >= CONTENDER * scored[0].removed]
+    near = _without_needless_laws(near, full.base)
+    leading = near[:REFITTED]
+    stages = {row.atom.form.stage.name for row in leading}
     leading += [row for row in near if row.atom.form.stage.name not in stages][:1]
     tried = [_drafted(full, row.atom, name) for row in leading]
     drafts = [draft for draft in tried if draft is not None]

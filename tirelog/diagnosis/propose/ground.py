@@ -28,6 +28,9 @@ from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.user_effects import CONDITIONS, PLACES
 from tirelog.vocabulary.arrays import FloatArray
 
+#: cells of which the coupling is kept as a low rank, and on which the grammar is scanned: the time
+#: goes with them, and 60 span 20 manoeuvres
+FEW_CELLS = 60
 #: eigenvalues of a coupling below this are directions that it leaves alone
 _ALONE = 1e-10
 
@@ -158,7 +161,12 @@ class Ground:
         return np.concatenate([taken, flat], axis=1).reshape(*shape, -1)
 
     def without(self, whitened: FloatArray) -> FloatArray:
-        """`coupled` by the low rank, of columns (C, m, k), as (N, k)."""
+        """`coupled` of columns (C, m, k), as (N, k); of few cells by the low rank, which is quick.
+
+        That grows with cells times manoeuvres: of many logs it would not fit in memory.
+        """
+        if len(self.base.cells) > FEW_CELLS:
+            return self.coupled(whitened).reshape(-1, whitened.shape[-1])
         basis, inner = self._low_rank
         flat = whitened.reshape(basis.shape[0], -1)
         along = basis.T @ flat

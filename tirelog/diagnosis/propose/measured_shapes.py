@@ -18,6 +18,7 @@ from tirelog.diagnosis.sign_flips import gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
+from tirelog.inference.metric.projection import side_by_side
 from tirelog.physics.model.empirical import FRAMES, effect_by_shape
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.vocabulary.arrays import FloatArray
@@ -201,10 +202,13 @@ def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShap
     """One shape on all cells, and what it removes from manoeuvres left out."""
     base, own = full.base, _hats(full, *key)
     factor = full.law(law.text, law.numbers)
-    worth = full.worth(full.of_cells(own.columns), factor[None], own.nodes.size)
-    explained, heights, covariance = _solved(worth.scores[0].sum(axis=0), worth.gram[0], own.likely)
+    left = side_by_side(
+        lambda some: full.coupled(full.of_cells(factor[:, None, None] * some)), [own.columns]
+    ).reshape(-1, own.nodes.size)
+    along = left.T @ full.residual.ravel()
+    explained, heights, covariance = _solved(along, left.T @ left, own.likely)
     removed, gain = _held_out(base, own.columns * factor[:, None, None])
-    left = max((full.square - explained) / max(base.fit.freedom, 1.0), 1.0)
+    rest = max((full.square - explained) / max(base.fit.freedom, 1.0), 1.0)
     acts_on = own.acts_on or base.model.observable
     return MeasuredShape(
         own.frame,
@@ -212,7 +216,7 @@ def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShap
         law.written() or "1",
         own.nodes,
         heights,
-        np.sqrt(np.maximum(np.diag(covariance), 0.0) * left),
+        np.sqrt(np.maximum(np.diag(covariance), 0.0) * rest),
         removed,
         gain,
     )

@@ -27,7 +27,7 @@ from tirelog.diagnosis.propose.formulas import (
     simplified,
     with_covering_errors,
 )
-from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.ground import FEW_CELLS, Ground
 from tirelog.diagnosis.propose.measured_shapes import (
     MeasuredShape,
     measured_shapes,
@@ -51,6 +51,7 @@ from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import Base, refit, settled, thinned
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether
+from tirelog.inference.fit.cells import Problem
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
@@ -60,12 +61,13 @@ from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
 LOCK_EVERY = 3
 #: terms of a proposal at most: what needs more is better told by its measured shape
 MOST_TERMS = 3
-#: cells on which the grammar is scanned; the time goes with them, and 60 span 20 manoeuvres
-_SCAN_CELLS = 60
 #: share of the excess that a measured shape must remove beyond the formulas to stand in their
 #: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
 #: much
 _SHAPE_MORE = 0.05
+#: squared floors from which on what a term adds is plainly needed, and no refit without it asked
+#: for; half of it would ask of each, at a second each
+_PLAINLY = 1.0
 #: share of the excess on the locked manoeuvres that a proposal must remove, or it is not made:
 #: what is chance removes nothing; doubled, only what is right to the floor would be said
 _CONFIRMED = 0.5
@@ -193,7 +195,7 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
             break
         full = Ground(at)
-        few = full if len(at.cells) <= _SCAN_CELLS else Ground(thinned(at, _SCAN_CELLS))
+        few = full if len(at.cells) <= FEW_CELLS else Ground(thinned(at, FEW_CELLS))
         if number == 1:
             progress("measuring free shapes")
             climb.shapes = without_twins(measured_shapes(few, full))
@@ -245,11 +247,13 @@ def _without_needless(climb: _Climb) -> _Climb:
     names = [choice.chosen.entry.id for choice in climb.choices]
     needed = list(names)
     for name in names[:-1]:
+        if _share(after, name) > _PLAINLY:
+            continue
         try:
             less = refit(after, after.model.without_effect(name))
         except ModelError:
             continue
-        if not worth_it(less, after):
+        if less.square_held - after.square_held < LEAST_SHARE_OF_FLOOR * after.floor.square:
             after = less
             needed.remove(name)
     if needed == names:
@@ -271,6 +275,13 @@ def _without_needless(climb: _Climb) -> _Climb:
         choices.append(replace(climb.choices[i], chosen=chosen, as_good=(chosen,)))
     climb.choices, climb.bases = choices, [climb.bases[0], top]
     return climb
+
+
+def _share(base: Base, name: str) -> float:
+    """What an effect adds to the waveforms, in squared floors."""
+    bare = Problem(base.cells, base.white).predict(base.model.without_effect(name), {})
+    added = base.plain(np.nan_to_num(base.fit.prediction - bare))
+    return float((added**2).sum()) / base.plain.weight / base.floor.square
 
 
 def _proposal(
@@ -344,6 +355,7 @@ def _proposal(
         phi_rad=np.nanmean(base.cells.phi, axis=0),
         leading_before=leading_shape(base),
         leading_after=leading_shape(after),
+        asked=shape_wanted,
     )
 
 

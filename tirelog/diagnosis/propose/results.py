@@ -84,6 +84,7 @@ class Proposal:
     rmse_heldout_before, rmse_heldout_after, noise_floor  on the manoeuvres that were seen
     nearest     effects of the catalogue and the share of the excess that each removes
     separating_manoeuvres  what to drive, so that formulas that are as good part
+    asked       the measured shape was asked for: formulas may do as well
     leading_before, leading_after  (m,) the leading shape of what is left, at `phi_rad` (m,)
     """
 
@@ -107,6 +108,7 @@ class Proposal:
     phi_rad: FloatArray
     leading_before: FloatArray
     leading_after: FloatArray
+    asked: bool = False
 
     @property
     def sentence(self) -> str:
@@ -119,7 +121,8 @@ class Proposal:
         else:
             shape = self.shapes[0]
             law = "" if shape.law == "1" else f", times {shape.law}"
-            what = f"a measured shape {shape.words}{law}, since no formula does as well"
+            why = "" if self.asked else ", since no formula does as well"
+            what = f"a measured shape {shape.words}{law}{why}"
         locked = self.locked
         if locked is None or locked.share is None:
             return f"Proposed: {what}."
@@ -143,8 +146,10 @@ class Proposal:
             if term.as_good:
                 others = "; ".join(formula.expression for formula in term.as_good)
                 said.append(f"{term.name}: as good held out: {others}.")
-        if self.shapes and self.rmse_heldout_before is not None and self.noise_floor is not None:
-            excess = self.rmse_heldout_before**2 - self.noise_floor**2
+        before, floor = self.rmse_heldout_before, self.noise_floor
+        wanted = self.status != "nothing" and bool(self.shapes)
+        if wanted and before is not None and floor is not None:
+            excess = before**2 - floor**2
             best = self.shapes[0]
             if excess > 0.0 and best.gain > GAIN_SIGMAS:
                 said.append(
