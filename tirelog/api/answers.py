@@ -251,6 +251,7 @@ def ladder(
     model: Model,
     *,
     effects: Iterable[Effect] = (),
+    propose: bool = False,
     progress: Progress | None = None,
 ) -> LadderOfLogs:
     """Effects added one by one until nothing more is worth adding.
@@ -259,6 +260,8 @@ def ladder(
     ----------
     measured, model, effects, progress
         As for `diagnose`.
+    propose : bool
+        Where the effects end above the floor, what is unknown is written down and is the last step.
 
     Returns
     -------
@@ -273,7 +276,13 @@ def ladder(
     """
     found = _known(measured)
     return LadderOfLogs.of(
-        climbing.ladder(found.revolutions, model, effects=effects, progress=progress or _silent)
+        climbing.ladder(
+            found.revolutions,
+            model,
+            effects=effects,
+            proposing=propose,
+            progress=progress or _silent,
+        )
     )
 
 

@@ -54,6 +54,13 @@ def ladder(
             callback=in_a_folder,
         ),
     ] = None,
+    propose: Annotated[
+        bool,
+        typer.Option(
+            "--propose",
+            help="Where the effects end above the floor: write down what is unknown, as `propose`.",
+        ),
+    ] = False,
     by_log: Annotated[
         bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")
     ] = False,
@@ -71,7 +78,11 @@ def ladder(
         with session.working() as line:
             line.say("climbing")
             result = climb(
-                found, read, effects=own_effects(effects), progress=None if quiet else say
+                found,
+                read,
+                effects=own_effects(effects),
+                propose=propose,
+                progress=None if quiet else say,
             )
         if not quiet:
             _bars(result)

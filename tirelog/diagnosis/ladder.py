@@ -10,7 +10,7 @@ The error falls to the floor on the way.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,14 +19,16 @@ import numpy as np
 from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.locked import untouched
-from tirelog.diagnosis.naming import Step
+from tirelog.diagnosis.naming import Step, without_needless
 from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
+from tirelog.diagnosis.propose.propose import propose
+from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
-from tirelog.inference.base import Base
+from tirelog.inference.base import Base, settled
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether
 from tirelog.inference.fit.cells import Problem
@@ -45,29 +47,50 @@ def ladder(
     model: Model,
     *,
     effects: Iterable[Effect] = (),
+    proposing: bool = False,
     progress: Progress = lambda text: None,
 ) -> Ladder:
     """The ladder from `model` upwards.
 
-    `effects`: the user's own candidates beside the catalogue.
+    `effects`: the user's own candidates beside the catalogue. `proposing`: where they end above the
+    floor, what is unknown is written down (`propose`) and is the last step.
     """
     seen, locked = locked_away(measured_pieces(measured))
     progress("fitting the model")
     base = start(seen, model)
-    found = search_effects(base, tuple(effects), progress)
-    after = found.after
+    effects = tuple(effects)
+    found = search_effects(base, effects, progress)
+    after, steps, verdict = found.after, list(_steps(found)), _verdict(found)
+    more: tuple[str, ...] = ()
+    if proposing and verdict in ("nothing_added", "above_the_floor"):
+        progress("writing down what is unknown")
+        proposal = propose(seen, with_nuisances_on(after), effects=effects, progress=progress)
+        if proposal.model is None:
+            more = (proposal.sentence,)
+        else:
+            top = start(seen, proposal.model)
+            steps = [step for step in steps if not step.decision.startswith("not added")]
+            steps.append(_proposed(len(steps), top, after, proposal))
+            after, dropped = without_needless(top, [*found.named, *proposal.written])
+            if dropped:
+                after = settled(after)
+                steps.append(_removed(_row(len(steps), after, top, None), dropped))
+            verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
     return Ladder(
         observable=observed(after)[0],
         unit=observed(after)[1],
-        steps=tuple(_steps(found)),
+        steps=tuple(steps),
         model=with_nuisances_on(after),
-        verdict=_verdict(found),
+        verdict=verdict,
         rmse_untouched=on_locked[0],
         floor_untouched=on_locked[1],
         strengths_by_log=tuple(
-            row for name in found.named for row in strengths_by_log(after, name)
+            row
+            for name in found.named
+            if any(effect.id == name for effect in after.model.effects)
+            for row in strengths_by_log(after, name)
         ),
         revolutions=int(after.cells.revolutions.sum()),
         manoeuvres=after.cells.manoeuvres,
@@ -77,6 +100,7 @@ def ladder(
             *remarks_of(found.before),
             *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
             *nuisance_sentences(nuisances_found(after), after),
+            *more,
             *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),
         ),
     )
@@ -110,10 +134,26 @@ def _verdict(found: Found) -> str:
         return "too_few"
     if not found.named:
         return "nothing_added"
-    before, after = (
-        max(b.square_held - found.after.floor.square, 0.0) for b in (found.before, found.after)
-    )
+    return _reached(found.before, found.after)
+
+
+def _reached(first: Base, last: Base) -> str:
+    """The floor, if as much of the excess is gone as a name must explain."""
+    before, after = (max(b.square_held - last.floor.square, 0.0) for b in (first, last))
     return "at_the_floor" if after <= (1.0 - EXPLAINED) * before else "above_the_floor"
+
+
+def _proposed(number: int, top: Base, last: Base, proposal: Proposal) -> LadderStep:
+    """The step to the model with what was proposed."""
+    name = " and ".join(proposal.written)
+    p = max((term.p for term in proposal.terms), default=None)
+    return replace(
+        _row(number, top, last, None),
+        effect=name,
+        p_adjusted=p,
+        decision="added: proposed",
+        sentence=f"{name} added, written down from what was left: {proposal.sentence}",
+    )
 
 
 def _steps(found: Found) -> Iterable[LadderStep]:
@@ -127,14 +167,7 @@ def _steps(found: Found) -> Iterable[LadderStep]:
         yield _row(number, base, last, step)
         last = base
     if found.dropped:
-        row = _row(len(bases), found.after, last, None)
-        names = ", ".join(found.dropped)
-        yield replace(
-            row,
-            effect=names,
-            decision="removed",
-            sentence=f"{names} removed: what came later has made it needless.",
-        )
+        yield _removed(_row(len(bases), found.after, last, None), found.dropped)
         bases.append(found.after)
     final = found.steps[-1]
     if final.named is None and final.assessed:
@@ -157,6 +190,17 @@ def _steps(found: Found) -> Iterable[LadderStep]:
             sentence=f"An improvement by {best.id} has probability {noise} of being noise; "
             f"it is not added ({reason}).",
         )
+
+
+def _removed(row: LadderStep, names: Sequence[str]) -> LadderStep:
+    """The step on which effects went that later ones had made needless."""
+    every = ", ".join(names)
+    return replace(
+        row,
+        effect=every,
+        decision="removed",
+        sentence=f"{every} removed: what came later has made it needless.",
+    )
 
 
 def _row(number: int, base: Base, last: Base | None, step: Step | None) -> LadderStep:
