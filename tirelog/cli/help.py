@@ -111,7 +111,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "ladder": (
         (
-            "tirelog ladder a.csv b.csv --model model.toml -o better.toml --plot ladder.png",
+            "tirelog ladder a.csv b.csv --model model.toml --save better.toml --plot l.png",
             "effects until nothing more is worth adding",
         ),
     ),
