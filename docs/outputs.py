@@ -31,7 +31,6 @@ DRAWS = re.compile(r"^```python\n((?:(?!^```).)*?savefig.*?)^```", re.M | re.S)
 SHOWN = re.compile(r"!\[[^]]*\]\((?:docs/|\.\./)?pictures/([\w.]+\.png)\)")
 #: a screen's width of a page [px]; larger pictures are made so wide
 WIDEST_PX = 1000
-COLOURS = 128
 
 
 def pages() -> list[Path]:
@@ -94,7 +93,7 @@ def execute(command: list[str], folder: Path) -> str:
 
 
 def shrink(source: Path, target: Path) -> None:
-    """A picture with fewer pixels and colours."""
+    """A picture with fewer pixels."""
     from PIL import Image
 
     with Image.open(source) as picture:
@@ -102,7 +101,7 @@ def shrink(source: Path, target: Path) -> None:
         if small.width > WIDEST_PX:
             small = small.resize((WIDEST_PX, round(small.height * WIDEST_PX / small.width)))
         target.parent.mkdir(exist_ok=True)
-        small.quantize(COLOURS).save(target, optimize=True)
+        small.save(target, optimize=True)  # no palette: it would change a map's colours
 
 
 if __name__ == "__main__":

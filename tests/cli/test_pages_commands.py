@@ -1,4 +1,5 @@
-"""Property: every command that README.md and the pages show is taken, and runs on sample_data.
+"""Property: every command that README.md and the pages show is taken, and runs on sample_data; what
+they show as its output has the words of its output (numbers are for the golden tests).
 
 What is not run, and why, stands in PARSED_ONLY; the parser must take these, too. A command that
 stands on several pages is run once.
@@ -52,12 +53,14 @@ OTHERS = (
 )
 #: a word in capitals stands for a name of the reader's own
 PLACEHOLDER = re.compile(r"(?<![\w./-])[A-Z][A-Z_]+(?:\.\w+)*\b")
+WORD = re.compile(r"[A-Za-z_]{3,}")
 
 
 class Typed(NamedTuple):
     page: str
     folder: str  # below the copy of the repository
     line: str
+    shown: str  # what a console block shows below it
 
 
 def typed() -> Iterator[Typed]:
@@ -67,14 +70,14 @@ def typed() -> Iterator[Typed]:
         name = page.relative_to(ROOT).as_posix()
         folder = "sample_data" if name.startswith("docs/") else ""
         for kind, block in re.findall(r"^```(sh|console)\n(.*?)^```", text, re.M | re.S):
-            for line in block.replace("\\\n", " ").splitlines():
-                if kind == "console" and not line.startswith("$ "):
-                    continue
-                line = re.split(r"\s#\s|^#\s", line.removeprefix("$ "))[0].strip()
+            block = block.replace("\\\n", " ")
+            for entry in block.split("\n$ ") if kind == "console" else block.splitlines():
+                first, _, shown = entry.removeprefix("$ ").partition("\n")
+                line = re.split(r"\s#\s|^#\s", first)[0].strip()
                 if line.startswith("cd "):
                     folder = line[3:]
                 elif line:
-                    yield Typed(name, folder, line)
+                    yield Typed(name, folder, line, shown)
 
 
 ALL = list(typed())
@@ -149,9 +152,10 @@ def test_every_command_in_a_sentence_exists() -> None:
 def test_the_pages_run_from_top_to_bottom(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """In one copy of sample_data, in the order of the pages; status 0 each."""
+    """In one copy of sample_data, in the order of the pages: status 0 each, and the words shown."""
     shutil.copytree(SAMPLES, tmp_path / "sample_data")
-    failed, done = [], set()
+    failed: list[tuple[object, ...]] = []
+    printed: dict[tuple[str, ...], set[str]] = {}
     for one in ALL:
         monkeypatch.chdir(tmp_path / one.folder)
         if one.line.startswith("cp "):
@@ -165,15 +169,19 @@ def test_the_pages_run_from_top_to_bottom(
                 for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
             ]
             asked = tuple(word for word in given if word != "--quiet")
-            if asked in done:  # it stands on several pages
-                continue
-            done.add(asked)
-            monkeypatch.setattr(sys, "stdin", standard_input(one.line))
-            status = run(given)
-            if status:
-                failed.append((one.page, words, status, capfd.readouterr().err[-300:]))
+            if asked not in printed:  # else it stands on several pages
+                monkeypatch.setattr(sys, "stdin", standard_input(one.line))
+                capfd.readouterr()
+                status = run(list(asked))
+                out, err = capfd.readouterr()
+                printed[asked] = set(WORD.findall(out + err))
+                if status:
+                    failed.append((one.page, words, status, err[-300:]))
+            other = set(WORD.findall(one.shown)) - printed[asked]
+            if other:
+                failed.append((one.page, words, "is not what it prints: make outputs", other))
     assert failed == []
-    assert len(done) > 25
+    assert len(printed) > 25
 
 
 def standard_input(line: str) -> io.TextIOWrapper:
