@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test test-extras test-versions coverage bench lint hidden nuisances fuzz docs
+.PHONY: demo test test-extras test-versions coverage bench lint hidden nuisances fuzz docs reference outputs
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -72,6 +72,21 @@ lint: .venv/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# reference pages and README tables, from the registers of the package
-docs: .venv/.dev
+# the site in build/docs; reference pages, outputs and pictures are made first
+docs: reference outputs .venv-docs/.done
+	.venv-docs/bin/sphinx-build -W -q docs build/docs
+	@echo "open build/docs/index.html"
+
+# reference pages and tables in pages, from the registers of the package
+reference: .venv/.dev
 	$(BIN)/python docs/generate.py
+
+# what README.md and the pages show under their commands, and the pictures
+outputs: .venv/.dev
+	$(BIN)/python docs/outputs.py
+
+# the site's builder has an environment of its own: nothing of tirelog needs it
+.venv-docs/.done: docs/requirements.txt
+	$(PYTHON) -m venv .venv-docs
+	.venv-docs/bin/python -m pip install --quiet --requirement docs/requirements.txt
+	touch $@

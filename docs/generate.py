@@ -1,9 +1,9 @@
-"""Reference pages and README tables from the registers of the package.
+"""Reference pages and tables in pages, from the registers of the package.
 
-    python docs/generate.py             writes them (also: make docs)
+    python docs/generate.py             writes them (also: make reference)
     tests/test_docs.py                  the committed ones are what the registers give
 
-`PAGES` are whole files; a section of README.md stands between two comments that name it.
+`PAGES` are whole files; `SECTIONS` stand in written pages, between two comments that name them.
 """
 
 from __future__ import annotations
@@ -15,11 +15,16 @@ from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
+from tirelog.data import setup
+from tirelog.data.setup import ROADS, SEPARATORS, SURFACES
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
+from tirelog.physics.model import presets
 from tirelog.physics.model.empirical import FRAMES as SHAPE_FRAMES
+from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
+from tirelog.physics.model.presets import PRESETS
 from tirelog.simulation.scenario import schema
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -30,7 +35,7 @@ from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
-NOTE = "<!-- made by `make docs` from {}; change that file -->"
+NOTE = "<!-- made by `make reference` from {}; change that file -->"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -50,7 +55,7 @@ def unit_of(unit: str) -> str:
 
 
 def quality_section() -> str:
-    """The words and what they say, as README.md shows them."""
+    """The words and what they say."""
     rows = [(f"`{flag.word}`", flag.sentence) for flag in sorted(Quality, key=_word)]
     return table(("quality word", "what it says of the row"), rows)
 
@@ -397,7 +402,7 @@ def allowed_in(key: Field[Any]) -> str:
 
 
 def kinds_section() -> str:
-    """Kinds of channel, as README.md shows them."""
+    """Kinds of channel."""
     return table(
         ("kind", "what it is", "unit if none is named"),
         [(f"`{kind.name}`", kind.meaning, kind.source_unit) for kind in KINDS.values()],
@@ -405,7 +410,7 @@ def kinds_section() -> str:
 
 
 def conditions_section() -> str:
-    """Conditions that a setup or a channel gives, as README.md shows them."""
+    """Conditions that a setup or a channel gives."""
     rows = [
         (
             c.name,
@@ -421,9 +426,121 @@ def conditions_section() -> str:
 
 
 def observables_section() -> str:
-    """What a model predicts, as README.md shows it."""
+    """What a model predicts."""
     rows = [(f"`{o.name}`", o.meaning, o.unit, words(o.kinds)) for o in OBSERVABLES.values()]
     return table(("`--observable`", "what it is", "unit", "measured by channels of kind"), rows)
+
+
+def setup_keys_section() -> str:
+    """Every key of a setup with its range."""
+    parts = []
+    for name, kind in SETUP_TABLES.items():
+        rows = [(f"`{f.name}`", default_of(f), setup_values(f)) for f in fields(kind)]
+        about = f"```text\n{getdoc(kind)}\n```\n\n" if kind.__doc__ else ""
+        parts.append(f"### `{name}`\n\n{about}{table(('key', 'if absent', 'allowed'), rows)}")
+    return "\n\n".join(parts)
+
+
+def setup_values(key: Field[Any]) -> str:
+    """What a setup may give for a key, as a cell."""
+    words_of = {
+        "kind": tuple(KINDS) if key.default == "" else ROADS,
+        "surface": SURFACES,
+        "separator": tuple(
+            f'"{s}"'.replace("\t", "\\t").replace("|", "&#124;") for s in SEPARATORS
+        ),
+        "decimal": (".", ","),
+        "encoding": ("utf-8", "cp1252"),
+        "steps": (),
+    }
+    if words_of.get(key.name):
+        return words(words_of[key.name]).replace('`"&#124;"`', '"&#124;"')
+    if "range" in key.metadata:
+        low, high, above = key.metadata["range"]
+        return f"{'above' if above else 'from'} {low:g} to {high:g}"
+    wanted = str(key.type)
+    kinds = {
+        "bool": "true, false",
+        "tuple[float": "two numbers",
+        "tuple[str": "a list of names",
+        "int": "a whole number above 0",
+    }
+    return next((said for name, said in kinds.items() if name in wanted), "text")
+
+
+SETUP_TABLES: Mapping[str, type] = {
+    "[tire]": setup.Tire,
+    "[conditions]": setup.LogConditions,
+    "[channels.NAME]": setup.ChannelSetup,
+    "[log]": setup.LogSetup,
+    "[road]": setup.RoadSetup,
+}
+
+
+def parameters_section() -> str:
+    """The parameters of each carcass with start and bounds."""
+    head = ("parameter", "unit", "what it is", "start", "bounds", "in a new model")
+    parts = []
+    for title, carcass, contact in (
+        ('`carcass = "beam"`', "beam", "prescribed"),
+        ('`carcass = "ring"`, on a flat road', "ring", "flat_road"),
+        ('`carcass = "coupled_ring"`', "coupled_ring", "flat_road"),
+    ):
+        made = Model.new(carcass, contact=contact)
+        rows = [
+            (
+                f"`{p.name}`",
+                unit_of(p.unit),
+                p.description,
+                f"{p.value:g}",
+                f"{p.min:g} to {p.max:g}",
+                "free" if p.free else "fixed",
+            )
+            for p in made.base
+        ]
+        parts.append(f"### {title}\n\n{table(head, rows)}")
+    return "\n\n".join(parts)
+
+
+def presets_section() -> str:
+    """The presets with all that their files say."""
+    folder = Path(presets.__file__).parent
+    return "\n\n".join(
+        f"`--preset {name}`\n\n```toml\n{(folder / f'{name}.toml').read_text().rstrip()}\n```"
+        for name in PRESETS
+    )
+
+
+def campaign_keys_section() -> str:
+    """The tables of a campaign with their options."""
+    rows = [
+        (f"`[tables.{name}]`", f"`{o.name}`", o.help)
+        for name, entry in LOG_TABLES.items()
+        if entry.driven
+        for o in entry.options
+    ]
+    plain = [
+        f"`[tables.{name}]`"
+        for name, entry in LOG_TABLES.items()
+        if entry.driven and not entry.options
+    ]
+    without = f"\n\nWithout options: {', '.join(plain)}." if plain else ""
+    return table(("table", "key", "what it does"), rows) + without
+
+
+def errors_section() -> str:
+    """Every column that is a standard error, with its tables."""
+    rows = [
+        (
+            f"`{c.name}`",
+            c.unit,
+            words(n for n, e in LOG_TABLES.items() if c.name in e.columns) or "`dissipation --fit`",
+            c.meaning,
+        )
+        for c in COLUMNS.values()
+        if re.search(r"_se(_|$)", c.name)
+    ]
+    return table(("column", "unit", "table", "what it is"), rows)
 
 
 def _sizes(nuisance: Nuisance) -> str:
@@ -513,20 +630,29 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "docs/tables.md": tables_page,
     "docs/scenario.md": scenario_page,
 }
-README_SECTIONS: Mapping[str, Callable[[], str]] = {
-    "quality words": quality_section,
-    "channel kinds": kinds_section,
-    "conditions": conditions_section,
-    "observables": observables_section,
+SECTIONS: Mapping[str, Mapping[str, Callable[[], str]]] = {
+    "docs/setup.md": {
+        "channel kinds": kinds_section,
+        "conditions": conditions_section,
+        "keys": setup_keys_section,
+    },
+    "docs/model.md": {
+        "observables": observables_section,
+        "parameters": parameters_section,
+        "presets": presets_section,
+    },
+    "docs/campaigns.md": {"keys": campaign_keys_section},
+    "docs/standard_errors.md": {"columns": errors_section},
 }
 
 
-def readme(text: str) -> str:
-    """README.md with each of its sections as the registers give it."""
-    for name, made in README_SECTIONS.items():
-        begin, end = f"<!-- {name}: made by `make docs` -->\n", f"\n<!-- end of {name} -->"
+def filled(page: str, text: str) -> str:
+    """A written page with each of its sections as the registers give it."""
+    for name, made in SECTIONS[page].items():
+        begin = f"<!-- {name}: made by `make reference` -->\n"
+        end = f"\n<!-- end of {name} -->"
         if len(re.findall(f"{re.escape(begin)}.*?{re.escape(end)}", text, re.S)) != 1:
-            raise SystemExit(f"README.md: not one section {name!r} between its two comments")
+            raise SystemExit(f"{page}: not one section {name!r} between its two comments")
         before, rest = text.split(begin)
         text = before + begin + made() + end + rest.split(end)[1]
     return text
@@ -534,8 +660,8 @@ def readme(text: str) -> str:
 
 def made() -> dict[Path, str]:
     """Every file that is made, with its text."""
-    page = ROOT / "README.md"
-    return {ROOT / name: text() for name, text in PAGES.items()} | {page: readme(page.read_text())}
+    whole = {ROOT / name: text() for name, text in PAGES.items()}
+    return whole | {ROOT / name: filled(name, (ROOT / name).read_text()) for name in SECTIONS}
 
 
 if __name__ == "__main__":

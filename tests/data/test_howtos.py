@@ -153,8 +153,8 @@ def test_a_condition_with_its_effect_an_observable_and_a_table_are_three_files_e
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-def test_the_readme_s_own_effect_is_read(tmp_path: Path) -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_page_s_own_effect_is_read(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "missing_effect.md").read_text(encoding="utf-8")
     [code] = re.findall(r"^```python\n(from tirelog\.physics import.*?)^```$", text, re.M | re.S)
     (tmp_path / "mine.py").write_text(code)
     [effect] = effects_of_file(tmp_path / "mine.py").values()

@@ -1,6 +1,6 @@
 """Golden: the examples of the documentation run and give the numbers that they show.
 
-The Python blocks of README.md, and one number of each public function (doctests on sample_data).
+The Python blocks of the pages, and one number of each public function (doctests on sample_data).
 """
 
 import doctest
@@ -14,25 +14,34 @@ import pytest
 import tirelog
 
 ROOT = Path(__file__).parents[2]
-BLOCKS = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.M | re.S)
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "methods").glob("*.md")),
+]
+BLOCKS = [
+    block
+    for page in PAGES
+    for block in re.findall(r"^```python\n(.*?)^```", page.read_text("utf-8"), re.M | re.S)
+]
 
 
-def test_the_readme_has_examples_in_python() -> None:
-    assert len(BLOCKS) >= 3
+def test_the_pages_have_examples_in_python() -> None:
+    assert len(BLOCKS) >= 4
     assert any("tirelog.diagnose" in block for block in BLOCKS)
 
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_the_readme_s_python_runs(
-    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_s_python_runs(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
+    for log in ("drive.csv.gz", "drive.toml"):  # pages of methods are typed in sample_data
+        (tmp_path / log).symlink_to(ROOT / "sample_data" / log)
     part = tmp_path / "results" / "table=footprint" / "log=a" / "part.parquet"
     part.parent.mkdir(parents=True)
     pd.DataFrame({"length_m": [0.1, 0.2]}).to_parquet(part)
     monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {"__name__": "readme"}
-    exec(compile(BLOCKS[number], f"README.md, block {number}", "exec"), names)
+    names: dict[str, object] = {"__name__": "page"}
+    exec(compile(BLOCKS[number], f"pages, block {number}", "exec"), names)
     if "before" in names:  # the session of a notebook: the effect that is named takes the excess
         before, after, found = (names[name] for name in ("before", "after", "found"))
         assert found.selected == ("water_film",)  # the truth of the log

@@ -30,6 +30,13 @@ def nuisances(incomplete: str) -> list[str]:
     return _beginning(tuple(BY_NAME), incomplete)
 
 
+def presets(incomplete: str) -> list[str]:
+    """Presets of a new model."""
+    from tirelog.physics.model.presets import PRESETS
+
+    return _beginning(PRESETS, incomplete)
+
+
 def tables(incomplete: str) -> list[str]:
     """Tables of a log."""
     from tirelog.vocabulary.tables import LOG_TABLES

@@ -84,7 +84,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog effects", "the catalogue"),
         ("tirelog effects water_film --plot water_film.png", "what one does to the strain"),
     ),
-    "model new": (("tirelog model new --setup drive.toml -o model.toml", "a beam to begin with"),),
+    "model new": (
+        ("tirelog model new --setup drive.toml -o model.toml", "a beam to begin with"),
+        ("tirelog model new --preset P3 -o ring.toml", "the ring of a paper's table"),
+    ),
     "model show": (("tirelog model show model.toml", "parameters, effects, ladders climbed"),),
     "model add": (("tirelog model add model.toml water_film -o better.toml", "an effect more"),),
     "model remove": (
@@ -119,7 +122,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "ladder": (
         (
-            "tirelog ladder a.csv b.csv --model model.toml -o better.toml --plot ladder.png",
+            "tirelog ladder a.csv b.csv --model model.toml --save better.toml --plot l.png",
             "effects until nothing more is worth adding",
         ),
     ),
@@ -159,6 +162,7 @@ METAVARS: Mapping[str, str] = {
     "average": "NUMBER",
     "points": "NUMBER",
     "carcass": "CARCASS",
+    "preset": "PRESET",
     "contact": "CONTACT",
     "surface": "SURFACE",
     "observable": "OBSERVABLE",

@@ -75,7 +75,18 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
 @app.command()
 def new(
     output: Target,
-    carcass: Annotated[str, typer.Option(help="beam, ring or coupled_ring.")] = "beam",
+    carcass: Annotated[
+        str | None,
+        typer.Option(help="beam (the default), ring or coupled_ring.", show_default=False),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help="Start from the numbers of a paper's table: P1, P2 (beams) or P3 (a ring).",
+            autocompletion=completion.presets,
+            show_default=False,
+        ),
+    ] = None,
     setup: SetupFile = None,
     observable: Annotated[
         str | None,
@@ -101,6 +112,7 @@ def new(
         observable=None if observable is None else _words(observable),
         contact=contact,
         values=_assignments(sets),
+        preset=preset,
     )
     save_model(model, output)
     if not quiet:

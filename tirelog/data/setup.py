@@ -40,7 +40,17 @@ def _number(low: float, high: float, *, above: bool = True, default: Any = None)
 
 @dataclass(frozen=True)
 class Tire:
-    """[tire]. Lengths in m; `rolling_radius_m` is the loaded rolling radius R_e (errata, Speed)."""
+    """[tire]: the tire; lengths in m.
+
+    name                       what reports call it
+    unloaded_radius_m          R; speeds use it if the rolling radius is not given, and say so
+    rolling_radius_m           R_e of the loaded, rolling tire (errata, Speed)
+    section_height_m           of the tread strip under the grating
+    width_m                    of the belt
+    section_area_m2            of the strip; else section height x width
+    viscosity_Pa_s             of the rubber: gives dissipation in W and N
+    static_footprint_length_m  length of the patch at rest
+    """
 
     name: str = ""
     unloaded_radius_m: float | None = _number(0.0, 5.0)
@@ -101,10 +111,22 @@ class LogConditions(_ConditionKeys):
 
 @dataclass(frozen=True)
 class ChannelSetup:
-    """[channels.NAME].
+    """[channels.NAME]: one signal of the log.
 
-    The unit is the source's, or what `scale` and `offset` give: scale x recorded + offset;
-    `gauge_length_m` the length a grating averages over.
+    kind                          what is measured
+    source                        where it stands in the file
+    unit                          of the source, or of what scale and offset give
+    scale, offset                 value in the unit = scale x recorded + offset
+    reference_wavelength_nm       of a grating without strain
+    strain_gain                   strain per relative change of wavelength
+    thermal_expansion_1_K         of what the grating is bonded to
+    temperature_channel           the unbonded twin grating
+    temperature_sensitivity_nm_K  of a grating
+    surface                       outer (groove): minimum in the patch; inner (liner): maximum
+    window_nm                     finds a grating by wavelength among a varying number of peaks
+    gauge_length_m                length a grating averages over
+    steps                         of a wheel encoder, per turn
+    sampling_rate_Hz              the channel's own rate
     """
 
     kind: str = ""

@@ -4,7 +4,7 @@
 stands beside it says what the condition is called, which channels measure it, which key of a
 setup's [conditions] gives it and how it is proposed to a driver. From it are made the conditions of
 revolutions and of predictions, the setup's keys, the names in expressions, and the sentences of a
-diagnosis. A new condition is one field here (docs/howto/condition.md); the README's table and
+diagnosis. A new condition is one field here (docs/howto/condition.md); docs/setup.md and
 docs/conditions.md are made from this register.
 """
 

@@ -1,7 +1,7 @@
 """Every kind of channel, once: what it measures, in which units it may be recorded, its SI unit.
 
 A setup names a channel's kind; readers, tables, models and pages look up here what that means. A
-new kind is one entry; the README's table and docs/channel_kinds.md are made from this register.
+new kind is one entry; docs/channel_kinds.md and docs/setup.md are made from this register.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
     estimator --flags (n,) uint32: `marked(rows, Quality.GAP) | ...`--> `good(flags)` for the next
     estimator, `quality_column(flags)` for a table: 'ok', or words joined by ';'
 
-A member of `Quality` is all that a new word needs here; README.md and docs/quality_words.md are
-made from this file (`make docs`).
+A member of `Quality` is all that a new word needs here; docs/quality_words.md is made from this
+file (`make reference`).
 """
 
 from __future__ import annotations

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tirelog.data.setup import Setup
+from tirelog.errors import UsageError
 from tirelog.physics.model.limits import check_pressure
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.presets import preset_model
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.observables import ACCELERATION, waveform_of
@@ -16,29 +18,44 @@ _OWN = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
 
 
 def new_model(
-    carcass: str,
+    carcass: str | None,
     setup: Setup | None = None,
     *,
     observable: str | Sequence[str] | None = None,
     contact: str | None = None,
     values: Mapping[str, float] | None = None,
+    preset: str | None = None,
 ) -> tuple[Model, list[str]]:
     """(A model without effects, what its values and its carcass leave open).
 
-    `values` go before what the setup knows, and this before start values.
+    `values` go before what the setup knows, this before a preset's numbers, these before start
+    values.
 
-    observable  what the model predicts, one or several; None: what the setup's channels measure,
-                else strain
+    carcass     None: the preset's, else a beam
+    observable  what the model predicts, one or several; None: the preset's, else what the setup's
+                channels measure, else strain
     ModelError  no such carcass, observable, contact or parameter, or a pressure that is none in Pa
+    UsageError  no such preset, or one of another carcass
     """
-    model = Model.new(carcass, observable or measured_waveform(setup), contact)
+    if preset is None:
+        model = Model.new(carcass or "beam", observable or measured_waveform(setup), contact)
+        printed: dict[str, float] = {}
+    else:
+        model = preset_model(preset, observable=observable, contact=contact)
+        printed = model.values
+        if carcass not in (None, model.carcass):
+            raise UsageError(
+                f"the preset {preset} is a {model.carcass}, and --carcass says {carcass}",
+                allowed="one of the two is allowed",
+                do="leave --carcass out, or --preset",
+            )
     given = {**known_numbers(model, setup), **(values or {})}
     check_pressure(given.get("inflation_pressure_Pa"))
     model = model.with_values(given)
     guessed = [
         f"{name} = {model.values[name]:g}"
         for name in _OWN
-        if name in model.parameters and name not in given
+        if name in model.parameters and name not in {**printed, **given}
     ]
     notes = []
     if guessed:
