@@ -38,6 +38,7 @@ NAMESAKES = {
         "campaign/manifest.py",
         "api/tables.py",
         "cli/footprint.py",
+        "cli/help.py",
     },
     "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},
     "clock_set_back": {"runs/clock.py"},
