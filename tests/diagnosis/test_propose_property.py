@@ -13,6 +13,7 @@ import pytest
 
 from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.planted import MODEL, since_exit, stack
+from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.propose.formulas import Choice, Draft, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
@@ -74,6 +75,33 @@ def test_its_measured_shape_is_an_effect_as_well(proposal: Proposal, tmp_path: P
     after = compare(LOGS, load_model(tmp_path / "shape.toml"))
     assert after.rmse_heldout is not None
     assert after.rmse_heldout < 1.1 * after.noise_floor
+
+
+def test_a_ladder_ends_with_what_is_proposed(
+    proposal: Proposal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[object] = []
+
+    def given(seen: object, model: Model, **_: object) -> Proposal:
+        asked.append(model)
+        return proposal
+
+    monkeypatch.setattr(climbing, "propose", given)
+    climbed = climbing.ladder(LOGS, MODEL, proposing=True)
+    assert len(asked) == 1
+    last = next(step for step in climbed.steps if step.decision == "added: proposed")
+    assert last.effect == "proposed_1"
+    assert last.rmse_heldout is not None
+    assert last.rmse_heldout < 1.05 * last.noise_floor < 0.7 * (climbed.steps[0].rmse_heldout or 0)
+    assert [step.step for step in climbed.steps] == list(range(len(climbed.steps)))
+    assert climbed.verdict == "at_the_floor"
+    # a name that stood in for what was unknown goes
+    assert [entry.id for entry in climbed.model.effects] == ["proposed_1"]
+    nothing = replace(proposal, status="nothing", reason="it scatters.", model=None, written=())
+    monkeypatch.setattr(climbing, "propose", lambda seen, model, **_: nothing)
+    kept = climbing.ladder(LOGS, MODEL, proposing=True)
+    assert not any("proposed" in step.decision for step in kept.steps)
+    assert any("it scatters." in remark for remark in kept.remarks)
 
 
 def test_a_shape_is_said_to_do_better_only_if_it_was_not_asked_for(proposal: Proposal) -> None:
