@@ -95,7 +95,6 @@ def test_a_ladder_ends_with_what_is_proposed(
     assert last.rmse_heldout < 1.05 * last.noise_floor < 0.7 * (climbed.steps[0].rmse_heldout or 0)
     assert [step.step for step in climbed.steps] == list(range(len(climbed.steps)))
     assert climbed.verdict == "at_the_floor"
-    # a name that stood in for what was unknown goes
     assert [entry.id for entry in climbed.model.effects] == ["proposed_1"]
     nothing = replace(proposal, status="nothing", reason="it scatters.", model=None, written=())
     monkeypatch.setattr(climbing, "propose", lambda seen, model, **_: nothing)
