@@ -7,9 +7,11 @@ import pytest
 
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
+from tirelog.diagnosis import diagnose
 from tirelog.diagnosis.beside import allowed_nuisances, best_nuisance, groups_of
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude
+from tirelog.diagnosis.leftover import describe
 from tirelog.diagnosis.naming import quiet
 from tirelog.diagnosis.nuisance_sizes import nuisances_found
 from tirelog.diagnosis.search import search_effects
@@ -90,7 +92,7 @@ def test_a_nuisance_that_is_on_stands_beside_the_base(wheel_null):
     assert "wheel" not in allowed_nuisances(plain)
 
 
-def test_an_effect_is_named_beside_the_wheel():
+def test_an_effect_is_named_beside_the_wheel(monkeypatch):
     stacks = measured(WHEEL, {"viscous_damping": {"damping_rate_1_s": 40.0}})
     found = search_effects(start(stacks, MODEL))
     result = conclude(found, ())
@@ -104,6 +106,15 @@ def test_an_effect_is_named_beside_the_wheel():
     )
     held = conclude(replace(found, alike=(("wheel", "viscous_damping"),)), ())
     assert (held.verdict, held.sentence) == (result.verdict, result.sentence)
+    # held out below the floor, and not beyond doubt: nothing of a size is missing, named or not
+    step = found.steps[0]
+    doubtful = replace(step.named, assessed=replace(step.named.assessed, p=0.005))
+    low = replace(found.before, held_plain=0.0 * found.before.held_plain)
+    small = replace(found, before=low, steps=(replace(step, named=doubtful), *found.steps[1:]))
+    monkeypatch.setattr(
+        diagnose, "describe", lambda base: replace(describe(base), significant=True)
+    )
+    assert conclude(small, ()).verdict == "scatter"
     damping = result.model.parameters["viscous_damping.damping_rate_1_s"]
     assert abs(damping.value - 40.0) < 4.0 * damping.se
 

@@ -216,8 +216,8 @@ def conclude(found: Found, stacks: Sequence[Stack] | StacksTogether) -> Diagnosi
         found.named and not selected
     ):  # what was named is not claimed: the description is of what the model as it came leaves
         left, excess_after = describe(before), excess_before
-        if not left.significant and excess_before <= LEAST_SHARE_OF_FLOOR * floor.square:
-            # what alarmed is gone, once less is taken for scatter
+        if max(excess_before, removed if sure else 0.0) <= LEAST_SHARE_OF_FLOOR * floor.square:
+            # what alarmed is gone, once less is taken for scatter, or too small to be missing
             verdict = verdict_of(replace(evidence, named=0, repeats=False))
     ranking = _ranking(found, selected, counted, floor.square, share)
     unexplained = _unexplained(
