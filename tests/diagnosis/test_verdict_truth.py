@@ -28,14 +28,14 @@ pytestmark = pytest.mark.xdist_group("verdicts")  # one worker makes what these 
 MODEL = Model.new("beam", radius_m=0.305)
 
 
-def fitted(scenarios, angles):
+def fitted(scenarios, angles, model=MODEL):
     """The model fitted to the logs of some scenarios."""
     return start(
         stacks_from_logs(
             [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(scenarios)],
             angles=angles,
         ),
-        MODEL,
+        model,
     )
 
 
@@ -46,7 +46,7 @@ def diagnosed(base):
 
 @pytest.fixture(scope="module")
 def two_pressures():
-    """A patch that shrinks with the pressure, which no part of the model does."""
+    """A patch that shrinks with the pressure, which this model may not put down to a law of it."""
     logs = case((), seed=211, how=Case(plan="short", logs=2, duration=0.6))
     return fitted(
         [
@@ -58,6 +58,7 @@ def two_pressures():
             for log, pressure, half in zip(logs, (2.2e5, 1.6e5), (0.0564, 0.0620), strict=True)
         ],
         angles=96,
+        model=MODEL.with_nuisance("pressure_law", "off"),
     )
 
 
@@ -80,6 +81,19 @@ def test_a_patch_that_follows_the_pressure_is_not_the_noise_floor(two_pressures)
     assert result.unexplained["follows"] == "pressure"
     assert "noise floor" not in result.sentence
     assert "First check what the setups say of load, pressure" in result.sentence
+
+
+def test_and_the_law_of_the_pressure_says_it_if_it_may(two_pressures):
+    given = two_pressures.fit.model.with_nuisance("pressure_law", "auto")
+    free = replace(two_pressures, fit=replace(two_pressures.fit, model=given), given=MODEL)
+    result = diagnosed(free)
+    assert result.verdict == "nothing_missing"
+    (law,) = (n for n in result.nuisances if n.stayed)
+    assert law.nuisance == "pressure_law"
+    # 0.0564 m at 2.2 bar, 0.0620 at 1.6
+    truth = np.log(0.0620 / 0.0564) / np.log(2.2 / 1.6)
+    found = result.model.parameters["patch_pressure_exponent"]
+    assert abs(found.value - truth) < max(4.0 * found.se, 0.01)
 
 
 def test_a_load_that_wanders_on_the_road_is_in_the_floor_and_said_with_its_size():

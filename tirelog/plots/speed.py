@@ -13,6 +13,7 @@ import numpy as np
 
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, RAW, figure_page, label, robust_range, write
+from tirelog.vocabulary.quality import OK
 
 #: logs that have a row of their own
 _MOST = 8
@@ -32,7 +33,7 @@ def speed_picture(kept: Sequence[tuple[Recording, Mapping[str, Any]]], path: Pat
         drawn = []
         for number, columns in enumerate(channels):
             rows = _rows(columns)
-            good = np.asarray(rows["quality"]) == "ok"
+            good = np.asarray(rows["quality"]) == OK
             colour = COLOURS[number % len(COLOURS)]
             time, speed, error = (rows[n] for n in ("time_s", "speed_m_s", "speed_se_m_s"))
             drawn.append(speed[good])

@@ -88,13 +88,13 @@ def _slip(
         slip = 1.0 - TURN_RAD * radius / metres
     error = np.hypot(_scatter(metres[good]) / metres, radius_se / radius) * np.abs(1.0 - slip)
     columns = {
-        name: turns[name] for name in ("log", "channel", "revolution", "time_s", "speed_m_s")
+        name: turns[name]
+        for name in ("log", "channel", "revolution", "time_s", "speed_m_s", "quality")
     }
     columns |= {
         "vehicle_speed_m_s": metres / period,
         "slip": slip,
         "slip_se": error,
-        "quality": turns["quality"],
     }
     return SlipOfChannel(columns, (*remarks, said))
 
