@@ -346,13 +346,23 @@ def run(task: Task) -> Row:
     )
 
 
+def _number(text: str) -> float:
+    """An exponent; that is none, NaN, if it was left free and is a name."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
 def _same_law(text: str, truth: tuple[str, float]) -> bool:
     """Does a law name the condition, and its power to a quarter?  A free exponent does not."""
     name, power = truth
     if name == "1":
         return text == "1"
     value = (
-        float(text.rpartition("** ")[2]) if text.rpartition("** ")[1] and " * " not in text else 1.0
+        _number(text.rpartition("** ")[2])
+        if text.rpartition("** ")[1] and " * " not in text
+        else 1.0
     )
     return f"({name} /" in text and " * " not in text and abs(value - power) < 0.26
 

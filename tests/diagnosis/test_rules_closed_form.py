@@ -84,11 +84,12 @@ class PlainOfOne(SimpleNamespace):
         return values
 
 
-def base_of(prediction, held_plain, held_white):
+def base_of(prediction, held_plain, held_white, chi2=8.0):
     """As much of a base as its size needs: four manoeuvres of one cell each, a floor of one."""
     return SimpleNamespace(
         plain=PlainOfOne(weight=4.0),
-        fit=SimpleNamespace(prediction=prediction, beside=np.zeros((4, 2))),
+        fit=SimpleNamespace(prediction=prediction, beside=np.zeros((4, 2)), freedom=8.0),
+        noise_chi2=chi2,
         held_plain=np.array(held_plain),
         held_white=np.array(held_white),
         floor=SimpleNamespace(square=1.0),
@@ -97,7 +98,7 @@ def base_of(prediction, held_plain, held_white):
 
 def test_size_is_what_held_out_errors_tell_and_what_changes_where_they_do_not():
     surely = [40.0, 41.0, 39.0, 40.0]
-    before = base_of(np.zeros((4, 2)), [9.0, 9.0, 9.0, 9.0], surely)
+    before = base_of(np.zeros((4, 2)), [9.0, 9.0, 9.0, 9.0], surely, chi2=108.0)
     changed = np.array([[0.5, 0.5]] * 4)
     told = base_of(changed, [8.0, 8.1, 7.9, 8.0], [2.0] * 4)
     assert removed_by(before, told, sure=True) == (1.0, False)
@@ -109,6 +110,9 @@ def test_size_is_what_held_out_errors_tell_and_what_changes_where_they_do_not():
     assert removed_by(before, scattered, sure=False) == (pytest.approx(-0.25), False)
     assert worth_it(before, scattered, p=1e-4)
     assert not worth_it(before, scattered, p=0.005)
+    # and a change that leaves most of chi-square's excess is that of loads that scatter
+    by_load = base_of(changed, [1.0, 17.5, 2.0, 16.5], [2.0] * 4, chi2=69.0)
+    assert not worth_it(before, by_load, p=1e-4)
     # a change that the held-out errors rule out is none
     worse = base_of(changed, [18.9, 19.0, 19.1, 19.0], [2.0] * 4)
     assert removed_by(before, worse, sure=True)[0] < -2.0

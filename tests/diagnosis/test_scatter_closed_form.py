@@ -17,8 +17,12 @@ def test_manoeuvres_that_only_scatter_keep_all_of_it():
     hat = hat_of(np.stack([np.ones(24), speed, speed**2], axis=1))
     values = 0.02 * random.standard_normal(24)
     sd, left = _deviations(values, np.zeros(24), hat, 1.0)
-    np.testing.assert_allclose(left, values - values.mean())
-    np.testing.assert_allclose(sd, values.std(ddof=1))
+    # with their mean, which no parameter took
+    np.testing.assert_allclose(left, values)
+    np.testing.assert_allclose(sd, np.sqrt((values**2).sum() / 23.0))
+    # a mean beyond their scatter is none of it, but a load that is wrong
+    _, left = _deviations(values + 0.1, np.zeros(24), hat, 1.0)
+    np.testing.assert_allclose(left, values - values.mean(), atol=1e-15)
 
 
 def test_what_surely_follows_is_no_scatter():

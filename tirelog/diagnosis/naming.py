@@ -32,6 +32,7 @@ from tirelog.diagnosis.rules import (
     LIKE,
     MOST_CONTENDERS,
     NOT_FORM,
+    NUISANCE_SHARE,
     QUIET_CHI2,
     QUIET_FLOORS,
     SECOND_LEAST,
@@ -364,8 +365,13 @@ def worth_it(before: Base, after: Base, p: float = 1.0) -> bool:
     `p`: by what chance it looks as it does, if that is known.
     """
     gain, error = gain_and_error(before.held_white, after.held_white)
-    size, _ = removed_by(before, after, sure=p <= BEYOND_DOUBT_P)
-    return gain > GAIN_SIGMAS * error and size > LEAST_SHARE_OF_FLOOR * before.floor.square
+    if gain <= GAIN_SIGMAS * error:
+        return False
+    least = LEAST_SHARE_OF_FLOOR * before.floor.square
+    size, by_size = removed_by(before, after, sure=p <= BEYOND_DOUBT_P)
+    if by_size and size <= least:  # less is scatter once what it does is in
+        size, _ = removed_by(before, settled(after), sure=True)
+    return size > least
 
 
 def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
@@ -373,12 +379,15 @@ def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
 
     By the held-out errors. If these do not, since manoeuvres scatter by more, it is the
     square of what the refit changes of the waveforms, as far as they allow it; but only of what is
-    `sure`, since a refit that follows chance changes them as well.
+    `sure` and removes of chi-square's excess what a nuisance must: a refit that follows chance, or
+    loads that scatter, changes them as well.
     """
     drop, error = (
         x / before.plain.weight for x in gain_and_error(before.held_plain, after.held_plain)
     )
-    if drop > GAIN_SIGMAS * error or not sure:
+    gone = before.noise_chi2 - after.noise_chi2
+    explains = gone >= NUISANCE_SHARE * (before.noise_chi2 - before.fit.freedom) > 0.0
+    if drop > GAIN_SIGMAS * error or not (sure and explains):
         return drop, False
     one, other = (base.fit.prediction + base.fit.beside for base in (before, after))
     change = float((before.plain(np.nan_to_num(other - one)) ** 2).sum()) / before.plain.weight

@@ -225,7 +225,11 @@ def _deviations(
     ratio = (of_all - of_rest) / max(more, 1e-9) / max(of_rest / rest, 1e-300)
     if more < 0.5 or stats.f.sf(ratio, more, rest) > _FOLLOWS_P:
         expected = float(noise.sum()) * free / values.size
-        return float(np.sqrt(max((of_all - expected) / free, 0.0))), about
+        sd = float(np.sqrt(max((of_all - expected) / free, 0.0)))
+        if abs(values.mean()) > sd:
+            return sd, about
+        # a mean that no parameter could take is the scatter's own: loads that wander are few
+        return float(np.sqrt(max((float(values @ values) - expected) / free, 0.0))), values
     expected = float(((1.0 - np.diag(hat)) * noise).sum())
     return float(np.sqrt(max((of_rest - expected) / rest, 0.0))), left
 
