@@ -318,6 +318,14 @@ def test_a_small_workbook_of_very_many_cells(rows: str, tmp_path: Path, monkeypa
     assert "cannot be read" in refusal(written(sheet(rows), tmp_path))
 
 
+def test_a_workbook_of_words_is_no_damage(tmp_path: Path) -> None:
+    pytest.importorskip("python_calamine", reason="python_calamine comes with an extra")
+    words = '<row r="1"><c r="A1" t="str"><v>tread</v></c></row>'
+    said = refusal(written(sheet(words), tmp_path))
+    assert "document without a log in it: no sheet has rows of numbers" in said
+    assert "cannot be read" not in said
+
+
 def test_a_count_of_values_that_no_tdms_can_hold(made, tmp_path: Path) -> None:
     data, source = made("TDMS")
     many = struct.pack("<Q", -(-N // 3))

@@ -50,11 +50,18 @@ def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, Co
             told = json.loads(file.read(_ANSWER_BYTES))
     except (OSError, ValueError):
         told = {"error": _how_it_ended(ended)}
+    if "empty" in told:
+        raise ReadError(
+            f"is {what.name} without a log in it: {told['empty']}",
+            allowed="allowed are files that hold numbers over time",
+            do="export the signals themselves; if they were in it, copy it again",
+            file=log,
+        )
     if "error" in told:
         raise ReadError(
             f"is {what.name} that cannot be read ({told['error']})",
             allowed=f"allowed is what {what.library} reads within {MEMORY_BYTES >> 20} MB",
-            do="copy it again, or export the signals in parts",
+            do="copy it again, save it without a password, or export the signals in parts",
             file=log,
         )
     return target, Converted(

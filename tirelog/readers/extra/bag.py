@@ -50,7 +50,7 @@ def convert(source: Path, target: Path, answer: Answer) -> None:
         writer.finish()
     topics.finish()
     if not topics.written:
-        raise NoNumbers("holds no messages that can be read")
+        raise NoNumbers("it holds no message that can be read")
 
 
 @contextmanager

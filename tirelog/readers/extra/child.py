@@ -72,7 +72,7 @@ def main() -> None:
     except MemoryError:
         told = {"error": "it takes too much memory"}
     except NoNumbers as problem:
-        told = {"error": one_line("; ".join([str(problem), *answer.losses, *answer.passed_over]))}
+        told = {"empty": one_line("; ".join([str(problem), *answer.losses, *answer.passed_over]))}
     # libraries raise anything on a damaged file; the sentence goes to who asked
     except Exception as problem:
         told = {"error": one_line(f"{type(problem).__name__}: {problem}")}

@@ -45,7 +45,7 @@ class Datasets:
         """Closes the file.  NoNumbers: there is none in it."""
         self.file.close()
         if kind is None and not self.many:
-            raise NoNumbers("holds no channel of numbers")
+            raise NoNumbers("it holds no signal over time")
 
     def group(self, name: object) -> h5py.Group:
         """A group of that name, or of one like it if it is taken."""
