@@ -144,15 +144,7 @@ def _comparison_of_several(
         observable=cells.observable,
         unit=FLOORS,
         model=base.model,
-        rmse=float(np.sqrt(max(base.square_fit, 0.0))),
-        rmse_heldout=base.rmse_held,
-        noise_floor=float(np.sqrt(base.floor.square)),
-        noise_floor_within=float(np.sqrt(base.floor.within)),
-        noise_floor_between=float(np.sqrt(base.floor.between)),
-        reduced_chi2=base.reduced_chi2,
-        fit_percent=100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread)))
-        if spread > 0
-        else 0.0,
+        **_errors(base, spread),
         revolutions=int(cells.revolutions.sum()),
         manoeuvres=cells.manoeuvres,
         parameters=parameters_of(base.model),
@@ -162,6 +154,21 @@ def _comparison_of_several(
         contributions=known,
         agreement=said,
     )
+
+
+def _errors(base: Base, spread: float) -> dict[str, Any]:
+    """The errors of a comparison; `spread` is the mean square of what was measured."""
+    return {
+        "rmse": float(np.sqrt(max(base.square_fit, 0.0))),
+        "rmse_heldout": base.rmse_held,
+        "noise_floor": float(np.sqrt(base.floor.square)),
+        "noise_floor_within": float(np.sqrt(base.floor.within)),
+        "noise_floor_between": float(np.sqrt(base.floor.between)),
+        "reduced_chi2": base.reduced_chi2,
+        "fit_percent": 100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread)))
+        if spread > 0
+        else 0.0,
+    }
 
 
 def _in_floors(part: Comparison, floor: float) -> Comparison:
@@ -218,15 +225,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
         observable=base.model.observable,
         unit=OBSERVABLES[base.model.observable].unit,
         model=base.model,
-        rmse=float(np.sqrt(max(base.square_fit, 0.0))),
-        rmse_heldout=base.rmse_held,
-        noise_floor=float(np.sqrt(base.floor.square)),
-        noise_floor_within=float(np.sqrt(base.floor.within)),
-        noise_floor_between=float(np.sqrt(base.floor.between)),
-        reduced_chi2=base.reduced_chi2,
-        fit_percent=100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread)))
-        if spread > 0
-        else 0.0,
+        **_errors(base, spread),
         revolutions=int(base.cells.revolutions.sum()),
         manoeuvres=base.cells.manoeuvres,
         parameters=parameters_of(base.model),

@@ -134,7 +134,8 @@ def _drifts(cells: Cells, whole: Cells, of: Sequence[str]) -> list[_Change]:
     along, driven = _along_log(cells, whole)
     if not driven:
         return []
-    parts = _parts(cells, whole, 3 * len(of))
+    # whatever of it the model has: what is fitted and what is said of it ask alike
+    parts = _parts(cells, whole, 3 * (len(_DRIFTING) + 2))
     # warming slows down: a straight line and a bend about it; and one log is warmer than another
     factors = {"along": (along, 1.0), "bend along": (4.0 * along**2 - 0.5, _BEND)}
     if len(parts) > 1:
