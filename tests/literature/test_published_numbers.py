@@ -9,9 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Channel, TimeAxis
+from tests.diagnosis.planted import MODEL, stack
+from tirelog.data.recording import Channel, Conditions, TimeAxis
+from tirelog.diagnosis.compare import start
+from tirelog.inference.nuisances import shared_effects
+from tirelog.inference.scatter import load_derivative
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import solve_contact
+from tirelog.physics.model.presets import preset_model
 from tirelog.physics.moving.modes import natural_modes, of_model
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns
@@ -128,3 +133,51 @@ def test_bursts_once_per_turn_give_the_wheel_s_speed_or_none(recording, kind):
     told = speed_columns("a.csv", found)["speed_m_s"]
     told = told[np.isfinite(told)]
     assert np.all(np.abs(told / rolled_m_s - 1.0) < 0.05)
+
+
+#: Force variation of a passenger tire over the speed (Vehicles 2020, 2(3), 31, CC BY 4.0):
+#: speed [km/h] -> radial, its first harmonic, and tangential, peak to peak [N]
+FORCE_VARIATION = {
+    120: (213.0, 152.9, 208.0),
+    140: (258.0, 194.4, 285.0),
+    160: (322.0, 247.1, 417.0),
+    180: (390.0, 310.9, 577.0),
+    200: (446.0, 388.5, 729.0),
+    220: (538.0, 470.7, 846.0),
+    240: (803.0, 553.4, 935.0),
+}
+
+
+def test_the_wheel_s_force_variation_keeps_the_size_that_grows_in_a_tire():
+    """Not in the model: the first harmonic grows as v^1.9, and the nuisance `wheel` has one size at
+    all speeds, so that logs at 120 and at 240 km/h need one each."""
+    speeds = np.array(list(FORCE_VARIATION)) / 3.6
+    first = np.array([row[1] for row in FORCE_VARIATION.values()])
+    exponent = np.polyfit(np.log(speeds), np.log(first), 1)[0]
+    assert exponent == pytest.approx(1.87, abs=0.05)
+    base = start([stack(manoeuvres=9, revolutions=4, m=64)], MODEL)
+    shared = shared_effects(base.cells, base.fit, "wheel")
+    force = [i for i, name in enumerate(shared.names) if name.startswith("force variation")]
+    load = load_derivative(base.cells, base.fit)
+    size = np.abs(shared.columns[..., force]).max(axis=(1, 2)) / np.abs(load).max(axis=1)
+    assert np.ptp(base.cells.conditions.speed_m_s) > 10.0
+    assert size == pytest.approx(np.full(len(size), size[0]), rel=0.02)
+
+
+def published_resistance(speed_m_s: float, pressure_bar: float) -> float:
+    """Rolling resistance over load of passenger tires, by engineering tables (facts)."""
+    return 0.005 + (0.01 + 0.0095 * (3.6 * speed_m_s / 100.0) ** 2) / pressure_bar
+
+
+def test_losses_rise_with_the_speed_as_tables_have_it():
+    """From 3 to 24 m/s by 1.33 at 2.2 bar; P1's beam dissipates 1.145 times as much, and P1 Fig. 11
+    measures less."""
+    assert published_resistance(24.0, 2.2) / published_resistance(3.0, 2.2) == pytest.approx(
+        1.33, abs=0.01
+    )
+    beam = preset_model("P1")
+    slow, fast = (
+        float(np.squeeze(beam.predict(Conditions.of(1, speed_m_s=v), np.zeros(1))))
+        for v in (3.0, 24.0)
+    )
+    assert 1.0 < fast / slow < published_resistance(24.0, 2.2) / published_resistance(3.0, 2.2)
