@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from tirelog.api.tables import dissipation, footprint, inflation, phase_shift, speed
     from tirelog.data.recording import Conditions, Recording
     from tirelog.errors import TirelogError
-    from tirelog.physics.model.file import save_model
     from tirelog.physics.model.model import Model
+    from tirelog.physics.model.save import save_model
 
 #: where each public name is defined
 _HOMES = {
@@ -42,7 +42,7 @@ _HOMES = {
     "phase_shift": "tirelog.api.tables",
     "inflation": "tirelog.api.tables",
     "load_model": "tirelog.api.models",
-    "save_model": "tirelog.physics.model.file",
+    "save_model": "tirelog.physics.model.save",
     "predict": "tirelog.api.models",
     "contributions": "tirelog.api.models",
     "measure": "tirelog.api.answers",

@@ -24,8 +24,9 @@ from tirelog.inference.cells import gathering
 from tirelog.inference.cells.gathering import pieces_of_all, pieces_of_logs
 from tirelog.inference.measured import measured
 from tirelog.inference.stacks.spooled import Stacks
-from tirelog.physics.model.file import load_model, save_model
+from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.save import save_model
 from tirelog.report.asked import Asked
 from tirelog.report.diagnosed import model_story
 from tirelog.runs.ingest import open_recording

@@ -10,7 +10,8 @@ from tirelog.diagnosis.compare import compare
 from tirelog.errors import ModelError
 from tirelog.inference.nuisances import asked_for, freed
 from tirelog.physics import Model
-from tirelog.physics.model.file import as_toml, parse_model
+from tirelog.physics.model.file import parse_model
+from tirelog.physics.model.save import as_toml
 
 TRUE = {
     "patch_half_length_m": 0.06,

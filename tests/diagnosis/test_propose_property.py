@@ -24,7 +24,8 @@ from tirelog.diagnosis.wording import next_command
 from tirelog.errors import UsageError
 from tirelog.inference.base import refit
 from tirelog.physics import Model
-from tirelog.physics.model.file import load_model, save_model
+from tirelog.physics.model.file import load_model
+from tirelog.physics.model.save import save_model
 from tirelog.vocabulary.arrays import FloatArray
 
 

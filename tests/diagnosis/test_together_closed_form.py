@@ -23,7 +23,8 @@ from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.cells.together import StacksTogether, joined_cells, one_drive, parts_of
 from tirelog.inference.measured import measured_together
 from tirelog.physics import Model
-from tirelog.physics.model.file import as_toml, parse_model
+from tirelog.physics.model.file import parse_model
+from tirelog.physics.model.save import as_toml
 
 R, F, M = 0.3126, 3600.0, 96
 PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi

@@ -12,7 +12,8 @@ from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model.expression import LONGEST
 from tirelog.physics.model.expression import parse_expression as parse_expression
-from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
+from tirelog.physics.model.file import load_model, parse_model
+from tirelog.physics.model.save import as_toml, save_model
 from tirelog.physics.model.user_effects import effects_of_file
 
 PHI = np.linspace(-1.0, 1.0, 9)

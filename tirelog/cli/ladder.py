@@ -92,7 +92,7 @@ def ladder(
 
             draw(result, plot)
         if save is not None:
-            from tirelog.physics.model.file import save_model
+            from tirelog.physics.model.save import save_model
 
             save_model(result.model, save)
         if format == "json" or (output is not None and output.suffix == ".json"):

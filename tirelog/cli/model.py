@@ -103,8 +103,8 @@ def new(
     quiet: Quiet = False,
 ) -> None:
     """Make a model without effects; tire and conditions come from the setup if it has them."""
-    from tirelog.physics.model.file import save_model
     from tirelog.physics.model.from_setup import new_model
+    from tirelog.physics.model.save import save_model
 
     model, remarks = new_model(
         carcass,
@@ -186,8 +186,8 @@ def add(
     setup gives it.
     """
     from tirelog.api.models import load_model
-    from tirelog.physics.model.file import save_model
     from tirelog.physics.model.from_setup import with_gauge_length
+    from tirelog.physics.model.save import save_model
     from tirelog.physics.model.user_effects import effect_called
 
     changed = (
@@ -208,7 +208,7 @@ def remove(
 ) -> None:
     """Remove an effect."""
     from tirelog.api.models import load_model
-    from tirelog.physics.model.file import save_model
+    from tirelog.physics.model.save import save_model
 
     save_model(load_model(model, effects=effects).without_effect(effect), output)
 
@@ -228,7 +228,7 @@ def nuisance(
 ) -> None:
     """Say whether a nuisance of wheel, road or day stands beside the model."""
     from tirelog.api.models import load_model
-    from tirelog.physics.model.file import save_model
+    from tirelog.physics.model.save import save_model
 
     save_model(load_model(model).with_nuisance(name, use), output)
 
@@ -266,7 +266,7 @@ def fit(
     from tirelog.api.models import load_model
     from tirelog.cli.model_page import fit_page, learned_page
     from tirelog.cli.targets import refuse_unwritable
-    from tirelog.physics.model.file import save_model
+    from tirelog.physics.model.save import save_model
     from tirelog.vocabulary.observables import WAVEFORMS
 
     refuse_unwritable(output)

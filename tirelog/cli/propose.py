@@ -88,7 +88,7 @@ def propose(
 
             draw(result, plot)
         if output is not None and result.model is not None:
-            from tirelog.physics.model.file import save_model
+            from tirelog.physics.model.save import save_model
 
             save_model(result.model, output)
         if result.status == "nothing":

@@ -21,7 +21,7 @@ import numpy as np
 
 from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.assessment import nuisance
-from tirelog.diagnosis.naming import even_share, hats
+from tirelog.diagnosis.free_shapes import even_share, hats
 from tirelog.diagnosis.pressure_shapes import pressure_columns
 from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.diagnosis.assessment import Assessed, assess
+from tirelog.diagnosis.free_shapes import freedom_of_shape
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CONTENDER,
@@ -49,7 +50,6 @@ from tirelog.diagnosis.signatures import (
 )
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, TogetherBase, apart, refit, settled, thinned
-from tirelog.inference.cells.together import embedded
 from tirelog.inference.fit.cells import Problem, descend_together, free_names
 from tirelog.inference.fit.errors import NULL
 from tirelog.inference.floor import held_out_losses
@@ -69,9 +69,6 @@ _TRIAL_STEPS = 12
 SAME_CHI2 = 1e-3
 #: share of such a direction that makes a strength undetermined
 _UNDETERMINED = 0.1
-#: share of a contribution's energy that makes it even, or odd: the other part is a quarter as large
-#: at most; with twice the rest, a third
-_SYMMETRIC = 0.95
 
 
 @dataclass(frozen=True)
@@ -408,81 +405,6 @@ def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
         contenders,
         named=bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p),
     )
-
-
-def hats(phi: FloatArray) -> FloatArray:
-    """Free shapes over the angle, (C, m) to (C, m, k).
-
-    Triangles on nodes 3 degrees apart within +-60 degrees, 10 beyond.
-    """
-    nodes = np.deg2rad(
-        np.r_[
-            np.arange(-180.0, -60.0, 10.0),
-            np.arange(-60.0, 60.0, 3.0),
-            np.arange(60.0, 180.0, 10.0),
-        ]
-    )
-    ring = np.r_[nodes[-1] - 2 * np.pi, nodes, nodes[0] + 2 * np.pi]
-    x = np.nan_to_num((phi + np.pi) % (2 * np.pi) - np.pi)
-    place = np.clip(np.searchsorted(ring, x, side="right") - 1, 0, ring.size - 2)
-    share = (x - ring[place]) / (ring[place + 1] - ring[place])
-    result = np.zeros((*phi.shape, nodes.size))
-    for index, weight in ((place, 1.0 - share), (place + 1, share)):
-        np.put_along_axis(result, ((index - 1) % nodes.size)[..., None], weight[..., None], axis=-1)
-    return result
-
-
-def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
-    """Columns (C, m, k): an effect's size per cell times free shapes over the angle.
-
-    A form that is somewhat wrong keeps its symmetry: if the effect's own contribution is even
-    (or odd) about the patch centre, so are the shapes.
-    """
-    if isinstance(base, TogetherBase):
-        each = [
-            embedded(base.cells, i, freedom_of_shape(part, effect_id))
-            for i, part in enumerate(apart(base))
-            if _acts_in(part, effect_id)
-        ]
-        return np.concatenate(each, axis=-1)
-    problem = Problem(base.cells, base.white)
-    others = tuple(e for e in base.model.effects if e.id != effect_id)
-    contribution = np.nan_to_num(
-        base.fit.prediction - problem.predict(replace(base.model, effects=others), {})
-    )
-    weight = base.plain.weights
-    size, strength, shape = np.linalg.svd(contribution * weight, full_matrices=False)
-    loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
-    phi = base.cells.phi
-    here = hats(phi)
-    even = even_share(shape[0], np.nanmean(phi, axis=0))
-    if even > _SYMMETRIC:
-        here += hats(-phi)
-    elif even < 1.0 - _SYMMETRIC:
-        here -= hats(-phi)
-    if not 1.0 - _SYMMETRIC <= even <= _SYMMETRIC:
-        here = _independent(here)
-    columns: FloatArray = loading[:, None, None] * here
-    columns /= max(float(np.abs(loading).max()), 1e-300)
-    return columns
-
-
-def _acts_in(part: Base, effect_id: str) -> bool:
-    """Does an effect of the model act on this observable?"""
-    held = [entry.effect for entry in part.model.effects]
-    return any(e.id == effect_id and e.acts_in(part.cells.observable, held) for e in held)
-
-
-def even_share(shape: FloatArray, phi: FloatArray) -> float:
-    """Share of the energy of a shape (m,) at angles (m,) that is even about zero."""
-    mirrored = np.interp(-phi, phi, shape, period=2.0 * np.pi)
-    return float((((shape + mirrored) / 2.0) ** 2).sum() / ((shape**2).sum() + 1e-300))
-
-
-def _independent(columns: FloatArray) -> FloatArray:
-    """Symmetric pairs once: the first half of the hats' columns and the one at zero."""
-    half = columns.shape[-1] // 2 + 1
-    return columns[..., :half]
 
 
 def next_step(
