@@ -34,6 +34,7 @@ def test_a_guess_is_a_kind_with_a_unit_of_it(
     ("name", "size", "kind", "unit"),
     [
         ("acc_x_g", 30.0, "longitudinal_acceleration", "g"),
+        ("acc_x_g", 150.0, "signal", "g"),  # of an accelerometer in the tread
         ("Acc_Z", 30.0, "radial_acceleration", "m/s^2"),
         ("AxialLoad_N", 30.0, "vertical_load", "N"),
         ("load", 3.4, "vertical_load", "kN"),

@@ -48,6 +48,9 @@ _SIZES = {
     "longitudinal_force": ((40.0, "kN"), (1e9, "N")),
     "wheel_encoder": ((1e18, "1"),),
 }
+#: no vehicle accelerates like this, a tread at its edges does; twice as much would miss one at
+#: 60 km/h
+_NO_VEHICLE_M_S2 = 400.0
 #: words that say that a force or an acceleration is along the vehicle
 _ALONG = {"x", "fx", "ax", "long", "longitudinal"}
 
@@ -78,6 +81,10 @@ def guessed(source: str, unit: str, samples: FloatArray, rate_Hz: float | None) 
         if words & of_kind and fits:
             kind = _along(kind, words)
             unit_of = name or _suffix(source, kind) or _by_size(kind, known)
+            if kind == "longitudinal_acceleration" and _no_vehicle(known, unit_of):
+                return Guess(
+                    "signal", unit_of, "along the tread by its name, too large for a vehicle"
+                )
             return Guess(kind, unit_of, "its name")
     if words & {"voltage", "volt", "volts"}:
         return Guess("signal", name or "V", "a voltage, and nothing says of what")
@@ -119,6 +126,11 @@ def _along(kind: str, words: set[str]) -> str:
         "vertical_load": "longitudinal_force",
     }
     return along.get(kind, kind) if words & _ALONG else kind
+
+
+def _no_vehicle(known: FloatArray, unit: str) -> bool:
+    """Is an acceleration one that only something in the tire has?"""
+    return float(np.quantile(np.abs(known), 0.999)) * units.UNITS[unit][1] > _NO_VEHICLE_M_S2
 
 
 def _suffix(source: str, kind: str) -> str:
