@@ -50,8 +50,9 @@ FEWEST_MANOEUVRES = int(
 )
 NUISANCE_SHARE = _number(
     "NUISANCE_SHARE", 0.4, "share of what chi-square is above its degrees of freedom",
-    "that a nuisance must remove to come in: of two at once the larger removes half; those beside "
-    "an effect that nothing explains remove a third",
+    "that a nuisance must remove to come in, and an effect whose size held-out errors do not tell: "
+    "of two nuisances at once the larger removes half; those beside an effect that nothing "
+    "explains remove a third",
 )  # fmt: skip
 # ---- which one is it? ----------------------------------------------------------------------------
 CONTENDER = _number(

@@ -287,7 +287,7 @@ def wander_within(
 
 
 def agreement(products: FloatArray, manoeuvre: NDArray[np.int64], log: NDArray[np.int64]) -> float:
-    """Probability by chance that the load follows the speed as alike in a log's manoeuvres.
+    """How often chance alone makes a log's manoeuvres agree so well on load against speed.
 
     `products` (n,) of cells: load x speed, whitened. A load that wanders is alike in neighbouring
     cells, so that it follows the speed within one manoeuvre, up in this and down in the next: the
