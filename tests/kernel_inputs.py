@@ -652,7 +652,7 @@ def _(rng: np.random.Generator) -> Arguments:
             (s, z, height, slope, was, bristles, start, nodes, 2e6, c_x, mu, 5.0)
             for c_x, mu in ((1e6, 0.8), (0.0, 0.0))
         ],
-        "modes_of": [(cosines, sines, start, *forces, n, nodes)],
+        "modes_of": [(cosines.T.copy(), sines.T.copy(), start, *forces, n, nodes)],
     }
 
 

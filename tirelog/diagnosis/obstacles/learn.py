@@ -64,13 +64,11 @@ class _Event:
     rough_s: float
     window_s: float
 
-    def view(self, model: Model) -> View:
-        return view_of(
-            self.log,
-            *motion_at(self.log, model, self.rough_s, self.window_s),
-            self.rough_s,
-            self.window_s,
-        )
+    def view(self, model: Model, window_s: float) -> View:
+        """The log beside the motion, for so long after the hit, at most to the window's end."""
+        window_s = min(window_s, self.window_s)
+        motion = motion_at(self.log, model, self.rough_s, window_s)
+        return view_of(self.log, *motion, self.rough_s, window_s)
 
 
 def learn_motion(logs: Sequence[TransientLog], model: Model) -> Learned:
@@ -129,7 +127,7 @@ class _Hits:
         self.model, self.names, self.events = model, names, events
         self.start = np.concatenate([[model.values[n] for n in names], nuisances.ravel()])
         self.stage = _STAGES[-1]
-        self._seen: tuple[bytes, list[View]] = b"", []
+        self._seen: tuple[tuple[bytes, float], list[View]] = (b"", 0.0), []
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -174,26 +172,21 @@ class _Hits:
 
     def _views(self, theta: FloatArray) -> list[View]:
         """The motions at the parameters, which take long: those of the last point are kept."""
-        key = theta[: len(self.names)].tobytes()
+        key = theta[: len(self.names)].tobytes(), self.stage[0]
         if self._seen[0] != key:
             self._seen = key, self._made(theta)
         return self._seen[1]
 
     def _made(self, theta: FloatArray) -> list[View]:
         model = self.model.with_values(dict(self._own(theta)))
-        return [event.view(model) for event in self.events]
+        return [event.view(model, self.stage[0]) for event in self.events]
 
     def _left(self, views: Sequence[View], theta: FloatArray) -> FloatArray:
         """What the model misses at all hits within the stage, one after the other, (N,)."""
-        window_s, smoothed_s = self.stage
         parts = []
         for view, (time, phase) in zip(views, theta[len(self.names) :].reshape(-1, 2)):
-            # a view ends with the longest window
-            seen = view.log.time_s[view.rows]
-            left = view.left(float(time), float(phase))[
-                : np.searchsorted(seen, seen[-1] - (_WINDOW_S - window_s))
-            ]
-            width = round(smoothed_s * view.log.rate_Hz)
+            left = view.left(float(time), float(phase))
+            width = round(self.stage[1] * view.log.rate_Hz)
             parts.append(uniform_filter1d(left, width) if width > 1 else left)
         return np.concatenate(parts)
 
