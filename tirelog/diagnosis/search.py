@@ -89,16 +89,20 @@ def search_effects(
             climb = other
     if not quiet(climb.after, climb.after.floor.square):
         climb = _with_one_to_begin(base, extra, progress, climb)
-    steps, after, ground, alike = climb.steps, climb.after, climb.ground, tuple(climb.alike)
-    beside = groups_of(after)
-    needed = needed_nuisances(after) if beside != groups_of(base) else beside
-    if ground is not None and needed == beside:
-        base = ground  # nuisances came in before any effect: the steps stand as they are
-    else:
+    allowed, alike = allowed_nuisances(base), tuple(climb.alike)
+    while True:
+        beside = groups_of(climb.after)
+        needed = needed_nuisances(climb.after) if beside != groups_of(base) else beside
+        if climb.ground is not None and needed == beside:
+            base = climb.ground  # nuisances came in before any effect: the steps stand as they are
+            break
+        # one that came in after an effect may show that the effect stood in for another one
         progress(f"once more beside {' and '.join(needed) or 'no nuisance'}")
         base = settled(with_nuisances(base, needed))
-        again = _climb(base, extra, progress, ())
-        steps, after = again.steps, again.after
+        allowed = tuple(name for name in allowed if name not in beside)
+        climb = _climb(base, extra, progress, allowed)
+        alike += tuple(pair for pair in climb.alike if pair not in alike)
+    steps, after = climb.steps, climb.after
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
         return Found(base, tuple(steps), after, alike=alike)
