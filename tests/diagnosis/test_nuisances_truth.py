@@ -130,11 +130,25 @@ def test_a_radius_that_is_wrong_and_grows_is_no_effect():
     assert abs(grows.value - 0.02) < 0.001
 
 
-def test_two_of_which_neither_removes_most_come_in_together():
-    runs_out = Nuisances(run_out=RunOut((0.8, 0.4), (30.0, 100.0)))
+@pytest.mark.parametrize(
+    "microstrain",
+    [
+        pytest.param(0.8, id="neither removes most"),
+        pytest.param(3.0, id="wear stands in for the patch law until the wheel is known"),
+    ],
+)
+def test_two_at_once_come_in_together(microstrain):
+    runs_out = Nuisances(run_out=RunOut((microstrain, 0.5 * microstrain), (30.0, 100.0)))
     logs = [
-        replace(log, nuisances=runs_out, tire=replace(log.tire, patch_load_exponent=0.35))
-        for log in case((), seed=413, how=replace(SHORT, plan="mixed"))
+        replace(
+            log,
+            nuisances=runs_out,
+            tire=replace(log.tire, patch_load_exponent=0.35),
+            conditions=replace(log.conditions, distance_km=distance),
+        )
+        for log, distance in zip(
+            case((), seed=413, how=replace(SHORT, plan="mixed")), (3e4, 5e3), strict=True
+        )
     ]
     stacks = stacks_from_logs(
         [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=64
