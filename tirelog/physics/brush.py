@@ -78,15 +78,21 @@ def traction_modes(
     gamma = 0.75 * load_N / L**3
     stick = slip * (grip.stiffness_ratio * slip_stiffness(load_N, L, grip.static_friction))
     slide = np.sign(slip) * grip.sliding_friction * gamma
-    q = np.arange(1, MODES) / radius_m
-    a, b, c = (powers(-x / radius_m)[:, 1:] for x in (-L, x_s, L))
     # int f exp(-i q xi) = exp(-i q xi) (i f / q + f' / q^2 - i f'' / q^3), at the ends of each
-    # piece
-    adhesion = b * (1j * (x_s + L) / q + 1.0 / q**2) - a / q**2
-    sliding = c * (-2.0 * L / q**2 + 2j / q**3) - b * (
-        1j * (L**2 - x_s**2) / q - 2.0 * x_s / q**2 + 2j / q**3
-    )
-    modes = np.empty((b.shape[0] if b.shape[0] > 1 else a.shape[0], MODES), dtype=np.complex128)
+    # piece: what stands at -L, x_s and L, by powers of 1 / q
+    inverse = radius_m / np.arange(1, MODES)
+    square, cube = inverse**2, inverse**3
+    at_x_s, at_end = powers(-x_s / radius_m)[:, 1:], powers(-L / radius_m)[:, 1:]
+    steps = stick * (x_s + L) - slide * (L**2 - x_s**2)
+    factor = np.empty((steps.shape[0], MODES - 1), dtype=np.complex128)
+    factor.real = (stick + 2.0 * slide * x_s) * square
+    factor.imag = steps * inverse - 2.0 * slide * cube
+    modes = np.empty((steps.shape[0], MODES), dtype=np.complex128)
     modes[:, :1] = 0.5 * stick * (x_s + L) ** 2 + slide * (L**2 * (L - x_s) - (L**3 - x_s**3) / 3.0)
-    modes[:, 1:] = stick * adhesion + slide * sliding
+    np.multiply(at_x_s, factor, out=modes[:, 1:])
+    factor.real = -2.0 * L * slide * square
+    factor.imag = 2.0 * slide * cube
+    factor *= at_end
+    factor -= at_end.conj() * (stick * square)
+    modes[:, 1:] += factor
     return modes / (2.0 * np.pi * radius_m)

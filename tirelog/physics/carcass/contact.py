@@ -203,9 +203,16 @@ def pressure_modes(
         rows = np.flatnonzero(share)
         solved = replace(carcass, pb=float(tension))
         nodes, weights = _nodes(load[rows, 0], _FEW, _TABLE)
+        weights *= share[rows, None]
+        alone = (weights == 1.0).any(axis=1).all()  # each row is at a node
+        which = weights.argmax(axis=1)
         table = [_laid_out(solve_contact(solved, float(node)), solved.R) for node in nodes]
         for target, column in zip((half, modes, tilted), zip(*table)):
-            target[rows] += share[rows, None] * (weights @ np.stack(column))
+            rows_of = np.stack(column)
+            if alone:
+                target[rows] = rows_of[which]
+            else:
+                target[rows] += weights @ rows_of
     return half, modes, tilted
 
 
