@@ -228,12 +228,13 @@ def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
     work.usual = usual
 
 
-def find_onsets(look: Look, work: Measured) -> None:
-    """Slip onsets of the rows of `work` that are driven."""
+def find_onsets(look: Look, work: Measured, clear: NDArray[np.bool_]) -> None:
+    """Slip onsets of the rows of `work` that are driven, where their form is `clear` (n,)."""
     if work.usual is None:
         return
+    work.slip.reason[work.driven & ~clear] = NO_FORM
     further = look.roughly // look.averaged
-    for windows, _, sigma, knot in look.alike(np.flatnonzero(work.driven)):
+    for windows, _, sigma, knot in look.alike(np.flatnonzero(work.driven & clear)):
         for times, part in _alike(windows, further):
             shift = np.nan_to_num(work.fits.shift_m[part.row] - look.forms.tables.shift_m[knot])
             motion, rough = part.motion(*look.motions), part.reduced(times)
