@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.family import FAMILY, RADIUS_M, Case, blocks, write
-from benchmarks.measure import Cost, cost, median
+from benchmarks.measure import Cost, apart, cost, median
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.footprint import footprint as footprints
 from tirelog.strain.passages.find import find_passages
@@ -59,15 +59,15 @@ def main() -> None:
 def _warm(folder: Path) -> None:
     """Compile what is not in the cache yet, outside of what is measured."""
     log = folder / "warm.csv"
-    write(replace(FAMILY[-4], gratings=1), log, 0.7)
+    driven = next(case for case in FAMILY if case.truth == "driven")
+    apart(write, driven, log, 0.7)
     cost([TIRELOG, "tables", str(log), "-o", str(folder / "warm")])
-    _onset_share(next(case for case in FAMILY if case.truth == "driven"), 0.7)
 
 
 def _one(case: Case, folder: Path, minutes: float, turns: int) -> tuple[float, ...]:
     """A line on one log; how often the plain script takes as long, and one core as two."""
     log, out = folder / f"{case.name}.csv", folder / "out"
-    passages = write(case, log, minutes)
+    passages = apart(write, case, log, minutes)
     ours = [TIRELOG, "tables", str(log), "-o", str(out)]
     scripts = {
         library: [
@@ -89,7 +89,7 @@ def _one(case: Case, folder: Path, minutes: float, turns: int) -> tuple[float, .
     nan = float("nan")
     polars = told.get("polars", Cost(nan, nan, nan))
     cores = told["one"].wall_s / mine.wall_s if "one" in told else nan
-    share = _onset_share(case, min(minutes, SHARE_MINUTES))
+    share = apart(onset_share, case, min(minutes, SHARE_MINUTES))
     print(
         f"{case.name:15}{passages:9d}{plain.wall_s:7.2f}{plain.cpu_s:6.2f}{polars.wall_s:7.2f}"
         f"{polars.cpu_s:6.2f}{mine.wall_s:7.2f}{mine.cpu_s:6.2f}{mine.peak_MB:5.0f}"
@@ -101,7 +101,7 @@ def _one(case: Case, folder: Path, minutes: float, turns: int) -> tuple[float, .
     return plain.wall_s / mine.wall_s, plain.cpu_s / mine.cpu_s, polars.wall_s / mine.wall_s, cores
 
 
-def _onset_share(case: Case, minutes: float) -> float:
+def onset_share(case: Case, minutes: float) -> float:
     """Share of the footprint's CPU time that seeking slip onsets takes, on one grating."""
     one = replace(case, gratings=1)
     strain = np.concatenate([strain[:, 0] for _, strain in blocks(one, minutes)])

@@ -180,5 +180,7 @@ def _lines(time_s: np.ndarray, wavelengths_nm: np.ndarray) -> bytes:
         text[:, :, place] = digit + 48
     text[:, :, 4], text[:, :, 9] = ord("."), ord(",")
     text[:, -1, 9] = ord("\n")
+    for place, least in ((0, 1000.0), (1, 100.0), (2, 10.0)):  # stamps without leading zeros
+        text[time_s < least, 0, place] = 0
     text[:, :, :9][lost] = 0
     return text[text != 0].tobytes()
