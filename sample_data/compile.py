@@ -5,9 +5,11 @@ sources (or in NUMBA_CACHE_DIR) and holds for this machine and version; running 
 seconds.
 """
 
+import compileall
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 SAMPLES = Path(__file__).resolve().parent
@@ -45,6 +47,9 @@ COMMANDS = (
 
 def main() -> None:
     print("compiling once for this machine, about a minute", flush=True)
+    package = find_spec("tirelog")
+    for folder in (package and package.submodule_search_locations) or ():
+        compileall.compile_dir(folder, quiet=1)  # Python's own step, which saves 0.4 s a command
     with tempfile.TemporaryDirectory() as out:
         (Path(out) / "scenario.toml").write_text(SLIPPING)
         for line in COMMANDS:
