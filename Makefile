@@ -16,7 +16,12 @@ BIN := .venv/bin
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
 	touch $@
 
-demo: .venv/.demo
+# loops are compiled here, once, and not while the first command waits (a minute)
+.venv/.compiled: $(shell find tirelog -name '*.py') sample_data/compile.py | .venv/.demo
+	$(BIN)/python sample_data/compile.py
+	touch $@
+
+demo: .venv/.compiled
 	$(BIN)/python sample_data/demo.py
 
 test: .venv/.dev

@@ -9,8 +9,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.big_log import write
-from benchmarks.measure import Cost, cost
+from benchmarks.family import FAMILY, write
+from benchmarks.measure import Cost, apart, cost
 
 TIRELOG = str(Path(sys.executable).parent / "tirelog")
 
@@ -20,7 +20,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log, run = folder / "log.csv", folder / "run.h5"
-        write(log, minutes)
+        apart(write, FAMILY[0], log, minutes)
         print(f"{minutes:g} min x 16 gratings at 2.5 kHz, {log.stat().st_size / 1e9:.2f} GB")
         plain = cost(
             [sys.executable, "-m", "benchmarks.plain_script", str(log), str(folder / "plain.csv")]

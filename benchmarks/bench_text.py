@@ -11,8 +11,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.big_log import write
-from benchmarks.measure import cost, median
+from benchmarks.family import FAMILY, write
+from benchmarks.measure import apart, cost, median
 
 OURS = """
 from tirelog.runs.clock import ClockFit
@@ -35,7 +35,7 @@ def main() -> None:
     minutes = float(os.environ.get("TIRELOG_BENCH_TEXT_MINUTES", "10"))
     with tempfile.TemporaryDirectory() as name:
         log = Path(name) / "log.csv"
-        write(log, minutes)
+        apart(write, FAMILY[0], log, minutes)
         size_MB = log.stat().st_size / 1e6
         print(
             f"{minutes:g} min x 16 gratings at 2.5 kHz, {size_MB:.0f} MB of text, "

@@ -498,21 +498,36 @@ def _(rng: np.random.Generator) -> Arguments:
     values, motion, table, grids = (made[n] for n in ("values", "motion", "table", "grids"))
     columns, inverse = made["columns"], made["inverse"]
     xi, used = made["xi"], made["used"]
+    lined, sums = np.zeros((k.SPARE + 1, 4)), rng.uniform(1.0, 2.0, (k.FITTED + 2, 4))
     waves = np.column_stack([0.2 * np.clip(xi - s, 0.0, 0.02) for s in np.linspace(-0.05, 0.05, 9)])
-    place, wave = rng.uniform(0, 299, used), rng.normal(size=used)
+    place = rng.uniform(0, 299, used)
     starts, shift = np.array([-0.004, 0.0, 0.004]), np.zeros(5)
     form = values, motion, table, grids[0], waves
-    tried, told = np.arange(0, 9, 2), np.zeros(9, onset.TRIED)
+    told, best, moved = np.zeros(4, onset.TRIED), np.zeros(k.FITTED + 1), np.zeros((k.OWN, 4))
+    half = values[:, ::2].copy(), motion
     return {
-        "_wave": [(waves, 3, place, used, np.zeros(used))],
-        "_beside": [(columns, wave, used, inverse, np.zeros(k.FITTED), np.zeros(k.OWN))],
-        "traction_gains": [(*form, 2, 0.02, 0.3)],
-        "_joint": [
-            (columns, place, used, waves, tried, 0.02, 0.3, 0.002, told, np.zeros(k.FITTED + 1))
-        ],
+        "_beside": [(columns, place, used, waves, 2, lined, sums)],
+        "_left_of": [(sums, inverse, moved, np.zeros(4))],
+        "traction_gains": [(*form, 0.02, 0.3)],
+        "_joint": [(columns, place, used, waves, 3, 0.02, 0.3, 0.002, told, best)],
         "_own_shift": [(np.linspace(1.0, 2.0, 9), 0.5), (np.zeros(9), 0.5)],
         "onset_rows": [
-            (*form, 2, shift, starts, 2, 0.02, 0.3, enough, 1, np.full(5, np.nan, onset.ONSET))
+            (
+                *form[:2],
+                *half,
+                *form[2:],
+                2,
+                shift,
+                starts,
+                2,
+                2,
+                0.02,
+                0.03,
+                0.3,
+                enough,
+                1,
+                np.full(5, np.nan, onset.ONSET),
+            )
             for enough in (0.0, 1e9)
         ],
     }

@@ -139,3 +139,14 @@ def test_help_imports_no_science() -> None:
         check=True,
     ).stdout
     assert out.splitlines()[-1] == "[]"
+
+
+def test_no_module_imports_scipy_stats() -> None:
+    """It takes half of a second; the tails of distributions are in `scipy.special`."""
+    wrong = [
+        name
+        for name, path in modules().items()
+        for node in imports(path)
+        if "scipy.stats" in ast.unparse(node) or "from scipy import stats" in ast.unparse(node)
+    ]
+    assert wrong == []

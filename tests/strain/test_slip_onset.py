@@ -13,7 +13,7 @@ import pytest
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.footprint.footprint import footprint
-from tirelog.strain.footprint.slip_onset import TOO_SMALL
+from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
 
@@ -117,6 +117,18 @@ def test_pulses_that_the_form_misses_have_no_onset(drive, radius_m, surface, see
     found = footprint(made.channel, find_passages(made.channel, radius_m))
     assert found.slip.onset_m.size > 200
     assert np.mean(np.isfinite(found.slip.onset_m)) <= 0.01
+
+
+def test_no_onset_is_sought_beside_a_form_that_is_none_of_a_tire(drive, radius_m, monkeypatch):
+    """Some of these passages seem to be driven; whatever would be found in them has no meaning."""
+    made = drive([0, 60], [14, 14], seed=1660, pulse=lopsided, noise_pm=8.0, rate_Hz=1000.0)
+    passages = find_passages(made.channel, radius_m)
+    sought = []
+    monkeypatch.setattr(Tractions, "onsets", lambda *asked: sought.append(asked))
+    found = footprint(made.channel, passages)
+    assert found.learnt.unclear(passages.speed_m_s).all()
+    assert not sought
+    assert set(found.slip.reason) == {NO_FORM, TOO_SMALL}
 
 
 def test_noise_costs_onsets_not_their_truth(drive, radius_m):

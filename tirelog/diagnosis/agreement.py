@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc  # tail of chi-square, without the second of scipy.stats
 
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, TogetherBase, apart
@@ -114,7 +114,7 @@ def contributions(base: TogetherBase) -> tuple[Contribution, ...]:
             norm > 0.0, norm, 0.0
         )
         without = errors_of(others, scale).se
-        tail = float(stats.chi2.sf(chi2, freedom)) if freedom else 1.0
+        tail = float(chdtrc(freedom, chi2)) if freedom else 1.0
         one = Contribution(
             part.cells.observable,
             dict(zip(fit.names, without.tolist(), strict=True)),

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import fdtrc  # tail of F; scipy.stats takes a second to import
 
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
@@ -223,7 +223,7 @@ def _deviations(
     of_all, of_rest = float(about @ about), float(left @ left)
     more = followed - 1.0
     ratio = (of_all - of_rest) / max(more, 1e-9) / max(of_rest / rest, 1e-300)
-    if more < 0.5 or stats.f.sf(ratio, more, rest) > _FOLLOWS_P:
+    if more < 0.5 or fdtrc(more, rest, max(ratio, 0.0)) > _FOLLOWS_P:
         expected = float(noise.sum()) * free / values.size
         sd = float(np.sqrt(max((of_all - expected) / free, 0.0)))
         if abs(values.mean()) > sd:
@@ -268,7 +268,8 @@ def wander_within(
     with_speed = _left_beside(root[:, None] * level[known], root * speed[known])[1]
     if more > 0.5 and rest > 0.5:
         gone = float(left @ left - left_followed @ left_followed) / more
-        p = stats.f.sf(gone / max(float(left_followed @ left_followed) / rest, 1e-300), more, rest)
+        ratio = gone / max(float(left_followed @ left_followed) / rest, 1e-300)
+        p = float(fdtrc(more, rest, max(ratio, 0.0)))
         if p <= _SURELY_FOLLOWS_P or (
             p <= _FOLLOWS_P
             and agreement(with_speed * left, cells.manoeuvre[known], cells.log[known]) <= _AGREE_P

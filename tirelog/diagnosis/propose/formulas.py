@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm as normal
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit  # quantiles, without the second of scipy.stats
 
 from tirelog.diagnosis.propose.grammar import EXPONENTS, LAW_BOUNDS, LAW_UNITS
 from tirelog.diagnosis.propose.ground import Ground
@@ -330,7 +329,7 @@ def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:
     M = moved.shape[0]
     spread = np.sqrt((M - 1) / M * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
     # as wide as a normal distribution's error would have to be for the same 95 %
-    spread *= float(student.ppf(0.975, M - 1) / normal.ppf(0.975))
+    spread *= float(stdtrit(M - 1, 0.975) / ndtri(0.975))
     changed = {}
     for name, error in zip(base.fit.names, spread.tolist(), strict=True):
         own = base.model.parameters[name]

@@ -111,7 +111,8 @@ def footprint(
             learnt, work = freed, Measured.empty(n)
             look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
         if look is not None:
-            find_onsets(look, work)
+            # beside a form that is none of a tire a traction is no sign of slip: nothing is sought
+            find_onsets(look, work, ~learnt.unclear(speed))
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
 
 

@@ -19,6 +19,7 @@ from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, Lea
 from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
+    FINE,
     NO_FORM,
     SPEED_UNKNOWN,
     TOO_SMALL,
@@ -37,6 +38,10 @@ from tirelog.vocabulary.quality import good
 LEAST_SPEED_M_S = 0.3
 #: samples are averaged while they lie closer than this share of the half length, for the fit
 FIT_STEP = 1.0 / 36.0
+#: the same, while the rough place of a slip onset is looked for
+ROUGH_STEP = 1.0 / 9.0
+#: the gain of a traction is asked for at every so many-th onset: every other coarse one
+GAIN_EVERY = 2 * FINE
 #: the low-pass needs this many samples per period of its cut-off; above, samples are averaged
 PLAIN_OVERSAMPLING = 10.0
 #: rows whose plain edges are worked on at once
@@ -83,7 +88,7 @@ class Forms:
         )
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
         self._half_window_m = learnt.half_window_m
-        self._tractions: dict[int, Tractions] = {}
+        self._tractions: dict[tuple[int, int], Tractions] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
         """Number of the form for each speed."""
@@ -92,15 +97,18 @@ class Forms:
         )
         return number
 
-    def traction(self, number: int) -> Tractions:
-        """What slip onsets are looked for with at knot `number`."""
-        if number not in self._tractions:
-            waves, tables = traction_table(self.reference, number, self._half_window_m), self.tables
-            half_length_m = float(tables.half_length_m[number])
-            self._tractions[number] = Tractions(
-                tables.columns[number], tables.grids[number], waves, half_length_m
+    def traction(self, number: int, every: int = 1) -> Tractions:
+        """What slip onsets are looked for with at knot `number`, with `every`-th of them."""
+        key = number, every
+        if key not in self._tractions:
+            tables = self.tables
+            self._tractions[key] = Tractions(
+                tables.columns[number],
+                tables.grids[number],
+                traction_table(self.reference, number, self._half_window_m, every),
+                float(tables.half_length_m[number]),
             )
-        return self._tractions[number]
+        return self._tractions[key]
 
 
 def measure_windows(
@@ -133,6 +141,7 @@ def measure_windows(
             + 2.0
         )
         for_fit = _power_of_two(FIT_STEP * half_length * rate / speed)
+        for_search = _power_of_two(ROUGH_STEP * half_length * rate / speed)
         for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
         upsample = np.where(rate / for_plain < DENSE * cutoff_Hz, 2, 1)
     work.inside[rows] = (2.0 * half_length * rate / speed)[rows]
@@ -155,7 +164,7 @@ def measure_windows(
                     key % 8,
                     work,
                 )
-    look = Look(channel, passages, forms, motion, number, reach, for_fit, block_samples)
+    look = Look(channel, passages, forms, motion, number, reach, for_fit, for_search, block_samples)
     _seek_driven(look, rows[~vague[rows] & np.isfinite(work.fits.length_m[rows])], work)
     return look
 
@@ -171,6 +180,7 @@ class Look:
     number: IntArray
     reach: FloatArray
     averaged: IntArray
+    roughly: IntArray
     block_samples: int
 
     def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, Records, float, int]]:
@@ -207,27 +217,31 @@ def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
         return
     asked = free[np.linspace(0, free.size - 1, min(ASKED, free.size)).astype(np.int64)]
     gains = [
-        look.forms.traction(knot).gains(windows, motion, sigma)
+        look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma)
         for windows, motion, sigma, knot in look.alike(asked)
     ]
     usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
     for windows, motion, sigma, knot in look.alike(rows[usual.worth_a_look(work.fits)[rows]]):
         work.driven[windows.row] = (
-            look.forms.traction(knot).gains(windows, motion, sigma) > usual.gain
+            look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma) > usual.gain
         )
     work.usual = usual
 
 
-def find_onsets(look: Look, work: Measured) -> None:
-    """Slip onsets of the rows of `work` that are driven."""
+def find_onsets(look: Look, work: Measured, clear: NDArray[np.bool_]) -> None:
+    """Slip onsets of the rows of `work` that are driven, where their form is `clear` (n,)."""
     if work.usual is None:
         return
-    for windows, motion, sigma, knot in look.alike(np.flatnonzero(work.driven)):
-        shift = np.nan_to_num(work.fits.shift_m[windows.row] - look.forms.tables.shift_m[knot])
-        work.slip.put(
-            windows.row,
-            look.forms.traction(knot).onsets(windows, motion, shift, sigma, work.usual.scatter),
-        )
+    work.slip.reason[work.driven & ~clear] = NO_FORM
+    further = look.roughly // look.averaged
+    for windows, _, sigma, knot in look.alike(np.flatnonzero(work.driven & clear)):
+        for times, part in _alike(windows, further):
+            shift = np.nan_to_num(work.fits.shift_m[part.row] - look.forms.tables.shift_m[knot])
+            motion, rough = part.motion(*look.motions), part.reduced(times)
+            found = look.forms.traction(knot).onsets(
+                part, motion, rough, shift, sigma, work.usual.scatter
+            )
+            work.slip.put(part.row, found)
 
 
 def _free(look: Look, rows: IntArray) -> IntArray:

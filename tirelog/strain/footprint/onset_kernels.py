@@ -24,9 +24,8 @@ from tirelog.strain.footprint.kernels import (
     look_up,
     own_inverse,
     products,
-    quadratic_form,
 )
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import FloatArray, Record, Records
 
 #: a row's best onset, NaN without one: its number and that of the onset in the middle of three;
 #: squared residual over sigma^2, and length over height [m], at the onset before the middle one, at
@@ -48,79 +47,88 @@ LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
 #: beyond, its cost grows with this power
 TRUST, FAR = 0.5, 4
 #: starts that are followed to their end at most
-ATTEMPTS = 8
-
-
-@compiled
-def _wave(waves: FloatArray, onset: int, place: FloatArray, used: int, wave: FloatArray) -> None:
-    """Fills `wave` (m,) with the traction of onset number `onset` at the samples in use.
-
-    From the table `waves` (g, c), at their places (m,) on its grid.
-    """
-    for k in range(used):
-        low = int(place[k])
-        share = place[k] - low
-        wave[k] = waves[low, onset] * (1.0 - share) + waves[low + 1, onset] * share
+ATTEMPTS = 4
 
 
 @compiled
 def _beside(
-    columns: FloatArray,
-    wave: FloatArray,
-    used: int,
-    inverse: FloatArray,
-    along: FloatArray,
-    moved: FloatArray,
-) -> tuple[float, float, float]:
-    """The square of a wave beside a form's columns, its product, and the square left.
+    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, first: int,
+    lined: FloatArray, sums: FloatArray,
+) -> None:  # fmt: skip
+    """Fills `sums` (FITTED + 2, t) for the t onsets from number `first` on.
 
-    The product is that with the values; what is left of the square is beside a passage's own
-    columns. Filled: its products with the columns `along` (FITTED,), the inverse times them `moved`
-    (OWN,).
+    Products of each one's traction with the columns, with the values, and with itself, over the
+    `used` samples. `columns` (m + SPARE, FITTED + 1) and `place` (m,) as `kernels.look_up` fills
+    them; `waves` (g, c); `lined` (SPARE + 1, t) is room. SPARE + 1 samples at a time, and onsets
+    innermost: what lies side by side is worked on at once (a third of the time of one onset after
+    the other).
     """
-    own, right = 0.0, 0.0
-    for i in range(FITTED):
-        along[i] = 0.0
-    for k in range(used):
-        own += wave[k] ** 2
-        right += wave[k] * columns[k, FITTED]
-        for i in range(FITTED):
-            along[i] += columns[k, i] * wave[k]
-    apply_inverse(inverse, along, moved)
-    free = own
+    count = sums.shape[1]
+    for i in range(FITTED + 2):
+        for t in range(count):
+            sums[i, t] = 0.0
+    for k in range(used, used + SPARE):
+        for i in range(FITTED + 1):
+            columns[k, i] = 0.0
+    for k in range(0, used, SPARE + 1):
+        for j in range(SPARE + 1):
+            low = int(place[min(k + j, used - 1)])
+            share = place[min(k + j, used - 1)] - low
+            here, rest = (share, 1.0 - share) if k + j < used else (0.0, 0.0)
+            for t in range(count):
+                lined[j, t] = waves[low, first + t] * rest + waves[low + 1, first + t] * here
+        for i in range(FITTED + 1):
+            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
+            for t in range(count):
+                sums[i, t] += a * lined[0, t] + b * lined[1, t] + c * lined[2, t] + d * lined[3, t]
+        for t in range(count):
+            sums[FITTED + 1, t] += (
+                lined[0, t] ** 2 + lined[1, t] ** 2 + lined[2, t] ** 2 + lined[3, t] ** 2
+            )
+
+
+@compiled
+def _left_of(sums: FloatArray, inverse: FloatArray, moved: FloatArray, free: FloatArray) -> None:
+    """Fills `free` (t,): what a passage's own columns leave of each traction's square.
+
+    `sums` (FITTED + 2, t) as `_beside` fills them, `inverse` (OWN, OWN); also filled are the
+    inverse times the products of own columns and tractions, `moved` (OWN, t).
+    """
+    count = free.size
+    for t in range(count):
+        free[t] = sums[FITTED + 1, t]
     for i in range(OWN):
-        free -= along[i] * moved[i]
-    return own, right, free
+        for t in range(count):
+            moved[i, t] = 0.0
+        for j in range(OWN):
+            factor = inverse[i, j]
+            for t in range(count):
+                moved[i, t] += factor * sums[j, t]
+        for t in range(count):
+            free[t] -= sums[i, t] * moved[i, t]
 
 
 @compiled
 def traction_gains(
     values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
-    every: int, sigma: float, odd_sd: float,
+    sigma: float, odd_sd: float,
 ) -> FloatArray:  # fmt: skip
     """Squared `sigma` of misfit that a small traction removes from the fit of each row.
 
     That of the best onset, (n,); 0 if too few samples are there. `waves` (g, c): tractions on the
-    table's grid, of which `every`-th is tried. `values` (n, m) move as `motion` (n,) says; `table`
-    (g, FITTED) on `grid`, one GRID; `odd_sd`: of damping and tilt, in heights.
+    table's grid. `values` (n, m) move as `motion` (n,) says; `table` (g, FITTED) on `grid`, one
+    GRID; `odd_sd`: of damping and tilt, in heights.
     """
     out, wide = np.zeros(values.shape[0]), table.shape[1]
-    columns, place, wave = (
-        np.empty((values.shape[1] + SPARE, FITTED + 1)),
-        np.empty(values.shape[1]),
-        np.empty(values.shape[1]),
-    )
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
+    lined, sums = np.empty((SPARE + 1, waves.shape[1])), np.empty((FITTED + 2, waves.shape[1]))
     gram, lower, inverse = (
         np.empty((FITTED + 1, FITTED + 1)),
         np.zeros((OWN, OWN)),
         np.empty((OWN, OWN)),
     )
-    bends, whole, along, moved = (
-        np.empty((3, OWN)),
-        np.empty(FITTED),
-        np.empty(FITTED),
-        np.empty(OWN),
-    )
+    bends, whole = np.empty((3, OWN)), np.empty(FITTED)
+    moved, free = np.empty((OWN, waves.shape[1])), np.empty(waves.shape[1])
     for row in range(values.shape[0]):
         used, _ = look_up(
             values[row], motion[row], table, grid, grid["shift_m"], 1.0, wide - 1, wide, columns,
@@ -134,24 +142,24 @@ def traction_gains(
         for k in range(used):
             for i in range(FITTED):
                 columns[k, FITTED] -= columns[k, i] * whole[i]
-        for onset in range(0, waves.shape[1], every):
-            _wave(waves, onset, place, used, wave)
-            own, right, free = _beside(columns, wave, used, inverse, along, moved)
-            if free > LEAST_OWN * own:
-                out[row] = max(out[row], right**2 / free / sigma**2)
+        _beside(columns, place, used, waves, 0, lined, sums)
+        _left_of(sums, inverse, moved, free)
+        for t in range(free.size):
+            if free[t] > LEAST_OWN * sums[FITTED + 1, t]:
+                out[row] = max(out[row], sums[FITTED, t] ** 2 / free[t] / sigma**2)
     return out
 
 
 @compiled
 def _joint(
-    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray,
-    sigma: float, odd_sd: float, trust_m: float, told: Records, best: FloatArray,
+    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, first: int, sigma: float,
+    odd_sd: float, trust_m: float, told: Records, best: FloatArray,
 ) -> int:  # fmt: skip
-    """Form and traction together by least squares for each onset in `tried`; the best one.
+    """Form and traction together by least squares for the onsets from `first` on; the best one.
 
-    Returned is the place of the best in `tried` (t,). Filled: `told` (t,) of TRIED; `best`
-    (FITTED + 1,), the form's coefficients and the traction's. A solution that moves the form by
-    more than `trust_m` [m] costs more: it is linear about where the form stands.
+    Returned is the place of the best among them. Filled: `told` (t,) of TRIED, as many as are
+    tried; `best` (FITTED + 1,), the form's coefficients and the traction's. A solution that moves
+    the form by more than `trust_m` [m] costs more: it is linear about where the form stands.
 
     columns  (m + SPARE, FITTED + 1) and place (m,) as `kernels.look_up` fills them, `used` of them
     waves    (g, c): the traction with each onset, on the table's grid
@@ -161,52 +169,61 @@ def _joint(
         np.zeros((OWN, OWN)),
         np.empty((OWN, OWN)),
     )
-    bends, whole, along, moved = (
-        np.empty((3, OWN)),
-        np.empty(FITTED),
-        np.empty(FITTED),
-        np.empty(OWN),
-    )
-    wave, wide = np.empty(used), gram.shape[0] - 1
+    count, wide, bends = told.size, FITTED, np.empty((3, OWN))
+    lined, sums = np.empty((SPARE + 1, count)), np.empty((FITTED + 2, count))
+    whole, moved = np.zeros((FITTED, count)), np.empty((OWN, count))
+    free, size, left = np.empty(count), np.empty(count), np.empty(count)
     products(columns, used, wide, gram)
     own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply_inverse(inverse, gram[column], bends[k])
-    rough, top, lowest = abs(bends[0, HEIGHT]), 0, np.inf
-    for t in range(tried.size):
-        _wave(waves, tried[t], place, used, wave)
-        own, right, free = _beside(columns, wave, used, inverse, along, moved)
-        free = max(free, LEAST_OWN * own + 1e-300)
-        size, whole[OWN], whole[OWN + 1] = 0.0, 0.0, 0.0
-        for _ in range(JOINT_ROUNDS):
-            size = right - along[OWN] * whole[OWN] - along[OWN + 1] * whole[OWN + 1]
-            for i in range(OWN):
-                whole[i] = bends[0, i] - bends[1, i] * whole[OWN] - bends[2, i] * whole[OWN + 1]
-                size -= along[i] * whole[i]
-            size /= free
-            for i in range(OWN):
-                whole[i] -= moved[i] * size
-            whole[OWN], whole[OWN + 1] = (
-                bend(whole[LENGTH], whole[HEIGHT], rough),
-                bend(whole[SHIFT], whole[HEIGHT], rough),
-            )
-        left = quadratic_form(gram, wide, whole) - 2.0 * size * right + size**2 * own
-        for i in range(FITTED):
-            left += 2.0 * size * along[i] * whole[i]
-        one = told[t]
-        one["chi2"] = left / sigma**2
-        one["length"] = whole[LENGTH] / whole[HEIGHT]
-        one["length_se"] = (
-            sigma
-            / abs(whole[HEIGHT])
-            * np.sqrt(inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free)
+    _beside(columns, place, used, waves, first, lined, sums)
+    _left_of(sums, inverse, moved, free)
+    for t in range(count):
+        free[t] = max(free[t], LEAST_OWN * sums[FITTED + 1, t] + 1e-300)
+    rough = abs(bends[0, HEIGHT])
+    # onsets are innermost in all loops: what is the same for each of them is worked on at once
+    for _ in range(JOINT_ROUNDS):
+        for t in range(count):
+            size[t] = sums[FITTED, t] - sums[OWN, t] * whole[OWN, t]
+            size[t] -= sums[OWN + 1, t] * whole[OWN + 1, t]
+        for i in range(OWN):
+            plain, by_length, by_shift = bends[0, i], bends[1, i], bends[2, i]
+            for t in range(count):
+                value = plain - by_length * whole[OWN, t] - by_shift * whole[OWN + 1, t]
+                whole[i, t] = value
+                size[t] -= sums[i, t] * value
+        for t in range(count):
+            size[t] /= free[t]
+        for i in range(OWN):
+            for t in range(count):
+                whole[i, t] -= moved[i, t] * size[t]
+        for t in range(count):
+            whole[OWN, t] = bend(whole[LENGTH, t], whole[HEIGHT, t], rough)
+            whole[OWN + 1, t] = bend(whole[SHIFT, t], whole[HEIGHT, t], rough)
+    for t in range(count):
+        left[t] = gram[wide, wide] + size[t] * (
+            size[t] * sums[FITTED + 1, t] - 2.0 * sums[FITTED, t]
         )
-        cost = one["chi2"] * max(abs(whole[SHIFT] / whole[HEIGHT]) / trust_m, 1.0) ** FAR
+    for i in range(FITTED):
+        own = -2.0 * gram[i, wide]
+        for t in range(count):
+            left[t] += whole[i, t] * (own + 2.0 * size[t] * sums[i, t])
+        for j in range(FITTED):
+            factor = gram[i, j]
+            for t in range(count):
+                left[t] += factor * whole[i, t] * whole[j, t]
+    top, lowest, among = 0, np.inf, inverse[LENGTH, LENGTH]
+    for t in range(count):
+        one, height = told[t], whole[HEIGHT, t]
+        one["chi2"], one["length"] = left[t] / sigma**2, whole[LENGTH, t] / height
+        one["length_se"] = sigma / abs(height) * np.sqrt(among + moved[LENGTH, t] ** 2 / free[t])
+        cost = one["chi2"] * max(abs(whole[SHIFT, t] / height) / trust_m, 1.0) ** FAR
         if t == 0 or cost < lowest:
             top, lowest = t, cost
-            for i in range(FITTED):
-                best[i] = whole[i]
-            best[FITTED] = size
+    for i in range(FITTED):
+        best[i] = whole[i, top]
+    best[FITTED] = size[top]
     return top
 
 
@@ -219,83 +236,126 @@ def _own_shift(whole: FloatArray, most: float) -> float:
 
 @compiled
 def onset_rows(
-    values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
-    fine: int, shift_m: FloatArray, starts_m: FloatArray, turns: int, sigma: float, odd_sd: float,
-    enough: float, apart: int, found: Records,
+    values: FloatArray, motion: Records, rough_values: FloatArray, rough_motion: Records,
+    table: FloatArray, grid: Record, waves: FloatArray, fine: int, shift_m: FloatArray,
+    starts_m: FloatArray, turns: int, last_turns: int, sigma: float, rough_sigma: float,
+    odd_sd: float, enough: float, apart: int, found: Records,
 ) -> None:  # fmt: skip
     """Fills `found` (n,) of ONSET: form and traction of each row with the best onset.
 
     `found` comes as NaN, which a row keeps that has too few samples or whose form is not upright.
 
-    The form is put first where `shift_m` (n,) says, with the evenly spaced `starts_m` about it and
-    every `fine`-th of the onsets of `waves` (g, c) tried. From the best of these the form is put
-    `turns` times where the joint solution moves it, with onsets about the best; the next best ones
-    follow while more than `enough` squared sigmas per sample are left.
+    Searched is with `rough_values` (n, l), averages of neighbours, which move as `rough_motion`
+    (n,) says and whose noise is `rough_sigma`: the form is put first where `shift_m` (n,) says,
+    with the evenly spaced `starts_m` about it and every `fine`-th of the onsets of `waves` (g, c)
+    tried. From the best of these the form is put `turns` times where the joint solution moves it,
+    with onsets about the best; the next best ones follow while more than `enough` squared sigmas
+    per sample are left. What is found then is put `last_turns` times with `values` (n, m).
 
     The rival is more than `apart` onsets from the best one; costs of what is not to be trusted are
-    in its squared residual.
+    in its squared residual. It is of the averages, and as much is added as they leave less than
+    the samples do of the best.
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    wide, coarse, near = (
-        table.shape[1],
-        np.arange(0, waves.shape[1], fine),
-        np.arange(-fine, fine + 1),
+    wide, near, most = table.shape[1], 2 * fine + 1, waves.shape[1]
+    few = np.ascontiguousarray(waves[:, ::fine])
+    told, near_told, best = (
+        np.empty(few.shape[1], TRIED),
+        np.empty(near, TRIED),
+        np.empty(FITTED + 1),
     )
-    tried = near.copy()
-    told, best = np.empty(max(coarse.size, near.size), TRIED), np.empty(FITTED + 1)
     cost, onset, moved = (
         np.empty(starts_m.size),
         np.zeros(starts_m.size, np.int64),
         np.empty(starts_m.size),
     )
     trust_m = TRUST * (starts_m[1] - starts_m[0])
-    costs = np.empty((starts_m.size, coarse.size))
+    costs = np.empty((starts_m.size, few.shape[1]))
     for row in range(values.shape[0]):
-        made = found[row]
-        for attempt in range(starts_m.size + ATTEMPTS):
-            rough, k = attempt < starts_m.size, attempt
-            if not rough:
-                k = int(np.argmin(cost))
-                cost[k] = np.inf
-            shift = shift_m[row] + starts_m[k] if rough else moved[k]
-            chosen, used, top = int(onset[k]), 0, 0
-            for turn in range(1 if rough else turns):
-                used, _ = look_up(
-                    values[row], motion[row], table, grid, grid["shift_m"] + shift, 1.0, wide - 1,
-                    wide, columns, place,
-                )  # fmt: skip
-                for t in range(near.size):
-                    tried[t] = min(max(chosen + near[t], 0), waves.shape[1] - 1)
-                now = coarse if rough else tried
-                top = _joint(columns, place, used, waves, now, sigma, odd_sd, trust_m, told, best)
-                chosen = int(now[top])
-                if rough or turn < turns - 1:
-                    shift += _own_shift(best, trust_m)
-            if rough:
-                far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0)
-                cost[k], onset[k], moved[k] = told[top]["chi2"] * far**FAR, chosen, shift
-                some = used > FITTED and not np.isnan(cost[k])
-                for t in range(coarse.size):
-                    costs[k, t] = told[t]["chi2"] * far**FAR if some else np.inf
-                if not some:
-                    cost[k] = np.inf
-            elif used > FITTED and best[HEIGHT] > 0.0 and not made["chi2"] <= told[top]["chi2"]:
-                middle = min(max(top, 1), near.size - 2)
-                made["best"], made["middle"], made["used"] = chosen, tried[middle], used
-                before, after = told[middle - 1], told[middle + 1]
-                made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
-                made["chi2_middle"] = told[middle]["chi2"]
-                made["length_middle"] = told[middle]["length"]
-                made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
-                made["chi2"], made["length"] = told[top]["chi2"], told[top]["length"]
-                made["length_se"] = told[top]["length_se"]
-            if not rough and made["chi2"] < enough * used:
+        for k in range(starts_m.size):
+            shift = shift_m[row] + starts_m[k]
+            used, _ = look_up(
+                rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + shift, 1.0,
+                wide - 1, wide, columns, place,
+            )  # fmt: skip
+            cost[k] = np.inf
+            if used <= FITTED:
+                costs[k] = np.inf
+                continue
+            top = _joint(
+                columns, place, used, few, 0, rough_sigma, odd_sd, trust_m, told,
+                best,
+            )  # fmt: skip
+            far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0) ** FAR
+            some = not np.isnan(told[top]["chi2"] * far)
+            for t in range(few.shape[1]):
+                costs[k, t] = told[t]["chi2"] * far if some else np.inf
+            if some:
+                cost[k] = told[top]["chi2"] * far
+            onset[k], moved[k] = top * fine, shift + _own_shift(best, trust_m)
+        chosen, kept, left = -1, 0.0, np.inf
+        for _ in range(ATTEMPTS):
+            k = int(np.argmin(cost))
+            if cost[k] == np.inf:
                 break
-        if np.isnan(made["best"]):
+            cost[k] = np.inf
+            shift, now, used, top = moved[k], int(onset[k]), 0, 0
+            for turn in range(turns):
+                used, _ = look_up(
+                    rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + shift,
+                    1.0, wide - 1, wide, columns, place,
+                )  # fmt: skip
+                if used <= FITTED:
+                    break
+                first = min(max(now - fine, 0), most - near)
+                top = _joint(
+                    columns, place, used, waves, first, rough_sigma, odd_sd, trust_m,
+                    near_told, best,
+                )  # fmt: skip
+                now = first + top
+                if turn < turns - 1:
+                    shift += _own_shift(best, trust_m)
+            if used > FITTED and best[HEIGHT] > 0.0 and near_told[top]["chi2"] < left:
+                chosen, kept, left = now, shift, near_told[top]["chi2"]
+            if left < enough * used:
+                break
+        if chosen < 0:
             continue
+        made, top = found[row], 0
+        for turn in range(last_turns):
+            used, _ = look_up(
+                values[row], motion[row], table, grid, grid["shift_m"] + kept, 1.0, wide - 1, wide,
+                columns, place,
+            )  # fmt: skip
+            if used <= FITTED:
+                break
+            first = min(max(chosen - fine, 0), most - near)
+            top = _joint(
+                columns, place, used, waves, first, sigma, odd_sd, trust_m,
+                near_told, best,
+            )  # fmt: skip
+            chosen = first + top
+            if turn < last_turns - 1:
+                kept += _own_shift(best, trust_m)
+        if used <= FITTED or not best[HEIGHT] > 0.0 or np.isnan(near_told[top]["chi2"]):
+            continue
+        middle = min(max(top, 1), near - 2)
+        made["best"], made["middle"], made["used"] = chosen, first + middle, used
+        before, after = near_told[middle - 1], near_told[middle + 1]
+        made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
+        made["chi2_middle"] = near_told[middle]["chi2"]
+        made["length_middle"] = near_told[middle]["length"]
+        made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
+        made["chi2"], made["length"] = near_told[top]["chi2"], near_told[top]["length"]
+        made["length_se"] = near_told[top]["length_se"]
         rival = np.inf
-        for t in range(coarse.size):
-            if abs(coarse[t] - made["best"]) > apart:
+        for t in range(few.shape[1]):
+            if abs(t * fine - chosen) > apart:
                 for k in range(starts_m.size):
                     rival = min(rival, costs[k, t])
-        made["rival"] = rival
+        used, _ = look_up(
+            rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + kept, 1.0,
+            wide - 1, wide, columns, place,
+        )  # fmt: skip
+        _joint(columns, place, used, waves, first, rough_sigma, odd_sd, trust_m, near_told, best)
+        made["rival"] = rival + (made["chi2"] - near_told[top]["chi2"])

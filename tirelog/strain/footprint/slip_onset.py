@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tirelog.strain.footprint.family import EdgeFamily, EdgeShape
 from tirelog.strain.footprint.fit import ODD_SD, PassageFits, grid_of
-from tirelog.strain.footprint.kernels import FITTED, OWN
+from tirelog.strain.footprint.kernels import FITTED, OWN, motion_of
 from tirelog.strain.footprint.learn import LEAST_SCATTER
 from tirelog.strain.footprint.onset_kernels import ONSET, onset_rows, traction_gains
 from tirelog.strain.footprint.reference import Reference
@@ -50,8 +50,9 @@ ASKED, LEAST_SHARE = 96, 0.5
 #: squared sigmas; half as many keep a hundredth more of the onsets
 APART, ALONE = 0.28, 20.0
 #: weak knowledge of damping and tilt beside a traction; turns of the joint fit (each puts the form
-#: anew)
-JOINT_ODD_SD, TURNS = 0.1, 4
+#: anew) with averages of the samples, and with the samples themselves from where those end (half
+#: as many of the first lose one onset in a hundred)
+JOINT_ODD_SD, TURNS, LAST_TURNS = 0.1, 4, 2
 #: squared sigmas per sample that a joint fit may leave before another start is followed, and up to
 #: which its onset is believed
 ENOUGH, WORST_LEFT = 1.0, 4.0
@@ -135,18 +136,17 @@ def traction_spectrum(
     return answer
 
 
-def traction_table(reference: Reference, number: int, half_window_m: float) -> FloatArray:
+def traction_table(
+    reference: Reference, number: int, half_window_m: float, every: int = 1
+) -> FloatArray:
     """Waves of the traction at speed `number` of `reference`, one column per onset.
 
-    The onsets are those of `onset_grid`, the grid that of the form's table.
+    The onsets are every `every`-th of `onset_grid`, the grid that of the form's table.
     """
     shape = reference.shapes[number]
-    return grid_of(
-        reference,
-        number,
-        half_window_m,
-        traction_spectrum(reference.family, shape, onset_grid(shape.half_length_m)),
-    )[0]
+    onsets = onset_grid(shape.half_length_m)[::every]
+    spectra = traction_spectrum(reference.family, shape, onsets)
+    return grid_of(reference, number, half_window_m, spectra)[0]
 
 
 @dataclass(frozen=True)
@@ -193,31 +193,37 @@ class Tractions:
     def gains(self, windows: PatchWindows, motion: Records, sigma: float) -> FloatArray:
         """Squared sigmas of misfit that a small traction removes from the fit of each row.
 
-        That of the best of every other coarse onset.
+        That of the best of its onsets.
         """
         return traction_gains(
-            windows.values, motion, self.table, self.grid, self.waves, 2 * FINE, sigma, ODD_SD
+            windows.values, motion, self.table, self.grid, self.waves, sigma, ODD_SD
         )
 
     def onsets(
         self,
         windows: PatchWindows,
         motion: Records,
+        rough: PatchWindows,
         shift_m: FloatArray,
         sigma: float,
         scatter: float,
     ) -> SlipOnset:
         """Slip onsets of rows whose residual has room for one.
 
-        `shift_m` (n,): where their fits put the form beside its own place; `scatter` of the log
-        (`Usual`).
+        `rough`: averages of the windows' neighbours; `shift_m` (n,): where their fits put the form
+        beside its own place; `scatter` of the log (`Usual`).
         """
         L, onsets = self.half_length_m, onset_grid(self.half_length_m)
         step, starts = onsets[1] - onsets[0], np.array(START_SHIFTS) * L
         found = np.full(len(shift_m), np.nan, ONSET)
+        rough_motion = motion_of(
+            rough.centre, rough.rate_Hz, motion["speed_m_s"], motion["acceleration_m_s2"]
+        )
         onset_rows(
             windows.values,
             motion,
+            rough.values,
+            rough_motion,
             self.table,
             self.grid,
             self.waves,
@@ -225,7 +231,9 @@ class Tractions:
             shift_m,
             starts,
             TURNS,
+            LAST_TURNS,
             sigma,
+            sigma * np.sqrt(windows.averaged / rough.averaged),
             JOINT_ODD_SD,
             ENOUGH * scatter**2,
             int(APART * L / step),
@@ -250,7 +258,9 @@ class Tractions:
         reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE
         reason[~known] = NO_FORM
         nan = np.where(reason == "", 1.0, np.nan)
-        length_se = np.hypot(scatter * length_se, error * 0.5 * (longer - shorter) / step)
+        # beside an onset at the edge lies nothing that would tell how the length goes with it
+        apiece = np.where(reason == AT_EDGE, 0.0, 0.5 * (longer - shorter) / step)
+        length_se = np.hypot(scatter * length_se, np.where(apiece == 0.0, 0.0, error) * apiece)
         return SlipOnset(
             onset * nan, error * nan, 2.0 * (L + length), 2.0 * length_se, left / scatter**2, reason
         )
