@@ -96,7 +96,10 @@ Plot = Annotated[
 EffectsFile = Annotated[
     Path | None,
     typer.Option(
-        "--effects", help="Python file with effects of your own; it is run.", show_default=False
+        "--effects",
+        help="Python file with effects of your own; it is run. A model with one of them "
+        "remembers it.",
+        show_default=False,
     ),
 ]
 ChannelName = Annotated[

@@ -73,14 +73,12 @@ def ladder(
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import ladder as climb
-        from tirelog.physics.model.user_effects import own_effects
 
         with session.working() as line:
             line.say("climbing")
             result = climb(
                 found,
                 read,
-                effects=own_effects(effects),
                 propose=propose,
                 progress=None if quiet else say,
             )

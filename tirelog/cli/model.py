@@ -190,11 +190,10 @@ def add(
     from tirelog.physics.model.save import save_model
     from tirelog.physics.model.user_effects import effect_called
 
-    changed = (
-        load_model(model, effects=effects)
-        .with_effect(effect_called(effect, effects))
-        .with_values(_assignments(sets, f"{effect}."))
-    )
+    read = load_model(model, effects=effects)
+    changed = read.with_effect(
+        effect_called(effect, effects or read.effects_file, asked=effects is not None)
+    ).with_values(_assignments(sets, f"{effect}."))
     given = _setup(setup)
     save_model(with_gauge_length(changed, given) if effect == "gauge_length" else changed, output)
 

@@ -73,12 +73,10 @@ def propose(
     with Session(setup, quiet) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import propose as propose_measured
-        from tirelog.physics.model.user_effects import own_effects
 
         result = propose_measured(
             found,
             read,
-            effects=own_effects(effects),
             despite=despite,
             shape=shape,
             progress=None if quiet else say,

@@ -43,6 +43,7 @@ class Model(Predicting):
     base        parameters of carcass and load; effects with theirs, distinct ids
     nuisances   what may stand beside the model, with their ordinary sizes
     document    the TOML it was read from, so that comments survive; path where it lies
+    effects_file  the Python file with the user's own effects that it was read with
     """
 
     observable: str
@@ -54,6 +55,7 @@ class Model(Predicting):
     document: str | None = None
     path: Path | None = None
     beside: tuple[str, ...] = ()
+    effects_file: Path | None = None
 
     # ---- making and changing ---------------------------------------------------------------------
 
