@@ -36,10 +36,7 @@ def diagnose(
     plot: Plot = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
-    from tirelog.cli.targets import refuse_picture, refuse_unwritable
 
-    refuse_unwritable(output)
-    refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import diagnose as diagnose_measured

@@ -14,9 +14,9 @@ from tirelog.cli.common import (
     Quiet,
     Session,
     SetupFile,
-    in_a_folder,
     say,
 )
+from tirelog.cli.targets import folder, in_a_folder
 from tirelog.runtime import one_thread
 
 if TYPE_CHECKING:
@@ -62,7 +62,10 @@ def report(
     effects: EffectsFile = None,
     format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
     figures: Annotated[
-        Path | None, typer.Option("--figures", help="Folder for the pictures.", show_default=False)
+        Path | None,
+        typer.Option(
+            "--figures", help="Folder for the pictures.", show_default=False, callback=folder
+        ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -102,7 +105,6 @@ def _possible(
     figures: Path | None,
 ) -> None:
     """UsageError, before any work, if nothing could come of it."""
-    from tirelog.cli.targets import refuse_unwritable
     from tirelog.errors import UsageError, nearest
     from tirelog.report.page import plotting_library
 
@@ -135,7 +137,6 @@ def _possible(
                 allowed=f"allowed are the suffixes {', '.join(_SUFFIXES)}",
                 do="rename it",
             )
-        refuse_unwritable(output)
         plotting_library()
     if figures is not None:
         from tirelog.report.pictures import need_matplotlib

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import in_a_folder, say
+from tirelog.cli.common import say
+from tirelog.cli.targets import in_a_folder
 
 
 def simulate(

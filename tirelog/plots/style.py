@@ -8,6 +8,8 @@ asked for, and its absence is said in words.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -112,3 +114,36 @@ def robust_range(
     low, high = (float(q) for q in np.quantile(finite, (share, 1.0 - share)))
     room = margin * (high - low) or 0.05 * abs(high) or 1.0
     return low - room, high + room
+
+
+#: a slide of 16:9 [inches]
+SLIDE = (13.3, 7.5)
+#: sizes that the back row reads; a legend of many logs has to fit beside the lines
+_LARGE: dict[Any, Any] = {
+    "font.size": 14.0,
+    "axes.labelsize": 14.0,
+    "axes.titlesize": 14.0,
+    "legend.fontsize": 11.0,
+    "figure.titlesize": 16.0,
+    "lines.linewidth": 1.8,
+}
+
+
+@contextmanager
+def on_a_slide() -> Iterator[None]:
+    """Large letters and lines for what is drawn, and written, inside."""
+    figure_page(1.0, 1.0)  # says it if matplotlib is missing
+    from matplotlib import rc_context
+
+    with rc_context(_LARGE):
+        yield
+
+
+def by_value(values: Sequence[float] | FloatArray) -> list[Any]:
+    """A colour for each of ordered values, dark to light: told apart by the colour-blind too."""
+    from matplotlib import colormaps
+
+    given = np.asarray(values, float)
+    span = np.ptp(given) if given.size else 0.0
+    place = (given - given.min()) / span if span > 0.0 else np.zeros(given.size)
+    return list(colormaps["viridis"](0.88 * place))

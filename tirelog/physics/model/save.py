@@ -30,6 +30,14 @@ def save_model(model: Model, path: str | Path) -> None:
     ModelError: what stands there is no model.
     """
     path = Path(path)
+    refuse_another(path)
+    text = as_toml(model, path.parent)
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def refuse_another(path: Path) -> None:
+    """ModelError: what stands at the path is no model, and is not to be written over."""
     if not _may_be_replaced(path):
         raise ModelError(
             "is there and is no model file",
@@ -37,9 +45,6 @@ def save_model(model: Model, path: str | Path) -> None:
             do="give another -o",
             file=path,
         )
-    text = as_toml(model, path.parent)
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def _may_be_replaced(path: Path) -> bool:
