@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.errors import UsageError
+from tirelog.errors import UsageError, nearest
+from tirelog.plots.kinds import COMPARE
 from tirelog.plots.style import EDGE, SLIDE, by_value, figure_page, label, on_a_slide
 from tirelog.plots.wheel import around_the_wheel
 from tirelog.vocabulary.observables import WAVEFORMS, drawn
@@ -34,15 +35,19 @@ def figure(result: Comparison, kind: str = "page") -> Any:
 
     UsageError: not of a number per revolution, which has no waveform.
     """
-    from matplotlib.figure import Figure
-
     from tirelog.diagnosis.results import in_unit
 
+    if kind not in COMPARE:
+        raise UsageError(
+            f"no picture is called {kind!r}{nearest(kind, COMPARE)}",
+            allowed=COMPARE,
+            do="choose one",
+        )
     if kind != "page":
         return _of_waveforms(result, kind)
 
     factor, unit = drawn(result.observable, result.unit)
-    canvas = Figure(figsize=(12.0, 9.5), layout="constrained")
+    canvas = figure_page(12.0, 9.5)
     grid = canvas.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 1.0))
     waveforms(canvas.add_subplot(grid[0, :]), result)
     for row, (left, text) in enumerate(

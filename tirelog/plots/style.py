@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,21 +31,39 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 RAW, EDGE, MARK = "#999999", "#D55E00", "#009E73"
 MICRO = 1e6
 SUFFIXES = (".png", ".svg", ".pdf")
+#: pixels per inch in a notebook: a page of 13 inches is as wide as its column
+NOTEBOOK_DPI = 72
 #: columns of a decimated signal
 COLUMNS = 1500
+
+
+@cache
+def _page() -> type[Figure]:
+    """A figure that a notebook shows without pyplot, which would keep every one of them."""
+    from matplotlib.figure import Figure
+
+    class Page(Figure):
+        """A figure with a form in PNG."""
+
+        def _repr_png_(self) -> bytes:
+            made = BytesIO()
+            self.savefig(made, format="png", dpi=NOTEBOOK_DPI)
+            return made.getvalue()
+
+    return Page
 
 
 def figure_page(width: float, height: float) -> Figure:
     """An empty page, inches.  UsageError: matplotlib is not there."""
     try:
-        from matplotlib.figure import Figure
+        kind = _page()
     except ImportError:
         raise UsageError(
             "--plot needs matplotlib",
             allowed="allowed without it are tables",
             do="install it: pip install 'tirelog[plot]'",
         ) from None
-    return Figure(figsize=(width, height), layout="constrained")
+    return kind(figsize=(width, height), layout="constrained")
 
 
 def write(figure: Figure, path: Path) -> None:

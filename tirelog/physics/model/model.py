@@ -25,6 +25,7 @@ from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
+from tirelog.tables.html import document, table
 from tirelog.vocabulary.observables import OBSERVABLES, at_odds, together
 
 COUPLED_STANDS = (
@@ -56,6 +57,23 @@ class Model(Predicting):
     path: Path | None = None
     beside: tuple[str, ...] = ()
     effects_file: Path | None = None
+
+    def __repr__(self) -> str:
+        road = " on a flat road" if self.contact == "flat_road" else ""
+        effects = ", ".join(effect.id for effect in self.effects) or "none"
+        return (
+            f"Model of {together(self.observables)}: {self.carcass}{road}, {len(self.free)} free "
+            f"parameters, effects: {effects}"
+        )
+
+    def _repr_html_(self) -> str:
+        """The parameters as a notebook shows them."""
+        rows = [
+            (name, p.value, p.se, p.unit, "free" if p.free else "fixed", p.description)
+            for name, p in self.parameters.items()
+        ]
+        names = ["parameter", "value", "error", "unit", "", "what it is"]
+        return document(repr(self), [table(names, rows)])
 
     # ---- making and changing ---------------------------------------------------------------------
 
