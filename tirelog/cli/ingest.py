@@ -36,7 +36,9 @@ def ingest(
     from tirelog.runs.store import open_run
 
     with Session(setup, quiet) as session:
-        summary = write_run(log, session.setup(), output)
+        with session.working() as line:
+            line.say(f"reading {log}")
+            summary = write_run(log, session.setup(), output)
         for remark in summary.remarks:
             session.note(f"{log}: {remark}")
         for loss in summary.losses:

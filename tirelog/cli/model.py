@@ -280,7 +280,9 @@ def fit(
         words = ["shift"]
     with Session(setup, quiet) as session:
         measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
-        result = fit_model(measured, start, nuisances=words)
+        with session.working() as line:
+            line.say("fitting the model")
+            result = fit_model(measured, start, nuisances=words)
         for remark in result.remarks:
             session.note(remark)
         save_model(result.model, output)
@@ -399,10 +401,14 @@ def predict(
             table.write(columns)
         return
     folder = setup.parent if setup is not None and road == "setup" else None
-    rows = _passage(
-        read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor, side
-    )
-    with Session(None).table("passage", output, format) as table:
+    session = Session(None)
+    with session.working() as line:
+        line.say("driving")
+        rows = _passage(
+            read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor,
+            side,
+        )  # fmt: skip
+    with session.table("passage", output, format) as table:
         table.write(rows)
 
 
@@ -491,9 +497,12 @@ def modes(
         raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
     read = load_model(model, effects=effects)
     hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
-    found = modes_of_model(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
+    session = Session(setup, quiet)
+    with session.working() as line:
+        line.say("looking for modes")
+        found = modes_of_model(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
     rows = [{"support": support, "speed_m_s": speed, **asdict(mode)} for support, mode in found]
-    with Session(setup, quiet) as session, session.table("modes", output, format) as table:
+    with session, session.table("modes", output, format) as table:
         if plot is not None:
             from tirelog.plots.orders import map_of_log, modes_picture
 

@@ -74,13 +74,15 @@ def propose(
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import propose as propose_measured
 
-        result = propose_measured(
-            found,
-            read,
-            despite=despite,
-            shape=shape,
-            progress=None if quiet else say,
-        )
+        with session.working() as line:
+            line.say("proposing")
+            result = propose_measured(
+                found,
+                read,
+                despite=despite,
+                shape=shape,
+                progress=None if quiet else say,
+            )
         if plot is not None and result.status != "nothing":
             from tirelog.plots.propose import draw
 

@@ -81,11 +81,13 @@ def report(
     paths = tuple(logs or ())
     asked = Asked(paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects)
     with Session(setup, quiet, hashed=True) as session:
-        made = build(
-            session.all_recordings(list(paths)) if paths else [],
-            asked,
-            (lambda text: None) if quiet else say,
-        )
+        with session.working() as line:
+            line.say("making the page")
+            made = build(
+                session.all_recordings(list(paths)) if paths else [],
+                asked,
+                (lambda text: None) if quiet else say,
+            )
         if output is not None:
             _write_page(made, output, session)
         if format == "png" and figures is not None:
