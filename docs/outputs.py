@@ -25,6 +25,7 @@ PAGES = (
     "docs/tour.md",
     "docs/missing_effect.md",
     "docs/moving.md",
+    "docs/slides.md",
     "docs/methods/*.md",
 )
 CONSOLE = re.compile(r"(^```console\n)(.*?)(^```$)", re.M | re.S)

@@ -47,10 +47,8 @@ def run(cells: list[dict[str, Any]]) -> tuple[list[list[dict[str, Any]]], dict[s
 
 def _run(cell: dict[str, Any], names: dict[str, Any]) -> list[dict[str, Any]]:
     """Outputs of one cell: what it prints, and its last value."""
-    source = "".join(cell["source"])
-    body = ast.parse(source).body
-    quiet = source.endswith(";")  # as in a notebook: the last value is not shown
-    last = body.pop() if body and isinstance(body[-1], ast.Expr) and not quiet else None
+    body = ast.parse("".join(cell["source"])).body
+    last = body.pop() if body and isinstance(body[-1], ast.Expr) else None
     printed, value = io.StringIO(), None
     with redirect_stdout(printed):
         exec(compile(ast.Module(body, []), cell["id"], "exec"), names)

@@ -144,6 +144,46 @@ def test_more_logs_than_fit_on_a_slide_are_said() -> None:
     assert figure.get_suptitle() == "2 more are not drawn"
 
 
+def test_of_many_revolutions_each_nth_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = np.arange(25)
+    stacks = [
+        FakeStack(numbers[:7]),
+        FakeStack(numbers[7:12]),
+        FakeStack(numbers[12:]),
+    ]
+    monkeypatch.setattr("tirelog.plots.turns._MOST_TURNS", 10)
+    monkeypatch.setattr("tirelog.plots.turns.stacks_from_logs", lambda *given: Stacks(stacks))
+    tire = SimpleNamespace(static_footprint_length_m=None)
+    recording: Any = SimpleNamespace(log="a.csv", setup=SimpleNamespace(tire=tire))
+    channel: Any = SimpleNamespace(channel=SimpleNamespace(name="strain_1"))
+    made = TurnsSketch.of(recording, channel)
+    assert made.every == 3
+    assert made.time_s.tolist() == list(range(0, 25, 3))
+
+
+class FakeStack(SimpleNamespace):
+    """Revolutions whose time is their number."""
+
+    def __init__(self, numbers: np.ndarray) -> None:
+        super().__init__(
+            values=numbers[:, None] * np.ones(4),
+            phi_rad=np.zeros(4),
+            radius_m=0.3,
+            conditions=SimpleNamespace(time_s=numbers, speed_m_s=numbers),
+        )
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def take(self, which: slice) -> "FakeStack":
+        return FakeStack(self.values[which, 0])
+
+
+class Stacks(list[FakeStack]):
+    def outlines(self) -> list[FakeStack]:
+        return list(self)
+
+
 @pytest.mark.parametrize(("kind", "suffix"), [("polar", "svg"), ("waterfall", "pdf")])
 def test_the_command_draws_it(folder: Path, tirelog: Command, kind: str, suffix: str) -> None:
     path = folder / f"p.{suffix}"

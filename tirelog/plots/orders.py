@@ -87,7 +87,8 @@ def map_of(
     """The order map of revolutions, over speed, or over time if they are of one speed."""
     several = np.ptp(speed_m_s) > _ONE_SPEED * np.median(speed_m_s)
     axis = speed_m_s if several else time_s
-    steps = int(min(_STEPS, max(axis.size // 2, 1)))
+    # a moment of its own for each revolution; of like speeds some together
+    steps = int(min(_STEPS, max(axis.size // 2, 1) if several else axis.size))
     edges = np.linspace(axis.min(), axis.max() + 1e-9, steps + 1)
     row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, steps - 1)
     squares = amplitudes(values) ** 2

@@ -79,9 +79,9 @@ class TurnsSketch:
         stacks = stacks_from_logs([recording], "strain", found.channel.name)
         total = sum(len(stack) for stack in stacks.outlines())
         every = -(-total // _MOST_TURNS)
-        kept, first = [], 0
+        kept, first = [], 0  # less the revolutions before this stack
         for stack in stacks:
-            kept.append(stack.take(slice((first - total) % every, None, every)))
+            kept.append(stack.take(slice(first % every, None, every)))
             first -= len(stack)
         return cls(
             recording.log,
