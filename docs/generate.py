@@ -25,6 +25,7 @@ from tirelog.physics.model.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
 from tirelog.physics.model.presets import PRESETS
+from tirelog.plots.kinds import COMPARE, FOOTPRINT
 from tirelog.simulation.scenario import schema
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -619,6 +620,16 @@ conditions (`speed / 20`; `1` for none), straight lines between the nodes and no
 """
 
 
+def pictures_section() -> str:
+    """What --plot-kind takes."""
+    rows = [
+        (f"`{command}`", f"`{kind}`", says)
+        for command, kinds in (("footprint", FOOTPRINT), ("compare", COMPARE))
+        for kind, says in kinds.items()
+    ]
+    return table(("command", "`--plot-kind`", "what is drawn"), rows)
+
+
 PAGES: Mapping[str, Callable[[], str]] = {
     "docs/quality_words.md": quality_page,
     "docs/channel_kinds.md": kinds_page,
@@ -643,6 +654,7 @@ SECTIONS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "docs/campaigns.md": {"keys": campaign_keys_section},
     "docs/standard_errors.md": {"columns": errors_section},
+    "docs/slides.md": {"kinds": pictures_section},
 }
 
 

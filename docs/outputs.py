@@ -5,7 +5,8 @@
 A `console` block holds lines "$ command" with what each printed below it. They are run in the order
 of `PAGES` in one copy of sample_data, each different command once, and the block is written anew. A
 `python` block that writes a picture is run there too. A picture that a page shows
-(`![...](pictures/NAME.png)`) is the NAME.png that one of them wrote, made small.
+(`![...](pictures/NAME.png)`) is the NAME.png that one of them wrote, made small. The notebook is
+run too, and its page made.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ PAGES = (
     "docs/tour.md",
     "docs/missing_effect.md",
     "docs/moving.md",
+    "docs/slides.md",
     "docs/methods/*.md",
 )
 CONSOLE = re.compile(r"(^```console\n)(.*?)(^```$)", re.M | re.S)
@@ -54,6 +56,7 @@ def main() -> None:
                 execute([sys.executable, "-c", code], folder)
         for name in dict.fromkeys(n for page in pages() for n in SHOWN.findall(page.read_text())):
             shrink(folder / name, ROOT / "docs" / "pictures" / name)
+    execute([sys.executable, str(ROOT / "docs" / "notebook" / "run.py")], ROOT)
 
 
 def run(block: str, folder: Path, printed: dict[str, str]) -> str:

@@ -1,5 +1,6 @@
 """What a terminal shows while a command works, and that nothing else shows it."""
 
+import importlib
 import io
 import time
 
@@ -7,6 +8,7 @@ import pytest
 
 from tirelog.cli import working
 from tirelog.cli.working import Working
+from tirelog.errors import TirelogError
 
 
 class Terminal(io.StringIO):
@@ -79,3 +81,53 @@ def test_a_table_ends_with_its_summary_in_a_terminal_only(tirelog, folder, on_te
     assert f"speed.csv: {rows} rows, 0.0 s" in terminal.getvalue()
     working.summary(out, 1, 2, time.monotonic())
     assert "speed.csv: 1 row of 2 logs" in terminal.getvalue()
+
+
+class Begun(TirelogError):
+    """What stands in for the work of a command: it has come so far."""
+
+
+@pytest.mark.parametrize(
+    ("work", "words"),
+    [
+        ("tirelog.api.answers.propose", "propose log.csv --model m.toml"),
+        ("tirelog.api.answers.diagnose", "diagnose log.csv --model m.toml"),
+        ("tirelog.api.answers.ladder", "ladder log.csv --model m.toml"),
+        ("tirelog.api.answers.compare", "compare log.csv --model m.toml"),
+        ("tirelog.api.answers.fit", "model fit log.csv --model m.toml -o n.toml"),
+        ("tirelog.report.build.build", "report log.csv -o r.html"),
+        ("tirelog.api.simulated.simulated_log", "simulate s.toml -o s.csv"),
+        ("tirelog.runs.ingest.write_run", "ingest log.csv -o r.h5"),
+        ("tirelog.physics.moving.modes.modes_of_model", "model modes m.toml"),
+        ("tirelog.campaign.models.run_models", "campaign run c.toml"),
+    ],
+)
+def test_what_takes_long_is_said_in_a_terminal(tirelog, folder, monkeypatch, work, words):
+    (folder / "c.toml").write_text(
+        '[campaign]\nname = "c"\noutput = "made"\n[[logs]]\nglob = "log.csv"\n'
+        '[tables.speed]\n[[models]]\nfile = "m.toml"\n'
+    )
+    assert tirelog("model", "new", "-o", "m.toml", "--quiet").status == 0
+    said, shown = [], []
+
+    class Line(Working):
+        def __enter__(self):
+            shown.append(self)
+            return super().__enter__()
+
+        def __exit__(self, *problem):
+            shown.remove(self)
+            super().__exit__(*problem)
+
+        def say(self, text, *more):
+            said.append(text)
+
+    def begun(*given, **more):
+        assert shown
+        assert said
+        raise Begun("so far")
+
+    monkeypatch.setattr("tirelog.cli.common.Working", Line)
+    module, name = work.rsplit(".", 1)
+    monkeypatch.setattr(importlib.import_module(module), name, begun)
+    assert "so far" in tirelog(*words.split()).err

@@ -38,6 +38,10 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ("report", "-o", "nowhere/x.html", "the folder has to exist"),
         ("report", "-o", "x.pdf", "the page is HTML"),
         ("fit", "-o", "nowhere/x.toml", "the folder has to exist"),
+        ("fit", "-o", "other.toml", "is there and is no model file"),
+        ("ladder", "--save", "other.toml", "is there and is no model file"),
+        ("propose", "-o", "other.toml", "is there and is no model file"),
+        ("compare", "--plot-kind", "polr", "nearest: polar"),
     ],
 )
 @pytest.mark.usefixtures("no_work")
@@ -45,18 +49,48 @@ def test_what_cannot_be_written_is_refused_first(
     folder: Path, tirelog: Command, command: str, option: str, path: str, said: str
 ) -> None:
     words = ["model", "fit"] if command == "fit" else [command]
+    (folder / "other.toml").write_text("x = 1\n")
+    before = sorted(folder.iterdir())
     result = tirelog(
         *words,
         str(folder / "log.csv"),
         "--model",
         str(folder / "m.toml"),
         option,
-        str(folder / path),
+        path if option == "--plot-kind" else str(folder / path),
     )
     assert result.status == 2
     assert said in result.err
     assert path in result.err
-    assert not (folder / path).exists()
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "path", "said"),
+    [
+        ("speed --plot", "x.jpg", "allowed are .png"),
+        ("speed --plot", "nowhere/x.png", "the folder has to exist"),
+        ("footprint --plot", "x.jpg", "allowed are .png"),
+        ("dissipation --plot", "x.jpg", "allowed are .png"),
+        ("phase-shift --plot", "x.jpg", "allowed are .png"),
+        ("phase-shift --calibrate", "nowhere/x.toml", "the folder has to exist"),
+        ("inflation --plot", "x.jpg", "allowed are .png"),
+        ("speed -o", ".", "Is a directory"),
+        ("ingest -o", "nowhere/x.h5", "the folder has to exist"),
+        ("tables -o", "log.csv", "it is a file; give the path of a folder"),
+        ("tables -o", "log.csv/below", "Not a directory"),
+        ("report -o", ".", "Is a directory"),
+        ("report --format png --figures", "log.csv", "it is a file"),
+    ],
+)
+@pytest.mark.usefixtures("no_work")
+def test_what_tables_cannot_write_is_refused_first(
+    folder: Path, tirelog: Command, words: str, path: str, said: str
+) -> None:
+    command, *options = words.split()
+    result = tirelog(command, str(folder / "log.csv"), *options, str(folder / path))
+    assert result.status == 2
+    assert said in result.err
 
 
 @pytest.mark.parametrize("command", ["compare", "diagnose", "ladder"])

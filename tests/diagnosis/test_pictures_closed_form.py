@@ -1,13 +1,17 @@
 """The pictures of `compare` and `diagnose`: what stands in them, by a result made by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tirelog.diagnosis.results import Map
-from tirelog.plots import diagnose
+from tirelog.data.recording import Conditions
+from tirelog.diagnosis.results import Map, Waveforms
+from tirelog.errors import UsageError
+from tirelog.physics.model.model import Model
+from tirelog.plots import compare, diagnose
 from tirelog.plots.compare import coloured
 
 PHI = np.linspace(-np.pi, np.pi, 64, endpoint=False)
@@ -75,3 +79,57 @@ def test_before_and_after_have_one_scale_and_the_ranking_its_order(tmp_path):
     assert bars.patches[0].get_facecolor() != bars.patches[1].get_facecolor()
     assert diagnose.draw(RESULT, tmp_path / "d.svg") == []
     assert b"<svg" in (tmp_path / "d.svg").read_bytes()
+
+
+def with_waveforms(observable="strain"):
+    """A comparison of a beam: predicted is measured less 5 microstrain behind the exit edge."""
+    model = Model.new("beam")
+    conditions = Conditions.of(2, speed_m_s=[10.0, 20.0], load_N=[3000.0, 4000.0])
+    measured = model.predict(conditions, PHI)
+    waves = Waveforms(
+        np.stack([PHI, PHI]),
+        measured,
+        measured - 5e-6 * (PHI > 0.2),
+        np.full((2, PHI.size), 1e-6),
+        ("10 m/s, a.csv", "20 m/s, b.csv"),
+        conditions,
+    )
+    given = comparison(1e-5, 1e-6)
+    given.__dict__.update(waveforms=waves, model=model, observable=observable)
+    return given
+
+
+def test_edges_close_up_show_what_is_left_behind_the_exit():
+    drawn = compare.figure(with_waveforms(), "edges")
+    assert "residual" not in [axes.get_title() for axes in drawn.axes]
+    entry, exit_ = drawn.axes[2:4]
+    assert entry.get_ylabel() == "measured - predicted [microstrain]"
+    assert np.abs(entry.lines[0].get_ydata()).max() < 1e-9
+    x, y = exit_.lines[0].get_data()
+    assert y[x > np.degrees(0.2)] == pytest.approx(5.0)
+    assert (x.min(), x.max()) == pytest.approx(np.degrees([0.08, 0.32]), abs=6.0)
+
+
+def test_the_polar_picture_has_the_pressure_that_carries_the_load():
+    drawn = compare.figure(with_waveforms(), "polar")
+    wheel, patch = drawn.axes
+    assert wheel.name == "polar"
+    for line, load in zip(patch.lines[:2], (3000.0, 4000.0)):
+        assert np.trapezoid(line.get_ydata(), line.get_xdata()) == pytest.approx(load, rel=0.01)
+    assert [text.get_text() for text in wheel.get_legend().texts] == [
+        "10 m/s, a.csv",
+        "20 m/s, b.csv",
+    ]
+
+
+def test_a_number_per_revolution_has_no_edges():
+    with pytest.raises(UsageError, match="a number per revolution"):
+        compare.figure(with_waveforms("patch_length"), "edges")
+
+
+def test_logs_one_after_the_other_are_parted():
+    axes = Figure().add_subplot()
+    map_ = replace(map_of(1.0), axis_name="time_s", begins=(12.0,))
+    compare._map(axes.figure, axes, map_, "residual", 1.0, 1.0, "residual", "time [s]", 0.2)
+    assert axes.get_ylabel() == "time [s], logs one after the other"
+    assert [12.0, 12.0] in [list(line.get_ydata()) for line in axes.lines]

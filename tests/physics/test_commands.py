@@ -250,7 +250,7 @@ def test_effects_lists_the_catalogue(here, capsys):
         (["model", "predict", "b.toml", "--speed", "80"], "critical speed"),
         (["model", "predict", "b.toml", "--speed", "8", "--surface", "side"], "outer, inner"),
         (["effects", "waer"], "nearest: wear"),
-        (["effects", "wear", "--plot", "t.gif"], ".png and .svg"),
+        (["effects", "wear", "--plot", "t.gif"], ".png, .svg, .pdf"),
         (["effects", "inflation", "--plot", "t.png"], "not on strain"),
     ],
 )

@@ -1,5 +1,6 @@
 """Hostile and mistaken models: refused with what is wrong, what is allowed, what to do."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -281,6 +282,107 @@ def test_a_model_with_a_users_effect_asks_for_its_file(tmp_path):
     (tmp_path / "m.toml").write_text(CONTRACT.replace('"viscous_damping"', '"mine"', 1))
     with pytest.raises(ModelError, match="for one of your own in Python give --effects FILE"):
         load_model(tmp_path / "m.toml")
+
+
+NAMES_OWN = (
+    as_toml(Model.new("beam")).replace("[model]", '[model]\neffects_file = "NAME"', 1)
+    + '\n[[effects]]\nname = "mine"\na = 2e-6\n'
+)
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A Python file that notes each time it runs; nothing has been let run yet."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setattr("tirelog.storage.let_run._now", set())
+    path = tmp_path / "mine.py"
+    path.write_text(
+        OWN + f"\nwith open({str(tmp_path / 'ran')!r}, 'a') as ran:\n    ran.write('.')\n"
+    )
+    return path
+
+
+def with_own(model):
+    """A bare beam with the user's effect, read from a file as any command reads it."""
+    save_model(Model.new("beam"), model)
+    return load_model(model, effects=model.parent / "mine.py")
+
+
+def test_a_model_remembers_where_its_own_effects_are(own, tmp_path, monkeypatch):
+    plain = with_own(tmp_path / "plain.toml")
+    save_model(plain, tmp_path / "same.toml")
+    assert "effects_file" not in (tmp_path / "same.toml").read_text()  # none of them is used
+    model = plain.with_effect(effects_of_file(own)["mine"], a=2e-6)
+    for folder, name in (("", "mine.py"), ("below/it", "../../mine.py")):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        path = tmp_path / folder / "m.toml"
+        save_model(model, path)
+        assert f'effects_file = "{name}"' in path.read_text()
+        monkeypatch.setattr("tirelog.storage.let_run._now", set())  # as another process
+        monkeypatch.chdir(tmp_path / folder)
+        assert load_model("m.toml").values["mine.a"] == 2e-6
+        again = load_model(path).with_values({"mine.a": 3e-6})
+        save_model(again, path)
+        assert load_model(path).values["mine.a"] == 3e-6
+
+
+def test_python_that_a_model_names_runs_only_if_the_user_has_let_it(own, tmp_path):
+    model, ran = tmp_path / "m.toml", tmp_path / "ran"
+    model.write_text(NAMES_OWN.replace("NAME", "mine.py"))
+    with pytest.raises(ModelError, match=r"m\.toml:\d+: .*read it, then give --effects .*mine.py"):
+        load_model(model)
+    assert not ran.exists()
+    load_model(model, effects=own)
+    load_model(model)
+    assert ran.read_text() == ".."
+    own.write_text(own.read_text() + "# changed\n")
+    with pytest.raises(ModelError, match="has changed since"):
+        load_model(model)
+    assert ran.read_text() == ".."
+
+
+def test_commands_write_along_where_own_effects_are(own, tmp_path, capsys):
+    plain, model = tmp_path / "plain.toml", tmp_path / "m.toml"
+    assert run(["model", "new", "-o", str(plain), "--quiet"]) == 0
+    given = ["--effects", str(own), "-o", str(model)]
+    assert run(["model", "add", str(plain), "mine", *given]) == 0
+    (tmp_path / "else").mkdir()
+    bare = tmp_path / "else" / "bare.toml"
+    assert run(["model", "remove", str(model), "mine", "-o", str(bare)]) == 0
+    again = bare.with_name("again.toml")
+    assert run(["model", "add", str(bare), "mine", "-o", str(again)]) == 0  # no --effects
+    assert run(["model", "show", str(again)]) == 0
+    assert f"own effects from {tmp_path}/else/../mine.py" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("/etc/passwd", "starts from the model file's folder"),
+        ("C:mine.py", "starts from the model file's folder"),
+        (r"\\\\host\\share\\mine.py", "starts from the model file's folder"),
+        ("", "starts from the model file's folder"),
+        ("none.py", "no such file"),
+        ("pipe", "no such file"),
+        (".", "no such file"),
+        ("large.py", "larger than 1 MB"),
+    ],
+)
+def test_a_model_names_no_file_that_could_do_harm(own, tmp_path, name, says):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "large.py").write_bytes(b"#" * (1 << 21))
+    model = tmp_path / "m.toml"
+    model.write_text(NAMES_OWN.replace("NAME", name))
+    with pytest.raises(ModelError, match=says):
+        load_model(model)
+
+
+def test_a_list_that_cannot_be_kept_serves_this_process(own, tmp_path):
+    (tmp_path / "state").write_text("no folder")
+    model = tmp_path / "m.toml"
+    model.write_text(NAMES_OWN.replace("NAME", "mine.py"))
+    load_model(model, effects=own)
+    assert load_model(model).effects_file == own
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from tests.cli.conftest import SETUP, pulse_rows
 from tirelog.cli import run
 
 
@@ -112,3 +113,17 @@ def test_a_beam_has_none_and_a_ring_without_tread_only_the_air(tmp_path, monkeyp
     )
     assert {row["support"] for row in rows(capsys, "bare.toml")} == {"air"}
     assert run(["model", "modes", "bare.toml", "--load", "1000"]) == 2
+
+
+def test_modes_are_drawn_over_speed_and_over_a_log(ring, tmp_path, capsys):
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,CH1,CH2", *pulse_rows()]) + "\n")
+    (tmp_path / "log.toml").write_text(SETUP)
+    few = ["--to-frequency", "60", "-o", "modes.csv", "--quiet"]
+    assert run(["model", "modes", ring, "--plot", "modes.svg", *few]) == 0
+    assert run(["model", "modes", ring, "--plot", "map.svg", "--log", "log.csv", *few]) == 0
+    alone, below = ((tmp_path / f"{name}.svg").read_bytes() for name in ("modes", "map"))
+    assert b"<image" not in alone
+    assert b"<image" in below  # the map's colours
+    capsys.readouterr()
+    assert run(["model", "modes", ring, "--log", "log.csv"]) == 2
+    assert "--log without --plot" in capsys.readouterr().err

@@ -31,6 +31,7 @@ from tirelog.inference.measured import MeasuredLogs, measured, measured_together
 from tirelog.inference.motion import motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.user_effects import own_effects
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, waveform_of
 
 __all__ = [
@@ -225,7 +226,8 @@ def diagnose(
     model : Model
         The model that may lack something.
     effects : iterable of Effect
-        Candidates of your own beside the catalogue.
+        Candidates of your own beside the catalogue, those of installed packages, and those of the
+        file that the model was read with.
     progress : callable, optional
         Hears what is being done, a sentence at a time.
 
@@ -242,7 +244,12 @@ def diagnose(
     """
     found = _known(measured)
     return DiagnosisOfLogs.of(
-        diagnosing.diagnose(found.revolutions, model, effects=effects, progress=progress or _silent)
+        diagnosing.diagnose(
+            found.revolutions,
+            model,
+            effects=_candidates(model, effects),
+            progress=progress or _silent,
+        )
     )
 
 
@@ -279,7 +286,7 @@ def ladder(
         climbing.ladder(
             found.revolutions,
             model,
-            effects=effects,
+            effects=_candidates(model, effects),
             proposing=propose,
             progress=progress or _silent,
         )
@@ -332,12 +339,18 @@ def propose(
         proposing.propose(
             found.stacks,
             model,
-            effects=effects,
+            effects=_candidates(model, effects),
             despite=despite,
             shape=shape,
             progress=progress or _silent,
         )
     )
+
+
+def _candidates(model: Model, given: Iterable[Effect]) -> list[Effect]:
+    """Effects to try beside the catalogue: those given, installed ones, the model's own file's."""
+    chosen = {effect.id: effect for effect in own_effects(model.effects_file, asked=False)}
+    return list((chosen | {effect.id: effect for effect in given}).values())
 
 
 def _silent(text: str) -> None:

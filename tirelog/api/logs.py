@@ -41,10 +41,13 @@ class OpenLog(Recording):
     ) -> None:
         self.close()
 
+    def __repr__(self) -> str:
+        return f"{self.log}: {', '.join(self.channels)}"
+
     def _repr_html_(self) -> str:
         """The channels, for a notebook."""
-        from tirelog.api.html import document, table
         from tirelog.runs.overview import channel_rows
+        from tirelog.tables.html import document, table
 
         rows = {name: column for name, column in channel_rows(self).items() if name != "log"}
         return document(self.log, [table(list(rows), zip(*rows.values()))], self.remarks)

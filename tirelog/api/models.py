@@ -15,7 +15,6 @@ from tirelog.errors import UsageError, nearest
 from tirelog.physics.model import file
 from tirelog.physics.model.limits import check_conditions, check_model
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.user_effects import catalogue_with
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
@@ -40,7 +39,8 @@ def load_model(path: Path, *, effects: Path | None = None) -> Model:
     path : str or os.PathLike
         A model file (``tirelog model new`` makes one).
     effects : str or os.PathLike, optional
-        A Python file with effects of your own; it is run.
+        A Python file with effects of your own; it is run. Without it that which the model names,
+        if you have had it run before: its bytes are compared.
 
     Returns
     -------
@@ -53,8 +53,7 @@ def load_model(path: Path, *, effects: Path | None = None) -> Model:
     ModelError
         The file is no model; file and line are named.
     """
-    own = None if effects is None else File(effects)
-    return file.load_model(File(path), catalogue=catalogue_with(own))
+    return file.load_model(File(path), effects=None if effects is None else File(effects))
 
 
 def conditions_of(conditions: Conditions | Mapping[str, Any]) -> Conditions:

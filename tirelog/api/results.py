@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from tirelog.api.html import document, table
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
@@ -18,6 +18,7 @@ from tirelog.diagnosis.results import Comparison, Ladder, in_unit, plain_values
 from tirelog.inference.fit.result import FitResult
 from tirelog.physics.model.model import Model
 from tirelog.plots.style import write
+from tirelog.tables.html import document, table
 from tirelog.vocabulary.observables import shown
 
 if TYPE_CHECKING:
@@ -93,18 +94,28 @@ class ComparisonOfLogs(Comparison):
         del told["obstacles"], told["aside"]
         return told | ({"transients": self.obstacles.to_json()} if self.obstacles else {})
 
-    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
+    def plot(self, path_or_axes: str | Path | Axes | None = None, kind: str = "page") -> Any:
         """Waveforms with the floor's band and maps of the residual; the figure.
 
         path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the
                       waveforms alone
+        kind          "page", "polar" (around the wheel, with the contact pressure) or "edges" (of
+                      the patch, close up)
         """
         from tirelog.plots.compare import figure, waveforms
 
-        return _drawn(path_or_axes, lambda: figure(self), lambda axes: waveforms(axes, self))
+        return _drawn(path_or_axes, lambda: figure(self, kind), lambda axes: waveforms(axes, self))
+
+    def __repr__(self) -> str:
+        factor, unit = _read(self.observable, self.unit)
+        return (
+            f"{self.observable} in {unit}: {self.revolutions} revolutions, "
+            f"{self.manoeuvres} manoeuvres, held-out error {in_unit(self.rmse_heldout, factor)}, "
+            f"noise floor {in_unit(self.noise_floor, factor)}"
+        )
 
     def _repr_html_(self) -> str:
-        factor, unit = _read(self.observable, self.unit)
+        factor, _ = _read(self.observable, self.unit)
         held_out = (self.rmse_heldout, self.noise_floor, self.excess_heldout)
         errors = [
             ("all, fitted", *(x * factor for x in (self.rmse, self.noise_floor, self.excess))),
@@ -116,8 +127,7 @@ class ComparisonOfLogs(Comparison):
             told = (None if x is None else x * factor for x in held)
             errors.append((f"{part.observable} [{own}], held out", *told))
         return document(
-            f"{self.observable} in {unit}: {self.revolutions} revolutions, "
-            f"{self.manoeuvres} manoeuvres",
+            repr(self),
             [table(["", "rmse", "floor", "excess"], errors), _parameters(self.model)],
             (*([self.agreement] if self.agreement else []), *self.notes),
         )
@@ -132,6 +142,16 @@ class DiagnosisOfLogs(Diagnosis):
         """The same, to show."""
         return _filled(cls, diagnosis)
 
+    @cached_property
+    def before(self) -> ComparisonOfLogs:
+        """The comparison of the model as it came."""
+        return ComparisonOfLogs.of(super().before)
+
+    @cached_property
+    def after(self) -> ComparisonOfLogs:
+        """The comparison of the model with what was selected."""
+        return ComparisonOfLogs.of(super().after)
+
     def to_json(self) -> dict[str, Any]:
         """The verdict and all that is said with it."""
         return super().to_json() | {"remarks": list(self.before.remarks)}
@@ -145,10 +165,13 @@ class DiagnosisOfLogs(Diagnosis):
 
         return _drawn(path_or_axes, lambda: figure(self), lambda axes: ranking(axes, self))
 
+    def __repr__(self) -> str:
+        return self.sentence
+
     def _repr_html_(self) -> str:
         factor, unit = _read(self.before.observable, self.before.unit)
         ranking = [
-            (c.effect, "yes" if c.selected else "", c.excess_removed, c.p_adjusted)
+            (c.effect, "yes" if c.selected else "", 100.0 * c.excess_removed, c.p_adjusted)
             for c in self.effects
         ]
         errors = (
@@ -157,8 +180,8 @@ class DiagnosisOfLogs(Diagnosis):
             f"{in_unit(self.noise_floor, factor)}"
         )
         return document(
-            f"{self.verdict.replace('_', ' ')}: {self.sentence}",
-            [table(["effect", "selected", "excess removed", "p"], ranking)],
+            repr(self),
+            [table(["effect", "selected", "excess removed [%]", "p"], ranking)],
             (errors, *self.notes, *self.before.remarks, f"next: {self.next_command}"),
         )
 
@@ -181,13 +204,17 @@ class ProposalOfLogs(Proposal):
 
         return _drawn(path_or_axes, lambda: figure(self), lambda axes: shape(axes, self))
 
+    def __repr__(self) -> str:
+        return self.sentence
+
     def _repr_html_(self) -> str:
-        rows = [
-            (term.name, term.formula.acts_on, term.formula.expression, name, n["value"], n["se"])
-            for term in self.terms
-            for name, n in term.numbers.items()
-        ]
-        names = ["effect", "acts on", "expression", "number", "value", "error"]
+        rows = []
+        for term in self.terms:
+            words: tuple[str, ...] = (term.name, term.formula.acts_on, term.formula.expression)
+            for name, n in term.numbers.items():
+                rows.append((*words, name, n["value"], n["se"], n["unit"]))
+                words = ("", "", "")
+        names = ["effect", "acts on", "expression", "number", "value", "error", "unit"]
         return document(self.sentence, [table(names, rows)] if rows else [], self.sentences())
 
 
@@ -209,6 +236,9 @@ class LadderOfLogs(Ladder):
 
         return _drawn(path_or_axes, lambda: figure(self), lambda axes: steps(axes, self))
 
+    def __repr__(self) -> str:
+        return f"{self.verdict.replace('_', ' ')}: {len(self.steps)} steps"
+
     def _repr_html_(self) -> str:
         factor, unit = _read(self.observable, self.unit)
         rows = [
@@ -223,7 +253,7 @@ class LadderOfLogs(Ladder):
             for step in self.steps
         ]
         names = ["step", "effect", f"fit [{unit}]", "held out", "floor", "decision"]
-        return document(self.verdict.replace("_", " "), [table(names, rows)], self.remarks)
+        return document(repr(self), [table(names, rows)], self.remarks)
 
 
 @dataclass(frozen=True)
@@ -292,11 +322,15 @@ class FitOfLogs:
             lambda axes: correlations(axes, self.model, self.found),
         )
 
+    def __repr__(self) -> str:
+        found = self.found
+        return f"{found.revolutions} revolutions, reduced chi-square {found.reduced_chi2:.3f}"
+
     def _repr_html_(self) -> str:
-        chi2 = self.found.reduced_chi2
-        title = f"{self.found.revolutions} revolutions, reduced chi-square {chi2:.3f}"
         bounds = [f"{name} stands at a bound" for name in self.found.at_bound]
-        return document(title, [_parameters(self.model)], (*bounds, *self.doubts, *self.remarks))
+        return document(
+            repr(self), [_parameters(self.model)], (*bounds, *self.doubts, *self.remarks)
+        )
 
 
 def _parameters(model: Model) -> str:

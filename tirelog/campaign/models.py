@@ -22,6 +22,7 @@ import json
 import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tirelog.campaign.ledger import Ledger
@@ -30,6 +31,7 @@ from tirelog.campaign.names import json_of
 from tirelog.campaign.work import LogTask, pieces_name
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
+from tirelog.physics.model.user_effects import own_effects
 from tirelog.version import __version__
 
 if TYPE_CHECKING:
@@ -51,6 +53,10 @@ def run_models(
         except TirelogError as problem:
             failed.append(f"{model.file}: {problem.message}")
     return failed
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _run(
@@ -81,9 +87,9 @@ def _run(
             f"no log of the campaign measures {model.observable}, so there is nothing to hold "
             "the model against"
         )
-    key = hashlib.sha256(
-        json.dumps([[t.key for t in measured], text, __version__, _FORM]).encode()
-    ).hexdigest()
+    read = load_model(model.file)
+    own = [] if read.effects_file is None else [_digest(read.effects_file.read_bytes())]
+    key = _digest(json.dumps([[t.key for t in measured], text, __version__, _FORM, *own]).encode())
     folder = f"models/{model.file.stem}"
     waiting = [
         name
@@ -96,11 +102,11 @@ def _run(
     from tirelog.diagnosis.diagnose import diagnose
     from tirelog.diagnosis.ladder import ladder
 
-    read = load_model(model.file)
+    candidates = own_effects(read.effects_file, asked=False)
     commands: dict[str, Callable[..., Any]] = {
         "compare": compare,
-        "diagnose": diagnose,
-        "ladder": ladder,
+        "diagnose": partial(diagnose, effects=candidates),
+        "ladder": partial(ladder, effects=candidates),
     }
     pieces, about = _pieces(measured, model.observable, ledger)
     results = {}

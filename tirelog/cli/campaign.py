@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Quiet, say
+from tirelog.cli.common import Quiet, Session, say
 from tirelog.errors import ExitStatus, printable
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def run(
             open_tasks,
             workers=workers,
             scheduler=scheduler,
-            said=_Progress(quiet),
+            said=_Progress(quiet, len(open_tasks)),
         )
         summary = write_summary(campaign, ledger)
         failed = [
@@ -106,7 +106,11 @@ def run(
         if campaign.models and only is None:
             from tirelog.campaign.models import run_models
 
-            unmade = run_models(campaign, ledger, tasks, say if not quiet else lambda text: None)
+            with Session(None, quiet).working() as line:
+                line.say("models over the whole campaign")
+                unmade = run_models(
+                    campaign, ledger, tasks, say if not quiet else lambda text: None
+                )
     for entry in failed:
         say(
             f"error: {entry.error}"
@@ -148,8 +152,11 @@ def status(manifest: Manifest) -> None:
 class _Progress:
     """A line with the time left, overwritten on a terminal; elsewhere a plain line per log."""
 
-    def __init__(self, quiet: bool) -> None:
+    def __init__(self, quiet: bool, of: int) -> None:
         self.quiet, self.begun, self.terminal = quiet, time.monotonic(), sys.stderr.isatty()
+        if self.terminal and of and not quiet:  # the first log may take minutes
+            sys.stderr.write(f"\r\x1b[Ktirelog: 0/{of}, working")
+            sys.stderr.flush()
 
     def __call__(self, entry: Entry, finished: int, of: int) -> None:
         if self.quiet:

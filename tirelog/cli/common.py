@@ -14,11 +14,9 @@ at all could be read).
 
 from __future__ import annotations
 
-import errno
-import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tirelog.cli import completion
+from tirelog.cli.targets import drawable, in_a_folder
 from tirelog.cli.working import Working, summary
 from tirelog.errors import (
     DataLoss,
@@ -34,6 +33,7 @@ from tirelog.errors import (
     SetupError,
     TirelogError,
     UsageError,
+    nearest,
     printable,
 )
 
@@ -47,15 +47,24 @@ if TYPE_CHECKING:
     from tirelog.tables.writer import TableWriter
 
 
-def in_a_folder(path: Path | None) -> Path | None:
-    """The path of an output, whose folder is there: this is asked before the work, not after it."""
-    from tirelog.storage.remote import address
-    from tirelog.storage.whole import output_error
+def plot_kind(kinds: Mapping[str, str]) -> Any:
+    """The option --plot-kind of a command that draws these; one it cannot is refused at once."""
 
-    if path is not None and address(path) is None and not path.parent.is_dir():
-        number = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
-        raise output_error(path, OSError(number, os.strerror(number)))
-    return path
+    def known(kind: str) -> str:
+        if kind not in kinds:
+            raise UsageError(
+                f"--plot-kind {kind}{nearest(kind, kinds)}",
+                allowed=f"allowed are {', '.join(kinds)}",
+                do="choose one",
+            )
+        return kind
+
+    return typer.Option(
+        "--plot-kind",
+        help=f"What --plot draws: {', '.join(kinds)}.",
+        callback=known,
+        autocompletion=lambda incomplete: [kind for kind in kinds if kind.startswith(incomplete)],
+    )
 
 
 Logs = Annotated[
@@ -90,13 +99,19 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard err
 Plot = Annotated[
     Path | None,
     typer.Option(
-        "--plot", help="Picture to write, .png or .svg.", show_default=False, callback=in_a_folder
+        "--plot",
+        help="Picture to write, .png, .svg or .pdf.",
+        show_default=False,
+        callback=drawable,
     ),
 ]
 EffectsFile = Annotated[
     Path | None,
     typer.Option(
-        "--effects", help="Python file with effects of your own; it is run.", show_default=False
+        "--effects",
+        help="Python file with effects of your own; it is run. A model with one of them "
+        "remembers it.",
+        show_default=False,
     ),
 ]
 ChannelName = Annotated[

@@ -20,7 +20,9 @@ from tirelog.cli.common import (
     Session,
     SetupFile,
     keeps_hashes,
+    plot_kind,
 )
+from tirelog.plots.kinds import COMPARE
 
 if TYPE_CHECKING:
     from tirelog.api.answers import MeasuredLogs
@@ -86,9 +88,9 @@ def compare(
     channel: ChannelName = None,
     effects: EffectsFile = None,
     plot: Plot = None,
+    kind: Annotated[str, plot_kind(COMPARE)] = "page",
 ) -> None:
     """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
-    from tirelog.cli.targets import refuse_picture, refuse_unwritable
     from tirelog.cli.transients import TABLES
     from tirelog.errors import UsageError, nearest
 
@@ -99,8 +101,6 @@ def compare(
             allowed=f"allowed are {', '.join(tables)}",
             do="choose one",
         )
-    refuse_unwritable(output)
-    refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import compare as compare_measured
@@ -117,7 +117,7 @@ def compare(
         for remark in result.notes:
             session.note(remark)
         if plot is not None:
-            _draw(session, result, plot)
+            _draw(session, result, plot, kind)
         if by is not None:
             parts = (
                 iter([result.obstacles.tables[by]])
@@ -142,11 +142,11 @@ def compare(
                 transients_page(result.obstacles)
 
 
-def _draw(session: Session, result: ComparisonOfLogs, plot: Path) -> None:
+def _draw(session: Session, result: ComparisonOfLogs, plot: Path, kind: str) -> None:
     """The picture of the steady comparison, and beside it that of the obstacles."""
     from tirelog.plots.compare import draw
 
-    for beside in draw(result, plot):
+    for beside in draw(result, plot, kind):
         session.note(f"another observable drawn in {beside}")
     if result.obstacles is not None:
         from tirelog.cli.transients import draw_transients

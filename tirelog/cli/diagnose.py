@@ -36,20 +36,14 @@ def diagnose(
     plot: Plot = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
-    from tirelog.cli.targets import refuse_picture, refuse_unwritable
 
-    refuse_unwritable(output)
-    refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import diagnose as diagnose_measured
-        from tirelog.physics.model.user_effects import own_effects
 
         with session.working() as line:
             line.say("diagnosing")
-            result = diagnose_measured(
-                found, read, effects=own_effects(effects), progress=None if quiet else say
-            )
+            result = diagnose_measured(found, read, progress=None if quiet else say)
         for remark in result.before.remarks:
             session.note(remark)
         if plot is not None:

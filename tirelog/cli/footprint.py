@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from tirelog.cli.common import (
     Channels,
@@ -14,8 +14,10 @@ from tirelog.cli.common import (
     Session,
     SetupFile,
     keeps_hashes,
+    plot_kind,
 )
 from tirelog.cli.log_table import table_option
+from tirelog.plots.kinds import FOOTPRINT
 from tirelog.runtime import one_thread
 
 
@@ -28,10 +30,11 @@ def footprint(
     quiet: Quiet = False,
     cutoff: Annotated[str, table_option("footprint", "cutoff")] = "auto",
     plot: Plot = None,
+    kind: Annotated[str, plot_kind(FOOTPRINT)] = "page",
 ) -> None:
     """Tell contact length, edges and slip onset at each passage of the patch."""
     one_thread()
-    kept = []
+    kept: list[Any] = []
     with (
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
         session.table("footprint", output, format) as table,
@@ -41,6 +44,7 @@ def footprint(
             if plot is not None:
                 from tirelog.errors import UsageError
                 from tirelog.plots.footprint import FootprintSketch
+                from tirelog.plots.turns import TurnsSketch
                 from tirelog.strain.footprint.table import FootprintOfChannel
 
                 if not isinstance(part.found, FootprintOfChannel):
@@ -50,8 +54,13 @@ def footprint(
                         do="leave --plot out; `tirelog phase-shift --plot` draws fronts",
                         file=recording.log,
                     )
-                kept.append(FootprintSketch.of(recording, part.found))
+                sketch = FootprintSketch if kind == "page" else TurnsSketch
+                kept.append(sketch.of(recording, part.found))
         if plot is not None and kept:
             from tirelog.plots.footprint import footprint_picture
+            from tirelog.plots.turns import turns_picture
 
-            footprint_picture(kept, plot)
+            if kind == "page":
+                footprint_picture(kept, plot)
+            else:
+                turns_picture(kept, plot, kind)

@@ -51,6 +51,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "footprint": (
         ("tirelog footprint drive.csv.gz -o footprint.csv", "contact length, edges, slip onset"),
         ("tirelog footprint drive.csv.gz -o f.csv --plot footprint.png", "and a picture"),
+        (
+            "tirelog footprint drive.csv.gz -o f.csv --plot wheel.svg --plot-kind polar",
+            "strain around the wheel; also waterfall, edges, lengths, orders",
+        ),
     ),
     "dissipation": (
         ("tirelog dissipation drive.csv.gz -o dissipation.csv", "factor and power per revolution"),
@@ -102,12 +106,22 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "model predict": (
         ("tirelog model predict fitted.toml --speed 20 -o revolution.csv", "one revolution"),
     ),
-    "model modes": (("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),),
+    "model modes": (
+        ("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),
+        (
+            "tirelog model modes ring.toml --log drive.csv.gz --plot orders.png",
+            "its modes over the log's order map",
+        ),
+    ),
     "compare": (
         ("tirelog compare drive.csv.gz --model model.toml", "held out, beside the noise floor"),
         (
             "tirelog compare drive.csv.gz --model model.toml --by angle -o by_angle.csv",
             "where on the wheel it fails",
+        ),
+        (
+            "tirelog compare drive.csv.gz --model model.toml --plot edges.pdf --plot-kind edges",
+            "the patch's edges close up",
         ),
     ),
     "diagnose": (
@@ -149,6 +163,7 @@ METAVARS: Mapping[str, str] = {
     "effects": "PYTHON_FILE",
     "own": "PYTHON_FILE",
     "plot": "PICTURE",
+    "kind": "KIND",
     "save": "FILE",
     "figures": "FOLDER",
     "against": "TABLE",

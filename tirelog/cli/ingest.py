@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Quiet, Session, SetupFile
+from tirelog.cli.targets import in_a_folder
 
 
 def ingest(
@@ -15,7 +16,14 @@ def ingest(
         str, typer.Argument(help="The log, or '-' for standard input.", show_default=False)
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="The run to write (HDF5).", show_default=False)
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="The run to write (HDF5).",
+            show_default=False,
+            callback=in_a_folder,
+        ),
     ],
     setup: SetupFile = None,
     quiet: Quiet = False,
@@ -28,7 +36,9 @@ def ingest(
     from tirelog.runs.store import open_run
 
     with Session(setup, quiet) as session:
-        summary = write_run(log, session.setup(), output)
+        with session.working() as line:
+            line.say(f"reading {log}")
+            summary = write_run(log, session.setup(), output)
         for remark in summary.remarks:
             session.note(f"{log}: {remark}")
         for loss in summary.losses:

@@ -21,11 +21,11 @@ from tirelog.cli.common import (
     Quiet,
     Session,
     SetupFile,
-    in_a_folder,
     keeps_hashes,
     say,
 )
 from tirelog.cli.compare import columns_of, measured_and_model, write_json
+from tirelog.cli.targets import in_a_folder
 from tirelog.errors import printable
 
 if TYPE_CHECKING:
@@ -66,21 +66,20 @@ def ladder(
     ] = False,
 ) -> None:
     """Add effects one by one until nothing more is worth adding; one row per step."""
-    from tirelog.cli.targets import refuse_picture, refuse_unwritable
 
-    refuse_unwritable(output, save)
-    refuse_picture(plot)
+    from tirelog.physics.model.save import refuse_another, save_model
+
+    if save is not None:
+        refuse_another(save)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import ladder as climb
-        from tirelog.physics.model.user_effects import own_effects
 
         with session.working() as line:
             line.say("climbing")
             result = climb(
                 found,
                 read,
-                effects=own_effects(effects),
                 propose=propose,
                 progress=None if quiet else say,
             )
@@ -92,8 +91,6 @@ def ladder(
 
             draw(result, plot)
         if save is not None:
-            from tirelog.physics.model.save import save_model
-
             save_model(result.model, save)
         if format == "json" or (output is not None and output.suffix == ".json"):
             write_json(result.to_json(), output)

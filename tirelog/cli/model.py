@@ -10,16 +10,19 @@ import typer
 
 from tirelog.cli import completion
 from tirelog.cli.common import (
+    ChannelName,
     EffectsFile,
     Format,
     Logs,
     ModelFile,
     Output,
+    Plot,
     Quiet,
     Session,
     SetupFile,
     say,
 )
+from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:
     from tirelog.api.answers import MeasuredLogs
@@ -31,7 +34,10 @@ app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is
 
 Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
 Target = Annotated[
-    Path, typer.Option("-o", "--output", help="Model file to write.", show_default=False)
+    Path,
+    typer.Option(
+        "-o", "--output", help="Model file to write.", show_default=False, callback=in_a_folder
+    ),
 ]
 Sets = Annotated[
     list[str],
@@ -190,11 +196,10 @@ def add(
     from tirelog.physics.model.save import save_model
     from tirelog.physics.model.user_effects import effect_called
 
-    changed = (
-        load_model(model, effects=effects)
-        .with_effect(effect_called(effect, effects))
-        .with_values(_assignments(sets, f"{effect}."))
-    )
+    read = load_model(model, effects=effects)
+    changed = read.with_effect(
+        effect_called(effect, effects or read.effects_file, asked=effects is not None)
+    ).with_values(_assignments(sets, f"{effect}."))
     given = _setup(setup)
     save_model(with_gauge_length(changed, given) if effect == "gauge_length" else changed, output)
 
@@ -265,18 +270,19 @@ def fit(
     from tirelog.api.answers import fit as fit_model
     from tirelog.api.models import load_model
     from tirelog.cli.model_page import fit_page, learned_page
-    from tirelog.cli.targets import refuse_unwritable
-    from tirelog.physics.model.save import save_model
+    from tirelog.physics.model.save import refuse_another, save_model
     from tirelog.vocabulary.observables import WAVEFORMS
 
-    refuse_unwritable(output)
+    refuse_another(output)
     start = load_model(model, effects=effects)
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"]
     if start.observable not in WAVEFORMS:
         words = ["shift"]
     with Session(setup, quiet) as session:
         measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
-        result = fit_model(measured, start, nuisances=words)
+        with session.working() as line:
+            line.say("fitting the model")
+            result = fit_model(measured, start, nuisances=words)
         for remark in result.remarks:
             session.note(remark)
         save_model(result.model, output)
@@ -395,10 +401,14 @@ def predict(
             table.write(columns)
         return
     folder = setup.parent if setup is not None and road == "setup" else None
-    rows = _passage(
-        read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor, side
-    )
-    with Session(None).table("passage", output, format) as table:
+    session = Session(None)
+    with session.working() as line:
+        line.say("driving")
+        rows = _passage(
+            read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor,
+            side,
+        )  # fmt: skip
+    with session.table("passage", output, format) as table:
         table.write(rows)
 
 
@@ -461,26 +471,41 @@ def modes(
     effects: EffectsFile = None,
     output: Output = None,
     format: Format = None,
+    plot: Plot = None,
+    log: Annotated[
+        list[str],
+        typer.Option("--log", help="With --plot: a log whose order map is drawn below; twice."),
+    ] = [],  # noqa: B006
+    setup: SetupFile = None,
+    channel: ChannelName = None,
+    quiet: Quiet = False,
 ) -> None:
     """Natural frequencies, damping and shapes of a ring model, in the air and (with contact =
     "flat_road") on the road.
 
     The ring moves on the sidewall of a hub with the mass given; the model's effects are not in it.
+    --plot draws the modes over the speed, as the turning belt feels them.
     """
     from dataclasses import asdict
 
     from tirelog.api.models import load_model
+    from tirelog.errors import UsageError
     from tirelog.physics.moving.modes import modes_of_model
     from tirelog.vocabulary.columns import TABLES
 
-    found = modes_of_model(
-        load_model(model, effects=effects),
-        speed_m_s=speed,
-        load_N=load,
-        hub_mass_kg=hub_mass,
-        hub_inertia_kg_m2=hub_inertia,
-        to_Hz=to_frequency,
-    )
+    if log and plot is None:
+        raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
+    read = load_model(model, effects=effects)
+    hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
+    session = Session(setup, quiet)
+    with session.working() as line:
+        line.say("looking for modes")
+        found = modes_of_model(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
     rows = [{"support": support, "speed_m_s": speed, **asdict(mode)} for support, mode in found]
-    with Session(None).table("modes", output, format) as table:
+    with session, session.table("modes", output, format) as table:
+        if plot is not None:
+            from tirelog.plots.orders import map_of_log, modes_picture
+
+            maps = [(each.log, map_of_log(each, channel)) for each in session.recordings(log)]
+            modes_picture(read, maps, plot, highest_Hz=to_frequency, **hub)
         table.write({name: [row[name] for row in rows] for name in TABLES["modes"]})

@@ -47,6 +47,8 @@ def model_page(model: Model) -> str:
             f"{e.id}: {e.effect.mechanism}{options}",
             _aligned(_cells(p) for p in e.parameters) or "  no parameters",
         ]
+    if model.effects_file is not None:
+        parts.append(f"own effects from {model.effects_file}")
     if not model.effects:
         parts.append("no effects; `tirelog effects` lists what can be added")
     return "\n".join(parts)

@@ -19,6 +19,7 @@ from tirelog.cli.common import (
     keeps_hashes,
 )
 from tirelog.cli.log_table import table_option
+from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:
     from tirelog.wheel.calibration import Calibration
@@ -37,6 +38,7 @@ def phase_shift(
         typer.Option(
             help="Calibration file to write, learnt from these logs, and applied.",
             show_default=False,
+            callback=in_a_folder,
         ),
     ] = None,
     zero: Annotated[str, table_option("phase-shift", "zero")] = "auto",

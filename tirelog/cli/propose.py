@@ -16,11 +16,11 @@ from tirelog.cli.common import (
     Quiet,
     Session,
     SetupFile,
-    in_a_folder,
     page,
     say,
 )
 from tirelog.cli.compare import measured_and_model, write_json
+from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.propose.results import Proposal
@@ -61,28 +61,28 @@ def propose(
     ] = False,
 ) -> None:
     """Write down the unknown effect: formulas that remove it, or its measured shape."""
-    from tirelog.cli.targets import refuse_picture, refuse_unwritable
     from tirelog.errors import UsageError
+    from tirelog.physics.model.save import refuse_another
 
     if format not in (None, "json"):
         raise UsageError(
             f"--format {format}", allowed="json is allowed", do="give it, or leave it out"
         )
-    refuse_unwritable(output)
-    refuse_picture(plot)
+    if output is not None:
+        refuse_another(output)
     with Session(setup, quiet) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import propose as propose_measured
-        from tirelog.physics.model.user_effects import own_effects
 
-        result = propose_measured(
-            found,
-            read,
-            effects=own_effects(effects),
-            despite=despite,
-            shape=shape,
-            progress=None if quiet else say,
-        )
+        with session.working() as line:
+            line.say("proposing")
+            result = propose_measured(
+                found,
+                read,
+                despite=despite,
+                shape=shape,
+                progress=None if quiet else say,
+            )
         if plot is not None and result.status != "nothing":
             from tirelog.plots.propose import draw
 

@@ -14,9 +14,9 @@ from tirelog.cli.common import (
     Quiet,
     Session,
     SetupFile,
-    in_a_folder,
     say,
 )
+from tirelog.cli.targets import folder, in_a_folder
 from tirelog.runtime import one_thread
 
 if TYPE_CHECKING:
@@ -62,7 +62,10 @@ def report(
     effects: EffectsFile = None,
     format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
     figures: Annotated[
-        Path | None, typer.Option("--figures", help="Folder for the pictures.", show_default=False)
+        Path | None,
+        typer.Option(
+            "--figures", help="Folder for the pictures.", show_default=False, callback=folder
+        ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -78,11 +81,13 @@ def report(
     paths = tuple(logs or ())
     asked = Asked(paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects)
     with Session(setup, quiet, hashed=True) as session:
-        made = build(
-            session.all_recordings(list(paths)) if paths else [],
-            asked,
-            (lambda text: None) if quiet else say,
-        )
+        with session.working() as line:
+            line.say("making the page")
+            made = build(
+                session.all_recordings(list(paths)) if paths else [],
+                asked,
+                (lambda text: None) if quiet else say,
+            )
         if output is not None:
             _write_page(made, output, session)
         if format == "png" and figures is not None:
@@ -102,7 +107,6 @@ def _possible(
     figures: Path | None,
 ) -> None:
     """UsageError, before any work, if nothing could come of it."""
-    from tirelog.cli.targets import refuse_unwritable
     from tirelog.errors import UsageError, nearest
     from tirelog.report.page import plotting_library
 
@@ -135,7 +139,6 @@ def _possible(
                 allowed=f"allowed are the suffixes {', '.join(_SUFFIXES)}",
                 do="rename it",
             )
-        refuse_unwritable(output)
         plotting_library()
     if figures is not None:
         from tirelog.report.pictures import need_matplotlib

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Quiet, Session, SetupFile, in_a_folder, say
+from tirelog.cli.common import Quiet, Session, SetupFile, say
+from tirelog.cli.targets import in_a_folder
 from tirelog.errors import ExitStatus, printable
 
 app = typer.Typer(help="Draft the setup of a log, and check one.", no_args_is_help=True)

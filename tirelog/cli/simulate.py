@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import in_a_folder, say
+from tirelog.cli.common import Session, say
+from tirelog.cli.targets import in_a_folder
 
 
 def simulate(
@@ -41,7 +42,9 @@ def simulate(
     """
     from tirelog.api.simulated import simulated_log
 
-    described, files = simulated_log(scenario, output, seed=seed)
+    with Session(None, quiet).working() as line:
+        line.say(f"driving {scenario}")
+        described, files = simulated_log(scenario, output, seed=seed)
     if not quiet:
         planted = ", ".join(effect.name for effect in described.effects) or "no effect"
         say(

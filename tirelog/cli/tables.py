@@ -17,6 +17,7 @@ import typer
 
 from tirelog.cli import completion
 from tirelog.cli.common import Channels, Logs, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.targets import folder
 from tirelog.runtime import one_thread
 
 if TYPE_CHECKING:
@@ -28,7 +29,11 @@ def tables(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", help="Folder to write FOLDER/NAME.csv into.", show_default=False
+            "-o",
+            "--output",
+            help="Folder to write FOLDER/NAME.csv into.",
+            show_default=False,
+            callback=folder,
         ),
     ],
     setup: SetupFile = None,

@@ -221,6 +221,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
         + base.floor.within
     )
     waveform = OBSERVABLES[base.model.observable].waveform
+    time_s, begins = _running_time(base)
     return Comparison(
         observable=base.model.observable,
         unit=OBSERVABLES[base.model.observable].unit,
@@ -232,7 +233,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
         tables=error_tables(base, stacks),
         waveforms=_waveforms(base),
         by_speed=_map(base, base.cells.conditions.speed_m_s, "speed_m_s"),
-        by_time=_map(base, _running_time(base), "time_s"),
+        by_time=replace(_map(base, time_s, "time_s"), begins=begins),
         half_angle_rad=half_angle(base) if waveform else 0.0,
         remarks=tuple(remarks_of(base)),
     )
@@ -299,14 +300,15 @@ def of_rounding(base: FittedChannel) -> list[str]:
     return rounding_sentences(base.model.observable, held, base.floor.square, base.square_rounding)
 
 
-def _running_time(base: Base) -> FloatArray:
-    """Time over all logs, one after the other, (C,)."""
+def _running_time(base: Base) -> tuple[FloatArray, tuple[float, ...]]:
+    """Time over all logs, one after the other, (C,), and where each but the first begins."""
     c = base.cells
     ends = np.array(
         [c.conditions.time_s[c.log == log].max(initial=0.0) for log in range(int(c.log.max()) + 1)]
     )
-    time_s: FloatArray = c.conditions.time_s + np.concatenate([[0.0], np.cumsum(ends)])[c.log]
-    return time_s
+    begins = np.concatenate([[0.0], np.cumsum(ends)])
+    time_s: FloatArray = c.conditions.time_s + begins[c.log]
+    return time_s, tuple(begins[1:-1].tolist())
 
 
 def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
@@ -340,6 +342,7 @@ def _waveforms(base: Base) -> Waveforms:
         (base.fit.prediction + base.fit.beside)[chosen],
         np.sqrt(c.within + between)[chosen],
         labels,
+        c.conditions.take(chosen),
     )
 
 

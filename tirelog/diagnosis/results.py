@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.data.recording import Conditions
 from tirelog.diagnosis.agreement import Contribution
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -25,7 +26,8 @@ Rows = list[dict[str, Any]]
 class Waveforms:
     """Some cells to look at: measured, predicted, floor.
 
-    (k, m) each, in the observable's unit at angles phi (k, m) [rad]; `labels` (k,).
+    (k, m) each, in the observable's unit at angles phi (k, m) [rad]; `labels` (k,); `conditions`
+    that each is driven under.
     """
 
     phi_rad: FloatArray
@@ -33,6 +35,7 @@ class Waveforms:
     predicted: FloatArray
     floor: FloatArray
     labels: tuple[str, ...]
+    conditions: Conditions
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,8 @@ class Map:
     """The residual over an axis (speed [m/s] or time [s], ascending, (k,)) and the angle (m,).
 
     `residual` is in the observable's unit, `whitened` in standard errors; both are (k, m), NaN if
-    there is nothing.
+    there is nothing. Over the time of several logs, one after the other, each but the first begins
+    at one of `begins`.
     """
 
     axis: FloatArray
@@ -48,6 +52,7 @@ class Map:
     phi_rad: FloatArray
     residual: FloatArray
     whitened: FloatArray
+    begins: tuple[float, ...] = ()
 
 
 class ErrorTables(Mapping[str, Rows]):

@@ -14,7 +14,7 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.rules import QUIET_FLOORS
 from tirelog.diagnosis.sign_flips import least_p
-from tirelog.physics.effects import Effect
+from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, shown
@@ -345,7 +345,11 @@ def next_command(
         return f"tirelog propose {given} --model {file} -o {stem}+proposed.toml"
     if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
-        parts = [("add", name, "") for name in selected]
+        own = f" --effects {model.effects_file}"  # the longer model remembers it
+        parts = [
+            ("add", name, own if name not in BY_ID and model.effects_file else "")
+            for name in selected
+        ]
         parts += [("nuisance", name, " on") for name in beside]
         for word, name, use in parts:
             longer = f"{stem}+{name}.toml"

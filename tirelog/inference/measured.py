@@ -16,6 +16,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tirelog.data.recording import Channel, Recording, Stack, TimeAxis
 from tirelog.errors import UsageError
 from tirelog.inference.cells.together import StacksTogether
@@ -23,6 +25,7 @@ from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, tra
 from tirelog.inference.stacks.cut import STRETCH, observe_channel, stacks_from_logs, stretches_of
 from tirelog.inference.stacks.outward import outward
 from tirelog.inference.stacks.spooled import Stacks, joined
+from tirelog.tables.html import document, table
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, waveform_of
 
 
@@ -42,6 +45,29 @@ class MeasuredLogs:
     def revolutions(self) -> Stacks | StacksTogether:
         """What a question is asked of: the stacks, of several observables those of each."""
         return StacksTogether((self.stacks, *self.beside)) if self.beside else self.stacks
+
+    def __repr__(self) -> str:
+        found = ", ".join(
+            f"{sum(len(stack) for stack in stacks.outlines())} revolutions of "
+            f"{stacks.outlines()[0].observable if len(stacks) else 'nothing'}"
+            for stacks in (self.stacks, *self.beside)
+        )
+        hits = f", {len(self.obstacles)} logs with obstacles" if self.obstacles else ""
+        return f"{found}{hits}"
+
+    def _repr_html_(self) -> str:
+        """The revolutions by log, as a notebook shows them."""
+        rows = []
+        for stacks in (self.stacks, *self.beside):
+            for number, log in enumerate(stacks.logs):
+                own = [stack for stack in stacks.outlines() if stack.log[0] == number]
+                speed = np.concatenate([[np.nan], *(s.conditions.speed_m_s for s in own)])
+                span = (np.nanmin(speed), np.nanmax(speed)) if own else (None, None)
+                manoeuvres = {int(n) for stack in own for n in np.unique(stack.manoeuvre)}
+                kind = own[0].observable if own else ""
+                rows.append((log, kind, sum(map(len, own)), len(manoeuvres), *span))
+        names = ["log", "observable", "revolutions", "manoeuvres", "from m/s", "to m/s"]
+        return document(repr(self), [table(names, rows)], self.notes)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from tirelog.plots.compare import coloured, edges
 from tirelog.plots.compare import draw as draw_comparison
-from tirelog.plots.style import COLOURS
+from tirelog.plots.style import COLOURS, figure_page
 from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
@@ -30,9 +30,7 @@ _BEFORE, _AFTER, _FLOOR = COLOURS[1], COLOURS[0], COLOURS[6]
 
 def figure(result: Diagnosis) -> Any:
     """A matplotlib figure of a diagnosis."""
-    from matplotlib.figure import Figure
-
-    canvas = Figure(figsize=(13.0, 8.5), layout="constrained")
+    canvas = figure_page(13.0, 8.5)
     grid = canvas.add_gridspec(2, 3, height_ratios=(1.0, 0.9))
     before, after = _first(result.before), _first(result.after)
     if before.by_speed.phi_rad.size > 1:

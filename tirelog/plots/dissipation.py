@@ -86,14 +86,19 @@ def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> No
     label(
         strain,
         "",
-        "strain [µε]",
-        f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)",
+        "strain [microstrain]",
+        f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)"
+        f"{f', 1 of {len(kept)}' if len(kept) > 1 else ''}",
     )
     d = found.dissipation
     _over_time(
         power, found, d.specific_power_m3_s2, d.specific_power_mean_m3_s2, "specific power [m³/s²]"
     )
     _over_time(factor, found, d.factor_1_m, d.factor_mean_1_m, "dissipation factor [1/m]")
+    time_s, error = found.passages.time_s, found.columns["dissipation_factor_se_1_m"]
+    ends = d.factor_1_m + 2.0 * np.array([[-1.0], [1.0]]) * error
+    factor.vlines(time_s, *ends, color=COLOURS[0], lw=0.6, alpha=0.5, label="two standard errors")
+    factor.legend(fontsize=7)
     speed.plot(found.passages.time_s, found.passages.speed_m_s, ".", color=RAW, ms=3)
     still = np.where(d.steady, found.passages.speed_m_s, np.nan)
     speed.plot(found.passages.time_s, still, ".", color=EDGE, ms=3, label="constant speed")
@@ -150,7 +155,7 @@ def _magnified(axes: Axes, sketch: DissipationSketch) -> None:
     label(
         axes,
         "time [s]",
-        "strain [µε]",
+        "strain [microstrain]",
         f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else "",
     )
 

@@ -24,8 +24,6 @@ def signatures(chosen: Sequence[Effect], path: Path) -> None:
 
     Strain with it (at its probe) less strain without, at two speeds, coasting and braking.
     """
-    if path.suffix.lower() not in (".png", ".svg"):
-        raise UsageError(f"--plot {path}", allowed=".png and .svg are allowed", do="rename it")
     drawn = [effect for effect in chosen if "strain" in effect.reaches]
     if not drawn:
         raise UsageError(
@@ -65,5 +63,5 @@ def _draw(axes: Axes, effect: Effect) -> None:
     axes.axvspan(-55.0, 55.0, color="0.92", zorder=0)
     axes.set_title(effect.id, fontsize=9)
     axes.set_xlabel("xi [mm], entry to exit; grey: the patch", fontsize=8)
-    axes.set_ylabel("change of strain [µε]", fontsize=8)
+    axes.set_ylabel("change of strain [microstrain]", fontsize=8)
     axes.tick_params(labelsize=7)

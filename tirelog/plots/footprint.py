@@ -89,7 +89,7 @@ def footprint_picture(sketches: Sequence[FootprintSketch], path: Path) -> None:
         figure.subfigures(1, 2, width_ratios=[1.0, 0.8 * max(len(shown), 1)])
     ).ravel()
     strain, speed, lengths, by_speed = left.subplots(4, 1, height_ratios=[1.0, 0.7, 1.0, 1.0])
-    _drive(strain, speed, first)
+    _drive(strain, speed, first, len(kept))
     _lengths(lengths, by_speed, kept)
     strain.sharex(speed)
     lengths.sharex(speed)
@@ -99,15 +99,16 @@ def footprint_picture(sketches: Sequence[FootprintSketch], path: Path) -> None:
     write(figure, path)
 
 
-def _drive(strain: Axes, speed: Axes, sketch: FootprintSketch) -> None:
-    """Strain and speed over time (P2 Figs. 17, 20)."""
+def _drive(strain: Axes, speed: Axes, sketch: FootprintSketch, channels: int) -> None:
+    """Strain and speed over time (P2 Figs. 17, 20) of one of so many channels."""
     recording, found = sketch.recording, sketch.found
     draw_signal(strain, sketch.signal)
     label(
         strain,
         "",
-        "strain [µε]",
-        f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)",
+        "strain [microstrain]",
+        f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)"
+        f"{f', 1 of {channels}' if channels > 1 else ''}",
     )
     speed.plot(
         found.passages.time_s, found.passages.speed_m_s, ".-", color=COLOURS[0], ms=2, lw=0.8
@@ -247,7 +248,11 @@ def _passage(
                 ),
             )
         )
-    units = (("strain [µε]", MICRO), ("d/dξ [µε/mm]", 1e3), ("d²/dξ² [µε/mm²]", 1.0))
+    units = (
+        ("strain [microstrain]", MICRO),
+        ("d/dξ [microstrain/mm]", 1e3),
+        ("d²/dξ² [microstrain/mm²]", 1.0),
+    )
     for number, (axes, (text, scale)) in enumerate(zip(panels, units, strict=True)):
         for (xi, curves), colour, width, style in (
             (panes[0], RAW, 0.8, ".-"),
@@ -265,8 +270,8 @@ def _passage(
             ylim=robust_range(shown, share=0.0),
         )
     speed_text = (
-        f"{p.time_s[row]:.2f} s, {speed[0]:.1f} m/s, {acceleration[0]:+.1f} m/s², low-pass "
-        f"{cutoff[0]:.0f} Hz"
+        f"{p.time_s[row]:.2f} s, {speed[0]:.1f} m/s, {round(acceleration[0], 1) + 0.0:+.1f} m/s², "
+        f"low-pass {cutoff[0]:.0f} Hz"
     )
     panels[0].set_title(f"{title}: {speed_text}", loc="left", fontsize=9)
     panels[2].set_xlabel("ξ from the patch centre [mm]   (entry − … exit +)")

@@ -34,7 +34,7 @@ def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path
                 )
                 if lost:
                     over_time.annotate(
-                        f"−{MICRO * abs(leak):.1f} µε",
+                        f"−{MICRO * abs(leak):.1f} microstrain",
                         (start, 0.04),
                         xycoords=("data", "axes fraction"),
                         fontsize=8,
@@ -42,7 +42,7 @@ def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path
         label(
             over_time,
             "time [s]",
-            "strain since the start [µε]",
+            "strain since the start [microstrain]",
             f"{Path(recording.log).name}: {found.channel.name}; stops shaded",
         )
         if np.isfinite(s.pressure_Pa).any():
@@ -55,12 +55,14 @@ def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path
                 + test.slope_1_Pa[0] * (ends - np.nanmean(s.pressure_Pa))
             )
             text = (
-                f"{1e11 * test.slope_1_Pa[0]:.1f} µε/bar, straight to "
+                f"{1e11 * test.slope_1_Pa[0]:.1f} microstrain/bar, straight to "
                 f"{100 * test.nonlinearity[0]:.1f} %"
             )
             over_pressure.plot(1e-5 * ends, MICRO * line, color=MARK, lw=1.5, label=text)
             over_pressure.legend(fontsize=8)
         static = recording.setup.tire.static_footprint_length_m
         title = "" if static is None else f"static footprint {1e3 * static:.0f} mm"
-        label(over_pressure, "inflation pressure [bar]", "strain since the start [µε]", title)
+        label(
+            over_pressure, "inflation pressure [bar]", "strain since the start [microstrain]", title
+        )
     write(figure, path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tirelog.plots.style import COLOURS, figure_page, write
 from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
@@ -13,9 +14,7 @@ if TYPE_CHECKING:
 
 def figure(result: Ladder) -> Any:
     """A matplotlib figure of a ladder."""
-    from matplotlib.figure import Figure
-
-    canvas = Figure(figsize=(8.0, 4.5), layout="constrained")
+    canvas = figure_page(8.0, 4.5)
     steps(canvas.add_subplot(), result)
     return canvas
 
@@ -26,27 +25,38 @@ def steps(axes: Any, result: Ladder) -> None:
     taken = [s for s in result.steps if not s.decision.startswith("not added")]
     place = list(range(len(taken)))
     held_out = [float("nan") if s.rmse_heldout is None else s.rmse_heldout * factor for s in taken]
-    axes.bar(place, held_out, width=0.6, color="tab:blue", label="held-out error")
+    axes.bar(place, held_out, width=0.6, color=COLOURS[5], label="held-out error")
     axes.plot(place, [s.rmse_fit * factor for s in taken], "k_", ms=22, label="error of the fit")
     axes.step(
         place,
         [s.noise_floor * factor for s in taken],
         where="mid",
-        color="tab:red",
+        color=COLOURS[1],
         label="noise floor",
     )
     for x, s in zip(place, taken, strict=True):
         text = s.decision if s.p_adjusted is None else f"{s.decision}\np = {s.p_adjusted:.2g}"
+        height = max(s.rmse_heldout or s.rmse_fit, s.rmse_fit, s.noise_floor)
+        if x == place[-1] and result.rmse_untouched is not None:
+            height = max(height, result.rmse_untouched)
         axes.annotate(
-            text, (x, (s.rmse_heldout or s.rmse_fit) * factor), ha="center", va="bottom", fontsize=8
+            text,
+            (x, height * factor),
+            xytext=(0, 7),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=8,
         )
     if result.rmse_untouched is not None:
         axes.plot(
             [place[-1]],
             [result.rmse_untouched * factor],
             "D",
-            color="tab:green",
-            label="manoeuvres that nothing had touched",
+            color=COLOURS[4],
+            mec="black",
+            ls="none",
+            label="error on manoeuvres that nothing had touched",
         )
     axes.set_xticks(place, [s.effect for s in taken])
     axes.set(ylabel=f"{result.observable} error [{unit}]")
@@ -56,7 +66,4 @@ def steps(axes: Any, result: Ladder) -> None:
 
 def draw(result: Ladder, path: Path) -> None:
     """Write the figure; the suffix decides the format."""
-    from tirelog.storage.whole import whole_file
-
-    with whole_file(path) as part:
-        figure(result).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)
+    write(figure(result), path)

@@ -14,15 +14,14 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from tirelog.storage.whole import whole_file
+from tirelog.plots.style import COLOURS, figure_page, write
 from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes
 
 #: accelerometers that have a column of their own
 MOST = 4
-RAW, DETRENDED, CORRECTED = "0.65", "tab:blue", "tab:red"
+RAW, DETRENDED, CORRECTED = "0.65", COLOURS[0], COLOURS[1]
 
 
 def plot_phase_shift(
@@ -31,7 +30,7 @@ def plot_phase_shift(
     """Write the page to `path`; its suffix decides the format."""
     shown = list(logs[:MOST])
     columns = max(len(shown), 1)
-    figure = Figure(figsize=(max(4.2 * columns, 12.0), 13.0), layout="constrained")
+    figure = figure_page(max(4.2 * columns, 12.0), 13.0)
     top, bottom = np.asarray(figure.subfigures(2, 1, height_ratios=[1.0, 2.2]))
     fronts, shifts, widths = top.subplots(1, 3)
     _fronts(fronts, shown)
@@ -45,8 +44,7 @@ def plot_phase_shift(
                 passages,
                 clean_passages(passages, calibration) if calibration else None,
             )
-    with whole_file(path) as target:
-        figure.savefig(target, format=path.suffix.lstrip(".").lower() or "png", dpi=110)
+    write(figure, path)
 
 
 def _fronts(axes: Axes, logs: Sequence[EdgeTimes]) -> None:

@@ -8,6 +8,10 @@ asked for, and its absence is said in words.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,21 +31,39 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 RAW, EDGE, MARK = "#999999", "#D55E00", "#009E73"
 MICRO = 1e6
 SUFFIXES = (".png", ".svg", ".pdf")
+#: pixels per inch in a notebook: a page of 13 inches is as wide as its column
+NOTEBOOK_DPI = 72
 #: columns of a decimated signal
 COLUMNS = 1500
+
+
+@cache
+def _page() -> type[Figure]:
+    """A figure that a notebook shows without pyplot, which would keep every one of them."""
+    from matplotlib.figure import Figure
+
+    class Page(Figure):
+        """A figure with a form in PNG."""
+
+        def _repr_png_(self) -> bytes:
+            made = BytesIO()
+            self.savefig(made, format="png", dpi=NOTEBOOK_DPI)
+            return made.getvalue()
+
+    return Page
 
 
 def figure_page(width: float, height: float) -> Figure:
     """An empty page, inches.  UsageError: matplotlib is not there."""
     try:
-        from matplotlib.figure import Figure
+        kind = _page()
     except ImportError:
         raise UsageError(
             "--plot needs matplotlib",
             allowed="allowed without it are tables",
             do="install it: pip install 'tirelog[plot]'",
         ) from None
-    return Figure(figsize=(width, height), layout="constrained")
+    return kind(figsize=(width, height), layout="constrained")
 
 
 def write(figure: Figure, path: Path) -> None:
@@ -112,3 +134,36 @@ def robust_range(
     low, high = (float(q) for q in np.quantile(finite, (share, 1.0 - share)))
     room = margin * (high - low) or 0.05 * abs(high) or 1.0
     return low - room, high + room
+
+
+#: a slide of 16:9 [inches]
+SLIDE = (13.3, 7.5)
+#: sizes that the back row reads; a legend of many logs has to fit beside the lines
+_LARGE: dict[Any, Any] = {
+    "font.size": 14.0,
+    "axes.labelsize": 14.0,
+    "axes.titlesize": 14.0,
+    "legend.fontsize": 11.0,
+    "figure.titlesize": 16.0,
+    "lines.linewidth": 1.8,
+}
+
+
+@contextmanager
+def on_a_slide() -> Iterator[None]:
+    """Large letters and lines for what is drawn, and written, inside."""
+    figure_page(1.0, 1.0)  # says it if matplotlib is missing
+    from matplotlib import rc_context
+
+    with rc_context(_LARGE):
+        yield
+
+
+def by_value(values: Sequence[float] | FloatArray) -> list[Any]:
+    """A colour for each of ordered values, dark to light: told apart by the colour-blind too."""
+    from matplotlib import colormaps
+
+    given = np.asarray(values, float)
+    span = np.ptp(given) if given.size else 0.0
+    place = (given - given.min()) / span if span > 0.0 else np.zeros(given.size)
+    return list(colormaps["viridis"](0.88 * place))

@@ -201,8 +201,8 @@ def _models(
     from tirelog.physics.model.user_effects import catalogue_with
     from tirelog.report.diagnosed import model_story
 
-    catalogue = catalogue_with(asked.effects)
-    model = load_model(asked.model, catalogue=catalogue)
+    model = load_model(asked.model, effects=asked.effects)
+    catalogue = catalogue_with(model.effects_file, asked=False)
     if not recordings:
         report.missing.append(
             (

@@ -55,7 +55,8 @@ def model_story(
         ).revolutions
     else:
         stacks = measured(recordings, model.observable, asked.channel, level=level).stacks
-    found = diagnose(stacks, model, effects=own_effects(asked.effects), progress=progress)
+    own = own_effects(model.effects_file, asked=False)
+    found = diagnose(stacks, model, effects=own, progress=progress)
 
     def command(name: str) -> str:
         return asked.report_command() if name == "report" else asked.command(name, model=True)

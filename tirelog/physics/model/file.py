@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import tomlkit
@@ -34,6 +34,8 @@ from tirelog.physics.parameters import Parameter
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary.observables import OBSERVABLES
 
+#: key of [model]: the Python file with the user's own effects
+EFFECTS_FILE = "effects_file"
 _NUMBER_KEYS = ("value", "min", "max", "se", "fixed")
 
 
@@ -70,20 +72,33 @@ class _Text:
         return next(found, None)
 
 
-def load_model(path: str | Path, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
+def load_model(
+    path: str | Path,
+    *,
+    catalogue: Mapping[str, Effect] | None = None,
+    effects: Path | None = None,
+) -> Model:
     """The model in the file (contract, "Model file").
+
+    Its effects are those of the `catalogue`, by default ours, installed ones, and the user's own
+    of the Python file `effects`, which is run; without one of that which the model names, if the
+    user has let it run before.
 
     ModelError names file, line and what is allowed.
     """
     path = Path(path)
     text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
-    return replace(parse_model(text, path, catalogue=catalogue), path=path)
+    return replace(parse_model(text, path, catalogue=catalogue, own=effects), path=path)
 
 
 def parse_model(
-    text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect] | None = None
+    text: str,
+    path: Path | None = None,
+    *,
+    catalogue: Mapping[str, Effect] | None = None,
+    own: Path | None = None,
 ) -> Model:
-    """The model that the TOML text describes."""
+    """The model that the TOML text describes; `own` is the file with the user's own effects."""
     source = _Text(text, path)
     toml_tables(
         text, ModelError, file=path or "model"
@@ -112,7 +127,7 @@ def parse_model(
             allowed="no other form is allowed",
             do="correct it",
         )
-    _only(head, ("observable", "carcass", "contact"), source, "[model]")
+    _only(head, ("observable", "carcass", "contact", EFFECTS_FILE), source, "[model]")
     carcass = _word(head, "carcass", CARCASSES, None, source)
     observables = _observables(head, source)
     contact = _contact(head, numbers, carcass, source)
@@ -129,7 +144,10 @@ def parse_model(
         document=text,
         beside=tuple(others),
     )
-    catalogue = catalogue if catalogue is not None else catalogue_with()
+    if catalogue is None:
+        asked, own = own is not None, own or _effects_file(head, source)
+        catalogue = _catalogue(own, source, asked=asked)
+        model = replace(model, effects_file=own if own is not None and own.is_file() else None)
     after = 0
     entries: list[tuple[ModelEffect, int]] = []
     for table in effects:
@@ -148,6 +166,36 @@ def parse_model(
         except ModelError as problem:
             raise source.here(problem, effect.id, after - 1) from None
     return model
+
+
+def _effects_file(head: Mapping[str, Any], source: _Text) -> Path | None:
+    """The Python file with effects that the model names, None if none."""
+    if EFFECTS_FILE not in head:
+        return None
+    name = head[EFFECTS_FILE]
+    if not isinstance(name, str) or not name or PureWindowsPath(name).anchor or name[0] == "/":
+        raise source.error(
+            f"{EFFECTS_FILE} = {name!r}",
+            EFFECTS_FILE,
+            allowed="a path that starts from the model file's folder is allowed",
+            do="correct it",
+        )
+    return (source.path.parent if source.path is not None else Path()) / name
+
+
+def _catalogue(own: Path | None, source: _Text, *, asked: bool) -> Mapping[str, Effect]:
+    """All effects, with those of the user's own file; a model's line where it names it in vain."""
+    try:
+        return catalogue_with(own, asked=asked)
+    except ModelError as problem:
+        if asked or problem.line is not None:
+            raise
+        raise source.error(
+            f"{EFFECTS_FILE}: {own} {problem.what}",
+            EFFECTS_FILE,
+            allowed=problem.allowed,
+            do=problem.do,
+        ) from None
 
 
 def _nuisances(table: Mapping[str, Any], source: _Text) -> tuple[Nuisance, ...]:
@@ -442,6 +490,3 @@ def unit_remarks(model: Model) -> list[str]:
         place = f"{model.path or 'model'}{f':{line}' if line else ''}"
         remarks.append(f"{place}: the units of effect {name!r} do not agree: {wrong}")
     return remarks
-
-
-# ---- writing -------------------------------------------------------------------------------------

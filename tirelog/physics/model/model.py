@@ -25,6 +25,7 @@ from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
+from tirelog.tables.html import document, table
 from tirelog.vocabulary.observables import OBSERVABLES, at_odds, together
 
 COUPLED_STANDS = (
@@ -43,6 +44,7 @@ class Model(Predicting):
     base        parameters of carcass and load; effects with theirs, distinct ids
     nuisances   what may stand beside the model, with their ordinary sizes
     document    the TOML it was read from, so that comments survive; path where it lies
+    effects_file  the Python file with the user's own effects that it was read with
     """
 
     observable: str
@@ -54,6 +56,24 @@ class Model(Predicting):
     document: str | None = None
     path: Path | None = None
     beside: tuple[str, ...] = ()
+    effects_file: Path | None = None
+
+    def __repr__(self) -> str:
+        road = " on a flat road" if self.contact == "flat_road" else ""
+        effects = ", ".join(effect.id for effect in self.effects) or "none"
+        return (
+            f"Model of {together(self.observables)}: {self.carcass}{road}, {len(self.free)} free "
+            f"parameters, effects: {effects}"
+        )
+
+    def _repr_html_(self) -> str:
+        """The parameters as a notebook shows them."""
+        rows = [
+            (name, p.value, p.se, p.unit, "free" if p.free else "fixed", p.description)
+            for name, p in self.parameters.items()
+        ]
+        names = ["parameter", "value", "error", "unit", "", "what it is"]
+        return document(repr(self), [table(names, rows)])
 
     # ---- making and changing ---------------------------------------------------------------------
 

@@ -5,15 +5,20 @@ The comments of the document that the model was read from stay.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import tomlkit
 
 from tirelog.errors import ModelError
+from tirelog.physics.effects import BY_ID
+from tirelog.physics.model.file import EFFECTS_FILE
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import BY_NAME, USES
+from tirelog.physics.model.user_effects import installed_effects
 from tirelog.physics.parameters import Parameter
 from tirelog.storage.documents import LARGEST_BYTES, toml_tables
 from tirelog.storage.whole import whole_file
@@ -25,6 +30,14 @@ def save_model(model: Model, path: str | Path) -> None:
     ModelError: what stands there is no model.
     """
     path = Path(path)
+    refuse_another(path)
+    text = as_toml(model, path.parent)
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def refuse_another(path: Path) -> None:
+    """ModelError: what stands at the path is no model, and is not to be written over."""
     if not _may_be_replaced(path):
         raise ModelError(
             "is there and is no model file",
@@ -32,9 +45,6 @@ def save_model(model: Model, path: str | Path) -> None:
             do="give another -o",
             file=path,
         )
-    text = as_toml(model)
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def _may_be_replaced(path: Path) -> bool:
@@ -48,11 +58,15 @@ def _may_be_replaced(path: Path) -> bool:
         return False
 
 
-def as_toml(model: Model) -> str:
-    """The model as TOML, in the document it was read from, if there is one."""
+def as_toml(model: Model, folder: Path | None = None) -> str:
+    """The model as TOML, in the document it was read from, if there is one.
+
+    A Python file with the user's own effects is named from `folder`, by default that of the model.
+    """
     document = tomlkit.parse(model.document) if model.document else tomlkit.document()
     observable = list(model.observables) if model.beside else model.observable
     _update(document, "model", {"observable": observable, "carcass": model.carcass})
+    _put_effects_file(document, model, folder)
     numbers = document.setdefault("parameters", tomlkit.table())
     if (
         model.contact == "flat_road"
@@ -73,6 +87,21 @@ def _update(document: Any, table: str, values: Mapping[str, Any]) -> None:
     for key, value in values.items():
         if held.get(key) != value:
             held[key] = value
+
+
+def _put_effects_file(document: Any, model: Model, folder: Path | None) -> None:
+    """Names the Python file with the user's own effects, if the model has one of them."""
+    if model.effects_file is None:
+        return
+    if folder is None:
+        folder = model.path.parent if model.path is not None else Path()
+    known = {**BY_ID, **installed_effects()}
+    own = any(not e.source and e.id not in known for e in model.effects)
+    if not own and EFFECTS_FILE not in document["model"]:
+        return
+    with suppress(ValueError):  # on another drive
+        name = os.path.relpath(model.effects_file.resolve(), folder.resolve())
+        _update(document, "model", {EFFECTS_FILE: Path(name).as_posix()})
 
 
 def _put_effects(document: Any, model: Model) -> None:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from errno import ENOENT
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol
@@ -31,6 +32,9 @@ from tirelog.physics.effects.base import Values
 from tirelog.physics.model.expression import FUNCTIONS, parse_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
+from tirelog.storage.documents import LARGEST_BYTES
+from tirelog.storage.let_run import let_run, may_run
+from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
@@ -189,26 +193,53 @@ def _strength(formula: Formula, parameters: tuple[Parameter, ...]) -> tuple[str,
     return tuple(p.name for p in parameters)
 
 
-def effects_of_file(path: Path) -> dict[str, Effect]:
+def effects_of_file(path: Path, *, asked: bool = True) -> dict[str, Effect]:
     """The effects that a Python file defines: every module-level `Effect`.
 
-    The file is the user's own and is executed.
+    The file is the user's own and is executed. If it was not asked for by the user but named by a
+    model file, it has to be one that the user had run before, byte by byte.
     """
+    code = _code(path, asked)
     namespace: dict[str, Any] = {"__name__": f"tirelog_effects_{path.stem}", "__file__": str(path)}
     try:
-        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), namespace)
-    except OSError as problem:
-        if not _line(problem, path):  # the file itself
-            raise ModelError(
-                f"cannot be read ({problem.strerror})",
-                allowed="a Python file with effects is allowed",
-                do="give its path",
-                file=path,
-            ) from None
-        raise _failed(problem, path) from problem
+        exec(compile(code, str(path), "exec"), namespace)
     except (Exception, SystemExit) as problem:
         raise _failed(problem, path) from problem
     return _collected([value for value in namespace.values() if isinstance(value, Effect)], path)
+
+
+def _code(path: Path, asked: bool) -> bytes:
+    """The file's content, which may run.  ModelError: it cannot be read, or may not."""
+    try:
+        if not asked and not path.is_file():  # a model file names no device and no pipe
+            raise FileNotFoundError(ENOENT, "no such file")
+        with open(path, "rb") as stream:
+            code = stream.read(LARGEST_BYTES + 1)
+    except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
+        raise ModelError(
+            f"cannot be read ({getattr(problem, 'strerror', None) or problem})",
+            allowed="a Python file with effects is allowed",
+            do="give its path" if asked else "bring it there, or give its path with --effects",
+            file=path,
+        ) from None
+    if len(code) > LARGEST_BYTES:
+        raise ModelError(
+            f"is larger than {LARGEST_BYTES >> 20} MB",
+            allowed="a Python file with effects is allowed",
+            do="leave its data in a file beside it",
+            file=path,
+        )
+    if asked:
+        let_run(code, str(path))
+    elif not may_run(code):
+        raise ModelError(
+            "is Python that you have not let run on this machine, or that has changed since",
+            allowed="a model file may name it, only you can let it run",
+            do=f"read it, then give --effects {path} once",
+            file=path,
+        )
+    taken_as_input(path)
+    return code
 
 
 def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
@@ -275,17 +306,19 @@ def installed_effects() -> dict[str, Effect]:
     return found
 
 
-def catalogue_with(path: Path | None = None) -> Mapping[str, Effect]:
+def catalogue_with(path: Path | None = None, *, asked: bool = True) -> Mapping[str, Effect]:
     """The whole catalogue of effects by id.
 
-    Our own, installed packages', and those of the Python file at `path`.
+    Our own, installed packages', and those of the Python file at `path`, `asked` as for
+    `effects_of_file`.
     """
-    return {**BY_ID, **installed_effects(), **(effects_of_file(path) if path else {})}
+    own = effects_of_file(path, asked=asked) if path else {}
+    return {**BY_ID, **installed_effects(), **own}
 
 
-def effect_called(name: str, path: Path | None = None) -> Effect:
+def effect_called(name: str, path: Path | None = None, *, asked: bool = True) -> Effect:
     """The effect of this name in the whole catalogue.  ModelError: there is none."""
-    catalogue = catalogue_with(path)
+    catalogue = catalogue_with(path, asked=asked)
     if name not in catalogue:
         raise ModelError(
             f"unknown effect {name!r}{nearest(name, catalogue)}",
@@ -295,9 +328,10 @@ def effect_called(name: str, path: Path | None = None) -> Effect:
     return catalogue[name]
 
 
-def own_effects(path: Path | None = None) -> list[Effect]:
+def own_effects(path: Path | None = None, *, asked: bool = True) -> list[Effect]:
     """Effects that are candidates beside our own: installed packages' and those of a file."""
-    return [effect for name, effect in catalogue_with(path).items() if name not in BY_ID]
+    catalogue = catalogue_with(path, asked=asked)
+    return [effect for name, effect in catalogue.items() if name not in BY_ID]
 
 
 def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:

@@ -1,0 +1,192 @@
+"""Pictures of revolutions: what they show of waveforms that are known, a panel per log."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tests.cli.conftest import Command, folder, tirelog
+from tirelog.physics.moving.modes import Mode
+from tirelog.plots.kinds import FOOTPRINT
+from tirelog.plots.orders import amplitudes, map_of, on_the_belt, order_maps
+from tirelog.plots.turns import KINDS, TurnsSketch, filled, speed_classes
+from tirelog.plots.wheel import around_the_wheel
+
+__all__ = ["folder", "tirelog"]
+
+PHI = np.linspace(-np.pi, np.pi, 128, endpoint=False) + np.pi / 128
+RADIUS_M = 0.3
+
+
+def sketch(log: str = "a.csv", turns: int = 60) -> TurnsSketch:
+    """Revolutions at 10 and at 20 m/s, twice as high at 20: 100 cos(phi) microstrain at 10."""
+    speed = np.where(np.arange(turns) < turns // 2, 10.0, 20.0)
+    noise = np.random.default_rng(1).normal(0.0, 1e-6, (turns, PHI.size))
+    length = np.full(turns, 0.12) + np.random.default_rng(2).normal(0.0, 1e-3, turns)
+    footprint = SimpleNamespace(
+        length_m=length,
+        length_se_m=np.full(turns, 1e-3),
+        form_se_m=np.full(turns, 3e-3),
+        quality=np.zeros(turns, np.int64),
+    )
+    found: Any = SimpleNamespace(
+        footprint=footprint, passages=SimpleNamespace(speed_m_s=speed, time_s=np.arange(turns))
+    )
+    return TurnsSketch(
+        log,
+        "strain_1",
+        RADIUS_M,
+        PHI,
+        1e-5 * speed[:, None] * np.cos(PHI) + noise,
+        np.arange(turns) * 0.1,
+        speed,
+        1,
+        found,
+        0.13,
+    )
+
+
+def test_orders_have_the_amplitudes_that_were_put_in() -> None:
+    wave = 3e-4 * np.cos(2 * PHI) + 1e-5 * np.sin(17 * PHI + 0.4)
+    values = np.stack([wave, wave])
+    values[1, ::9] = np.nan  # a bin that no sample fell into
+    found = amplitudes(values)
+    assert found[0, [1, 16]] == pytest.approx([3e-4, 1e-5])
+    assert found[1, 1] == pytest.approx(3e-4, rel=0.01)
+    assert np.abs(np.delete(found[0], [1, 16])).max() < 1e-12
+
+
+def test_an_order_map_stands_at_the_wheel_s_frequency() -> None:
+    speed = np.linspace(10.0, 20.0, 50)
+    wave = 1e-4 * np.cos(5 * PHI) * np.ones((50, 1))
+    found = map_of(wave, speed, np.arange(50.0), RADIUS_M)
+    assert found.along == "speed"
+    assert found.wheel_Hz[[0, -1]] == pytest.approx(np.array([10.0, 20.0]) / (2 * np.pi * RADIUS_M))
+    assert np.nanmax(found.amplitude, axis=1) == pytest.approx(1e-4)
+    assert np.nanargmax(found.amplitude, axis=1).tolist() == [4] * len(found.amplitude)
+    one = map_of(wave, np.full(50, 12.0), np.arange(50.0), RADIUS_M)
+    assert one.along == "time"
+    assert one.wheel_Hz == pytest.approx(12.0 / (2 * np.pi * RADIUS_M))
+    axes = Figure().add_subplot()
+    order_maps(axes.figure, [(axes, "a.csv", found)])
+    assert axes.get_ylim()[1] == pytest.approx(300.0)
+    assert "order 5" in [text.get_text().strip() for text in axes.texts]
+
+
+@pytest.mark.parametrize(("direction", "sign"), [("with", 1.0), ("against", -1.0)])
+def test_a_wave_is_felt_on_the_belt_at_another_frequency(direction: str, sign: float) -> None:
+    wheel_Hz, heard_Hz, lobes = 8.0, 100.0, 3
+    time = np.arange(4096) / 4096.0
+    place = 2 * np.pi * wheel_Hz * time  # of a point of the belt, beside the tire
+    felt = np.cos(2 * np.pi * heard_Hz * time - sign * lobes * place)
+    spectrum = np.abs(np.fft.rfft(felt))
+    mode = Mode(heard_Hz, 0.02, "3-lobe", lobes, direction, 1.0)
+    assert on_the_belt(mode, wheel_Hz) == pytest.approx(float(spectrum.argmax()))
+
+
+def test_revolutions_of_like_speed_are_taken_together() -> None:
+    slow, fast = speed_classes(sketch())
+    assert [slow.speed_m_s, fast.speed_m_s] == [10.0, 20.0]
+    assert [slow.turns, fast.turns] == [30, 30]
+    assert slow.mean == pytest.approx(1e-4 * np.cos(PHI), abs=1e-6)
+    assert fast.mean == pytest.approx(2e-4 * np.cos(PHI), abs=1e-6)
+    assert np.median(fast.scatter) == pytest.approx(1e-6, rel=0.1)
+    assert np.median(fast.se) == pytest.approx(1e-6 / 30**0.5, rel=0.1)
+
+
+def test_a_contact_length_has_the_error_that_all_passages_share() -> None:
+    length, se, scatter = sketch(turns=600).length
+    assert length == pytest.approx(0.12, abs=2e-4)
+    assert scatter == pytest.approx(1e-3, rel=0.15)
+    assert se == pytest.approx(3e-3, rel=0.01)  # the scatter alone would leave 0.05 mm
+
+
+def test_one_empty_bin_is_filled_and_a_gap_stays() -> None:
+    values = np.array([[0.0, 1.0, np.nan, 3.0, np.nan, np.nan, 6.0, 3.0]])
+    assert filled(values)[0, 2] == 2.0
+    assert np.isnan(filled(values)[0, 4:6]).all()
+
+
+def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below() -> None:
+    axes = Figure().add_subplot(projection="polar")
+    wave = np.where(np.abs(PHI) < 0.2, -1500.0, 500.0)
+    zero = around_the_wheel(axes, [(PHI, wave, 0 * wave, "10 m/s")], ["black"], 0.2)
+    drawn, circle, arc = axes.lines
+    assert drawn.get_ydata() == pytest.approx(zero + wave)
+    assert np.min(drawn.get_ydata()) > 0.0
+    assert circle.get_ydata() == pytest.approx(zero)
+    assert (arc.get_xdata().min(), arc.get_xdata().max()) == pytest.approx((-0.2, 0.2))
+    assert axes.get_theta_offset() == pytest.approx(1.5 * np.pi)  # angle 0 points down
+
+
+@pytest.mark.parametrize("kind", [kind for kind in FOOTPRINT if kind != "page"])
+def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
+    figure = KINDS[kind]([sketch("a.csv"), sketch("b.csv")])
+    figure.draw_without_rendering()
+    titles = [a.get_title(loc) for a in figure.axes for loc in ("left", "center")]
+    legends = [t.get_text() for a in figure.axes if a.get_legend() for t in a.get_legend().texts]
+    for log in ("a.csv", "b.csv"):
+        assert any(log in text for text in titles + legends)
+    words = " ".join([a.get_xlabel() + a.get_ylabel() for a in figure.axes] + titles + legends)
+    assert "µ" not in words
+    if kind == "lengths":
+        assert "contact length [mm]" in words
+    else:
+        units = words + " ".join(t.get_text() for a in figure.axes for t in a.get_yticklabels())
+        assert "microstrain" in units
+
+
+def test_more_logs_than_fit_on_a_slide_are_said() -> None:
+    figure = KINDS["waterfall"]([sketch(f"{n}.csv") for n in range(6)])
+    assert figure.get_suptitle() == "2 more are not drawn"
+
+
+def test_of_many_revolutions_each_nth_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = np.arange(25)
+    stacks = [
+        FakeStack(numbers[:7]),
+        FakeStack(numbers[7:12]),
+        FakeStack(numbers[12:]),
+    ]
+    monkeypatch.setattr("tirelog.plots.turns._MOST_TURNS", 10)
+    monkeypatch.setattr("tirelog.plots.turns.stacks_from_logs", lambda *given: Stacks(stacks))
+    tire = SimpleNamespace(static_footprint_length_m=None)
+    recording: Any = SimpleNamespace(log="a.csv", setup=SimpleNamespace(tire=tire))
+    channel: Any = SimpleNamespace(channel=SimpleNamespace(name="strain_1"))
+    made = TurnsSketch.of(recording, channel)
+    assert made.every == 3
+    assert made.time_s.tolist() == list(range(0, 25, 3))
+
+
+class FakeStack(SimpleNamespace):
+    """Revolutions whose time is their number."""
+
+    def __init__(self, numbers: np.ndarray) -> None:
+        super().__init__(
+            values=numbers[:, None] * np.ones(4),
+            phi_rad=np.zeros(4),
+            radius_m=0.3,
+            conditions=SimpleNamespace(time_s=numbers, speed_m_s=numbers),
+        )
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def take(self, which: slice) -> "FakeStack":
+        return FakeStack(self.values[which, 0])
+
+
+class Stacks(list[FakeStack]):
+    def outlines(self) -> list[FakeStack]:
+        return list(self)
+
+
+@pytest.mark.parametrize(("kind", "suffix"), [("polar", "svg"), ("waterfall", "pdf")])
+def test_the_command_draws_it(folder: Path, tirelog: Command, kind: str, suffix: str) -> None:
+    path = folder / f"p.{suffix}"
+    given = ("-o", "f.csv", "--plot", str(path), "--plot-kind", kind)
+    assert tirelog("footprint", "log.csv", *given).status == 0
+    assert path.read_bytes()[:5] in (b"<?xml", b"%PDF-")

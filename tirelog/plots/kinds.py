@@ -1,0 +1,22 @@
+"""Which pictures a command can draw, by name: what `--plot-kind` takes.
+
+The first is drawn without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+FOOTPRINT: Mapping[str, str] = {
+    "page": "the drive, contact lengths, and passages with their derivatives (P2)",
+    "waterfall": "strain over angle and revolution, in colour",
+    "polar": "mean strain around the wheel by speed, with the patch",
+    "edges": "entry and exit edge close up by speed, with bands and the edges found",
+    "lengths": "contact length with error bars over speed and time, a colour per log",
+    "orders": "strain over speed (or time) and frequency, order by order",
+}
+COMPARE: Mapping[str, str] = {
+    "page": "waveforms with the floor's band, and maps of what the model misses",
+    "polar": "measured and predicted around the wheel, with the model's contact pressure",
+    "edges": "entry and exit edge close up, with the floor's band, and what is left there",
+}
