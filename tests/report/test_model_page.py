@@ -138,7 +138,7 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
         return found
 
     before = state()
-    page.get_by_label("water_film").click()
+    page.get_by_role("checkbox", name="water_film").click()
     without = state_once(
         lambda now: (
             now[0] != before[0]
@@ -152,7 +152,7 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
     assert without[1] > 2 * before[1]
     assert without[2] != before[2]
     assert without[3] > 2 * before[3]
-    page.get_by_label("water_film").focus()
+    page.get_by_role("checkbox", name="water_film").focus()
     page.keyboard.press("Space")
     again = state_once(
         lambda now: (
@@ -193,7 +193,8 @@ def test_pictures_for_slides(model_page: Path, tmp_path: Path) -> None:
     expected = {
         f"{name}.png"
         for name in figures
-        if name.split("-")[0] not in ("switch", "waveforms", "differences", "residual", "ranking")
+        if name.split("-")[0]
+        not in ("answer", "switch", "waveforms", "differences", "residual", "ranking")
     }
     assert {p.name for p in shown.iterdir()} == expected
     assert all(
