@@ -27,7 +27,7 @@ from tirelog.report.figures import LogColours
 from tirelog.report.page import Section
 from tirelog.report.papers import used_papers
 from tirelog.report.passage import passage_figures
-from tirelog.report.sources import SourceTables, given_tables, made_table, read_ladder
+from tirelog.report.sources import MadeTable, SourceTables, given_tables, made_tables, read_ladder
 from tirelog.report.stored import model_pages
 from tirelog.version import __version__
 
@@ -120,12 +120,13 @@ def _tables(
     progress: Progress,
     colours: LogColours,
 ) -> list[tuple[str, str]]:
-    """One table after the other, so that no more than two are in memory.
+    """A section of each table.
 
     What was measured, and the first sentence of each section by its title.
     """
     speed: pd.DataFrame | None = None
     first = len(report.sections)
+    ready = _made_together([n for n in _COMMANDS if n not in tables.files], recordings, progress)
     for name in _COMMANDS:
         command = asked.command(name)
         lines: pd.DataFrame | None = None
@@ -133,8 +134,7 @@ def _tables(
         try:
             table = tables.get(name)
             if table is None:
-                progress(f"making the table {name}")
-                made = made_table(name, recordings)
+                made = ready.pop(name, None) or made_tables([name], recordings)[name]
                 table, lines, remarks = made.table, made.regressions, made.remarks
                 del made  # the table goes as soon as it is drawn
             elif name == "dissipation":
@@ -178,6 +178,17 @@ def _tables(
             _phase_shift(report, table, command, remarks, asked, colours)
     measured = [(section.title, section.text[0]) for section in report.sections[first:]]
     return [("Measured", sections.measured_on(recordings)), *measured] if recordings else measured
+
+
+def _made_together(
+    names: Sequence[str], recordings: Sequence[Recording], progress: Progress
+) -> dict[str, MadeTable]:
+    """The tables that no file gives; none if one of them cannot be made, to be asked each alone."""
+    progress(f"making the tables {', '.join(names)}")
+    try:
+        return made_tables(names, recordings)
+    except TirelogError:
+        return {}
 
 
 def _first(table: pd.DataFrame, recordings: Sequence[Recording]) -> pd.Series:

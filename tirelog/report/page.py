@@ -224,7 +224,7 @@ def _section(section: Section) -> str:
     e = html.escape
     paragraphs = [f"<p>{e(p)}</p>" for p in section.text]
     formulas = "".join(
-        f'<p class="formula"><b>{e(name)}</b> = <code>{e(text)}</code></p>'
+        f'<p class="formula"><strong>{e(name)}</strong> = <code>{e(text)}</code></p>'
         for name, text in section.formulas
     )
     tables = "".join(_table(t) for t in section.tables)
@@ -303,7 +303,7 @@ def _rungs(card: Card) -> str:
     for rung in card.rungs:
         length, mark = 100.0 * rung.error / largest, 100.0 * rung.floor / largest
         steps.append(
-            f"<li><b>{e(rung.name)}</b> <span>{e(rung.said)}</span>"
+            f"<li><strong>{e(rung.name)}</strong> <span>{e(rung.said)}</span>"
             f'<span class="bar" aria-hidden="true"><span style="width:{length:.1f}%"></span>'
             f'<i style="left:{mark:.1f}%"></i></span>'
             f'<span class="error">{rung.error:.3g} {e(card.unit)}, noise floor {rung.floor:.3g}'
