@@ -3,6 +3,7 @@ and the page is accessible by its text alone.
 """
 
 import html
+import importlib.util
 import json
 import re
 from collections.abc import Iterator
@@ -14,15 +15,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.diagnosis.planted import MODEL, since_exit, stack
 from tests.report.test_page import data, numbers
+from tirelog.cli.history import history_file
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.inference.measured import MeasuredLogs
+from tirelog.physics.effects import BY_ID
 from tirelog.report import obstacles
 from tirelog.report.asked import Asked
+from tirelog.report.diagnosed import model_story
 from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
 from tirelog.report.page import Section, render
 from tirelog.report.papers import PAPERS, used_papers
 from tirelog.report.proposed import proposed
+from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -383,6 +390,59 @@ def test_a_model_that_does_not_move_says_so() -> None:
     assert section.text[0].startswith("2 hits on an obstacle")
     assert "coupled_ring" in section.text[0]
     assert section.tables[0].rows == [["a.csv", "cleat", "2", "1.000, 2.000"]]
+
+
+def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
+    late = since_exit(xi) / speed
+    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)
+
+
+@pytest.mark.parametrize("asked_for", [True, False])
+def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_section(
+    monkeypatch: pytest.MonkeyPatch, asked_for: bool
+) -> None:
+    log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
+    measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
+    monkeypatch.setattr("tirelog.api.answers.measure", lambda *_: measured)
+    monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", lambda *_, **__: proposal())
+    asked = Asked(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
+    story = model_story([], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"]))
+    assert story.answer.card is not None
+    assert story.answer.card.word == "Unknown effect"
+    assert story.answer.card.command.startswith("tirelog propose made --model ")
+    assert story.answer.card.command.endswith("--setup s.toml")
+    assert not any(figure.id == "answer-map-1" for figure in story.answer.figures)
+    found = [section.id for section in story.before_ladder]
+    wanted = ["propose", "obstacles"] if asked_for else ["obstacles"]
+    assert found == [*wanted, "diagnosis"]
+    offered = [command for what, command in story.missing if "written down" in what]
+    again = "tirelog report made --setup s.toml --model M.toml --propose -o report.html"
+    assert offered == ([] if asked_for else [again])
+    if asked_for:
+        command = "tirelog propose made -o M+proposed.toml --setup s.toml --model M.toml"
+        assert story.before_ladder[0].command == command
+
+
+def test_the_demo_s_page_has_the_ladder_that_it_climbed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    spec = importlib.util.spec_from_file_location("demo", ROOT / "sample_data" / "demo.py")
+    assert spec is not None
+    assert spec.loader is not None
+    demo = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(demo)
+    said: list[tuple[str, ...]] = []
+    monkeypatch.setattr(demo, "OUTPUT", tmp_path)
+    monkeypatch.setattr(demo, "tirelog", lambda *words, **_: said.append(words))
+    monkeypatch.setattr(demo, "_diagnosed", lambda _: "water_film")
+    monkeypatch.setattr(demo, "unknown", lambda: None)
+    demo.main()
+    (ladder,) = (line for line in said if line[0] == "ladder")
+    (page,) = (line for line in said if line[0] == "report")
+    model = ladder[ladder.index("--model") + 1]
+    assert page[page.index("--model") + 1] == model
+    assert page[page.index("--ladder") + 1] == str(history_file(Path(model)))
+    assert said.index(page) > said.index(ladder)
 
 
 def test_options_of_the_page_are_in_its_commands() -> None:
