@@ -50,7 +50,7 @@ def model_story(
     asked: Asked,
     catalogue: Mapping[str, Effect],
     progress: Callable[[str], None],
-    colours: LogColours,
+    colours: LogColours | None = None,
 ) -> Story:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
     from tirelog.api.answers import measure
@@ -59,6 +59,7 @@ def model_story(
 
     logs = measure(recordings, model, asked.channel)
     own = own_effects(asked.effects)
+    colours = LogColours(r.log for r in recordings) if colours is None else colours
     found = diagnose(logs.revolutions, model, effects=own, progress=progress)
 
     def command(name: str) -> str:

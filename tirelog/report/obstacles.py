@@ -29,9 +29,9 @@ def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Se
     """The hits that were found, if the model does not move."""
     hits = sum(log.hits_s.size for log in logs)
     text = (
-        f"{hits} hits on an obstacle; their revolutions are kept apart from the steady ones, and "
-        f"no number of this page is of them. A {carcass} says nothing of an obstacle; a model "
-        'with carcass = "coupled_ring" does.'
+        f"{hits} hits on an obstacle; answer, comparison and diagnosis leave their revolutions "
+        f"out. A {carcass} says nothing of an obstacle; a model with carcass = "
+        '"coupled_ring" does.'
     )
     rows = [[Path(log.log).name, log.road.kind, str(log.hits_s.size), _times(log)] for log in logs]
     table = PageTable("Obstacles", ["log", "kind", "hits", "at [s]"], rows)
