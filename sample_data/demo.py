@@ -148,9 +148,9 @@ def main() -> None:
     hidden()
     unknown()
     title("One page to send to a colleague")
-    tirelog(
-        "report", *(sample(name) for name in HIDDEN), "--model", "beam.toml", "-o", "report.html"
-    )
+    logs = [sample(name) for name in HIDDEN]
+    known = ["--model", "beam.toml", "--ladder", "beam.ladder.json"]
+    tirelog("report", *logs, *known, "-o", "report.html")
     print(f"\nWritten to {OUTPUT.name}/:")
     print("  report.html                       open it in a browser: it needs nothing else")
     print("  speed, footprint, dissipation, phase .csv and .png")

@@ -85,8 +85,11 @@ def test_every_command_gives_one_number_on_a_log_with_an_obstacle(
     )
     assert climbed.revolutions == 7
     story = model_story([cleat], beam, None, Asked((cleat.log,)), {}, lambda text: None)
-    assert "7 revolutions" in " ".join(story.before_ladder[1].text)  # the diagnosis
-    page = " ".join(story.before_ladder[0].text)
+    told = {s.id: " ".join(s.text) for s in (*story.before_ladder, *story.after_ladder)}
+    assert list(told) == ["obstacles", "diagnosis", "model"]
+    assert "2 hits on an obstacle" in told["obstacles"]
+    assert "7 revolutions" in told["diagnosis"]
+    page = told["model"]
     assert f"On the data of the fit: {compared.rmse * 1e6:.3g}." in page
     assert "7 revolutions" in page
     assert HIT in page

@@ -138,7 +138,7 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
         return found
 
     before = state()
-    page.get_by_label("water_film").click()
+    page.get_by_role("checkbox", name="water_film").click()
     without = state_once(
         lambda now: (
             now[0] != before[0]
@@ -152,7 +152,7 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
     assert without[1] > 2 * before[1]
     assert without[2] != before[2]
     assert without[3] > 2 * before[3]
-    page.get_by_label("water_film").focus()
+    page.get_by_role("checkbox", name="water_film").focus()
     page.keyboard.press("Space")
     again = state_once(
         lambda now: (
@@ -166,10 +166,57 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
     assert problems == []
 
 
+def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(
+    browser: Any, model_page: Path
+) -> None:
+    context = browser.new_context(viewport={"width": 390, "height": 900}, color_scheme="dark")
+    page = context.new_page()
+    page.goto(f"{model_page.as_uri()}#ladder")
+    page.wait_for_selector("html[data-ready=true]", timeout=240_000)
+    assert page.evaluate("[...document.querySelectorAll('details[open]')].length") == 1
+    some = ["ladder-steps", "answer-waves", "answer-map-1", "answer-effect-0", "switch-map"]
+    for name in some:
+        figure = page.query_selector(f"#{name}")
+        figure.scroll_into_view_if_needed()
+        page.wait_for_function(
+            "e => e.querySelector('svg[role=img]') !== null", arg=figure, timeout=240_000
+        )
+    drawn = page.evaluate(
+        """names => names.map(name => {
+            const place = document.getElementById(name);
+            return {
+                name: place.querySelector('svg[role=img]').getAttribute('aria-label'),
+                title: document.getElementById(name + '-title').textContent,
+                named: [...place.querySelectorAll('svg')].every(svg =>
+                    svg.closest('[role=img], [aria-hidden=true]')),
+                focus: place.querySelectorAll('svg [tabindex], svg a[href]').length,
+                width: place.querySelector('.main-svg').getBoundingClientRect().width,
+            };
+        })""",
+        some,
+    )
+    for figure in drawn:
+        assert figure["name"] == figure["title"] != ""
+        assert figure["named"]
+        assert figure["focus"] == 0
+        assert figure["width"] <= 390
+    line = "#answer-waves .scatterlayer .js-line"
+    stroke = page.evaluate(f"getComputedStyle(document.querySelector('{line}')).stroke")
+    assert stroke == "rgb(185, 194, 202)"  # the first model's grey on dark paper
+    page.evaluate("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.keyboard.press("Tab")
+    page.evaluate("document.querySelector('summary').focus()")
+    page.keyboard.press("Shift+Tab")
+    page.keyboard.press("Tab")
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    context.close()
+
+
 def test_hostile_folder_names_are_only_text(opened: Any) -> None:
     page, problems = opened
     assert page.query_selector("main b, .plot svg a, header b") is None
-    assert "a <b>&amp; b" in page.inner_text("#about")
+    assert "a <b>&amp; b" in page.text_content("#about")
     assert problems == []
 
 
@@ -193,7 +240,8 @@ def test_pictures_for_slides(model_page: Path, tmp_path: Path) -> None:
     expected = {
         f"{name}.png"
         for name in figures
-        if name.split("-")[0] not in ("switch", "waveforms", "differences", "residual", "ranking")
+        if name.split("-")[0]
+        not in ("answer", "switch", "waveforms", "differences", "residual", "ranking")
     }
     assert {p.name for p in shown.iterdir()} == expected
     assert all(

@@ -10,7 +10,7 @@ import pytest
 from tirelog.cli import run
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, packed_array
-from tirelog.report.page import PageTable, Section
+from tirelog.report.page import Card, PageTable, Rung, Section
 from tirelog.report.stored import model_pages, read_stored, stored
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
@@ -31,8 +31,19 @@ def section(name: str = "switches") -> Section:
         }
     }
     switches = {"effects": ["wear"], "start": 0, "states": states}
+    card = Card("Missing", "x is.", [("a", "b")], "tirelog y", ["z"], [Rung("r", "s", 2.0, 1.0)])
     return Section(
-        name, "Effects", "tirelog x", ["said"], [figure], [PageTable("T", ["a"], [["1"]])], switches
+        name,
+        "Effects",
+        "tirelog x",
+        ["said"],
+        [figure],
+        [PageTable("T", ["a"], [["1"]], [0])],
+        switches,
+        folded=False,
+        card=card,
+        formulas=(("a", "b"),),
+        sources=(("wear", "P3"),),
     )
 
 
@@ -67,6 +78,7 @@ def test_several_models_are_told_apart(tmp_path: Path) -> None:
         "{}",
         '{"sections": [{}], "missing": []}',
         json.dumps(stored([section('"><b>')], [])),
+        json.dumps(stored([section()], [])).replace("2.0, ", '"x", '),
     ],
 )
 def test_a_file_that_is_none_is_refused(

@@ -152,7 +152,8 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
     story = story_of(
         pieces, compared, found, climbed, lambda name: command, BY_ID, lambda text: None
     )
-    return stored([*story.before_ladder, *sections, *story.after_ladder], story.missing)
+    shown = [story.answer, *story.before_ladder, *sections, *story.after_ladder]
+    return stored(shown, story.missing)
 
 
 def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:

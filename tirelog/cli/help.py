@@ -142,6 +142,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "report": (
         ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
+        (
+            "tirelog report a.csv b.csv --model m.toml --ladder m.ladder.json --propose -o r.html",
+            "with the ladder, and what is unknown written down",
+        ),
     ),
     "campaign run": (("tirelog campaign run campaign.toml --workers 2", "what is not made yet"),),
     "campaign status": (("tirelog campaign status campaign.toml", "done, failed and open"),),

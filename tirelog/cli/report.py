@@ -60,6 +60,13 @@ def report(
     ] = None,
     channel: ChannelName = None,
     effects: EffectsFile = None,
+    propose: Annotated[
+        bool,
+        typer.Option(
+            "--propose",
+            help="If something is unknown: write it down, as `propose` (half a minute and more).",
+        ),
+    ] = False,
     format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
     figures: Annotated[
         Path | None,
@@ -79,7 +86,9 @@ def report(
 
     _possible(logs, output, campaign, format, figures)
     paths = tuple(logs or ())
-    asked = Asked(paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects)
+    asked = Asked(
+        paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects, propose
+    )
     with Session(setup, quiet, hashed=True) as session:
         with session.working() as line:
             line.say("making the page")
@@ -150,7 +159,15 @@ def _write_page(made: Report, output: Path, session: Session) -> None:
     from tirelog.report.page import render
     from tirelog.storage.whole import whole_file
 
-    parts = render(made.title, made.sections, made.missing, made.provenance, made.commands)
+    parts = render(
+        made.title,
+        made.sections,
+        made.missing,
+        made.provenance,
+        made.commands,
+        made.papers,
+        made.made,
+    )
     with whole_file(output) as part, part.open("w", encoding="utf-8") as stream:
         stream.writelines(parts)
         size = stream.tell()

@@ -6,6 +6,7 @@ The only place where a diagnosis is put into words.
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -340,9 +341,10 @@ def next_command(
     """
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
-    given = " ".join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
+    file = shlex.quote(file)
+    given = shlex.join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
     if (verdict == "unknown" or large_rest) and model.observable in WAVEFORMS:
-        return f"tirelog propose {given} --model {file} -o {stem}+proposed.toml"
+        return f"tirelog propose {given} --model {file} -o {shlex.quote(f'{stem}+proposed.toml')}"
     if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
         own = f" --effects {model.effects_file}"  # the longer model remembers it
@@ -352,9 +354,10 @@ def next_command(
         ]
         parts += [("nuisance", name, " on") for name in beside]
         for word, name, use in parts:
-            longer = f"{stem}+{name}.toml"
+            stem = f"{stem}+{name}"
+            longer = shlex.quote(f"{stem}.toml")
             adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
-            file, stem = longer, f"{stem}+{name}"
+            file = longer
         return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
     if verdict in ("unknown", "scatter"):
         return f"tirelog compare {given} --model {file} --plot residual.png"

@@ -24,6 +24,7 @@ class Asked:
     tables: tuple[Path, ...] = ()
     channel: str | None = None
     effects: Path | None = None
+    propose: bool = False
 
     def command(self, name: str, *more: str, model: bool = False) -> str:
         """A command line on the same logs."""
@@ -34,6 +35,26 @@ class Asked:
             words += ["--channel", self.channel] if self.channel else []
             words += ["--effects", str(self.effects)] if self.effects else []
         return shlex.join(words)
+
+    def make_model(self) -> str:
+        """The command line that makes a first model of these logs."""
+        setup = self.setup or (
+            Path(self.logs[0]).name.split(".")[0] + ".toml"
+            if self.logs and self.logs[0] != "-"
+            else "SETUP.toml"
+        )
+        words = ["tirelog", "model", "new", "--carcass", "beam", "--setup", str(setup)]
+        return shlex.join([*words, "-o", "M.toml"])
+
+    def with_options(self, line: str) -> str:
+        """A command line on these logs with the options that were given for them."""
+        given = {
+            "--setup": self.setup,
+            "--channel": self.channel,
+            "--effects": self.effects,
+        }
+        more = [w for option, v in given.items() if v is not None for w in (option, str(v))]
+        return f"{line} {shlex.join(more)}" if more else line
 
     def _logs(self) -> list[str]:
         return [shown(log) for log in self.logs]
@@ -56,4 +77,5 @@ class Asked:
             for word in (option, str(value))
         ]
         words += [word for path in self.tables for word in ("--table", str(path))]
+        words += ["--propose"] if self.propose else []
         return shlex.join([*words, "-o", "report.html"])

@@ -10,22 +10,24 @@ whatever cannot be shown --> (what and why, the command that would show it)
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from datetime import UTC, datetime
 from typing import Any
 
 import pandas as pd
 
 from tirelog.data.recording import Recording
-from tirelog.errors import TirelogError
+from tirelog.errors import TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 from tirelog.report import model_sections, sections, table_sections
+from tirelog.report.answer import NO_MODEL, without_a_model
 from tirelog.report.asked import Asked
+from tirelog.report.figures import LogColours
 from tirelog.report.page import Section
+from tirelog.report.papers import used_papers
 from tirelog.report.passage import passage_figures
-from tirelog.report.sources import SourceTables, given_tables, made_table, read_ladder
+from tirelog.report.sources import MadeTable, SourceTables, given_tables, made_tables, read_ladder
 from tirelog.report.stored import model_pages
 from tirelog.version import __version__
 
@@ -35,13 +37,19 @@ _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
 
 @dataclass
 class Report:
-    """What goes on the page.  `missing`: (what cannot be shown, the command that would show it)."""
+    """What goes on the page.
+
+    `missing`: (what cannot be shown, the command that would show it); `papers`: (a paper, what of
+    it is shown); `made`: when, and by what.
+    """
 
     title: str
     sections: list[Section] = field(default_factory=list)
     missing: list[tuple[str, str]] = field(default_factory=list)
     provenance: list[str] = field(default_factory=list)
     commands: list[str] = field(default_factory=list)
+    papers: list[tuple[str, str]] = field(default_factory=list)
+    made: str = field(default_factory=lambda: _made())
 
 
 def build(
@@ -54,8 +62,9 @@ def build(
     tables = given_tables(asked.tables, asked.campaign)
     climbed = read_ladder(asked.ladder) if asked.ladder else None
     report = Report(_title(recordings, asked))
+    colours = LogColours(recording.log for recording in recordings)
     if recordings:
-        report.sections.append(sections.recorded(recordings, asked.command("info")))
+        report.sections.append(sections.recorded(recordings, asked.command("info"), colours))
     else:
         report.missing.append(
             ("what was recorded, and the signals: no log was given", asked.command("info"))
@@ -64,22 +73,34 @@ def build(
         report.sections.append(
             table_sections.campaign(asked.campaign / "summary.csv", "tirelog campaign run MANIFEST")
         )
-    _tables(report, recordings, tables, asked, progress)
+    seen = _tables(report, recordings, tables, asked, progress, colours)
     pages = (
         list(model_pages(asked.campaign))
         if asked.campaign is not None and asked.model is None
         else []
     )
+    told: list[Section] = []
     for made, missing in pages:
-        report.sections += made
+        told += made
         report.missing += missing
     if not pages or climbed is not None:
-        _models(report, recordings, climbed, asked, progress)
+        told += _models(report, recordings, climbed, asked, progress, colours, seen)
+    answers = [section for section in told if section.card is not None]
+    if not answers:
+        answers = [without_a_model(seen, asked, "What is known of a model stands below.")]
+    details = [section for section in told if section.card is None]
+    report.sections[:0] = [*answers, *details]
+    report.papers += used_papers(report.sections)
     report.commands += dict.fromkeys(
         [*(section.command for section in report.sections), asked.report_command()]
     )
     report.provenance += _provenance(recordings, asked)
     return report
+
+
+def _made() -> str:
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return f"Made on {now} by tirelog {__version__}"
 
 
 def _title(recordings: Sequence[Recording], asked: Asked) -> str:
@@ -88,7 +109,7 @@ def _title(recordings: Sequence[Recording], asked: Asked) -> str:
         str(asked.campaign)
     ]
     logs = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-    return f"{', '.join(tires) or 'Tire'}: {logs}"
+    return f"{', '.join(tires) or ('Tire' if recordings else 'Campaign')}: {logs}"
 
 
 def _tables(
@@ -97,9 +118,15 @@ def _tables(
     tables: SourceTables,
     asked: Asked,
     progress: Progress,
-) -> None:
-    """One table after the other, so that no more than two are in memory."""
+    colours: LogColours,
+) -> list[tuple[str, str]]:
+    """A section of each table.
+
+    What was measured, and the first sentence of each section by its title.
+    """
     speed: pd.DataFrame | None = None
+    first = len(report.sections)
+    ready = _made_together([n for n in _COMMANDS if n not in tables.files], recordings, progress)
     for name in _COMMANDS:
         command = asked.command(name)
         lines: pd.DataFrame | None = None
@@ -107,8 +134,7 @@ def _tables(
         try:
             table = tables.get(name)
             if table is None:
-                progress(f"making the table {name}")
-                made = made_table(name, recordings)
+                made = ready.pop(name, None) or made_tables([name], recordings)[name]
                 table, lines, remarks = made.table, made.regressions, made.remarks
                 del made  # the table goes as soon as it is drawn
             elif name == "dissipation":
@@ -121,21 +147,25 @@ def _tables(
             report.missing.append((f"{name}: {why}", command))
             continue
         if name == "speed":
-            report.sections.append(sections.drive_section(recordings, table, command, remarks))
+            report.sections.append(
+                sections.drive_section(recordings, table, command, remarks, colours)
+            )
             speed = table.loc[
                 _first(table, recordings), ["log", "channel", "revolution", "acceleration_m_s2"]
             ]
             del table  # an hour of 16 gratings is half a million rows
         elif name == "footprint":
             passage = [
-                f for recording in recordings[:1] for f in passage_figures(recording, table, speed)
+                f
+                for recording in recordings[:1]
+                for f in passage_figures(recording, table, speed, colours(recording.log))
             ]
             report.sections.append(
-                table_sections.footprint_section(table, command, remarks, passage)
+                table_sections.footprint_section(table, command, remarks, colours, passage)
             )
         elif name == "dissipation":
             report.sections.append(
-                table_sections.dissipation_section(table, command, remarks, lines)
+                table_sections.dissipation_section(table, command, remarks, colours, lines)
             )
             if lines is None:
                 report.missing.append(
@@ -145,7 +175,20 @@ def _tables(
                     )
                 )
         else:
-            _phase_shift(report, table, command, remarks, asked)
+            _phase_shift(report, table, command, remarks, asked, colours)
+    measured = [(section.title, section.text[0]) for section in report.sections[first:]]
+    return [("Measured", sections.measured_on(recordings)), *measured] if recordings else measured
+
+
+def _made_together(
+    names: Sequence[str], recordings: Sequence[Recording], progress: Progress
+) -> dict[str, MadeTable]:
+    """The tables that no file gives; none if one of them cannot be made, to be asked each alone."""
+    progress(f"making the tables {', '.join(names)}")
+    try:
+        return made_tables(names, recordings)
+    except TirelogError:
+        return {}
 
 
 def _first(table: pd.DataFrame, recordings: Sequence[Recording]) -> pd.Series:
@@ -154,10 +197,15 @@ def _first(table: pd.DataFrame, recordings: Sequence[Recording]) -> pd.Series:
 
 
 def _phase_shift(
-    report: Report, table: pd.DataFrame, command: str, remarks: Sequence[str], asked: Asked
+    report: Report,
+    table: pd.DataFrame,
+    command: str,
+    remarks: Sequence[str],
+    asked: Asked,
+    colours: LogColours,
 ) -> None:
     """The section, and what a calibration would add to it."""
-    report.sections.append(table_sections.phase_shift_section(table, command, remarks))
+    report.sections.append(table_sections.phase_shift_section(table, command, remarks, colours))
     wanted = {
         "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
         "vertical_force_N": "forces by the calibration's maps",
@@ -175,13 +223,18 @@ def _phase_shift(
 
 
 def _models(
-    report: Report, recordings: Sequence[Recording], climbed: Any, asked: Asked, progress: Progress
-) -> None:
-    """Comparison, diagnosis, ladder and switches; or what is missing for them."""
+    report: Report,
+    recordings: Sequence[Recording],
+    climbed: Any,
+    asked: Asked,
+    progress: Progress,
+    colours: LogColours,
+    seen: Sequence[tuple[str, str]],
+) -> list[Section]:
+    """The answer, comparison, diagnosis, ladder and switches; or why there are none."""
+    ladder: list[Section] = []
     if climbed is not None:
-        report.sections.append(
-            model_sections.ladder_section(climbed, asked.command("ladder", model=True))
-        )
+        ladder = [model_sections.ladder_section(climbed, asked.command("ladder", model=True))]
     else:
         report.missing.append(
             (
@@ -190,48 +243,24 @@ def _models(
             )
         )
     if asked.model is None:
-        report.missing.append(
-            (
-                "the model against the measurement, the diagnosis, switches for effects (then "
-                "--model M)",
-                _make_model(asked),
-            )
-        )
-        return
+        what = "the model against the measurement, the diagnosis, switches for effects"
+        report.missing.append((f"{what} (then --model M)", asked.make_model()))
+        return [without_a_model(seen, asked, NO_MODEL), *ladder]
     from tirelog.physics.model.user_effects import catalogue_with
     from tirelog.report.diagnosed import model_story
 
     model = load_model(asked.model, effects=asked.effects)
     catalogue = catalogue_with(model.effects_file, asked=False)
-    if not recordings:
-        report.missing.append(
-            (
-                "the model against the measurement: no log was given",
-                asked.command("compare", model=True),
-            )
-        )
-        return
     try:
-        story = model_story(recordings, model, climbed, asked, catalogue, progress)
+        if not recordings:
+            raise UsageError("no log was given")
+        story = model_story(recordings, model, climbed, asked, catalogue, progress, colours)
     except TirelogError as problem:
-        report.missing.append(
-            (f"the model against the measurement: {problem}", asked.command("compare", model=True))
-        )
-        return
-    ladder = [report.sections.pop()] if climbed is not None else []
-    report.sections += [*story.before_ladder, *ladder, *story.after_ladder]
+        said = f"the model against the measurement: {problem}"
+        report.missing.append((said, asked.command("compare", model=True)))
+        return [without_a_model(seen, asked, f"Not shown is {said}."), *ladder]
     report.missing += story.missing
-
-
-def _make_model(asked: Asked) -> str:
-    setup = asked.setup or (
-        Path(asked.logs[0]).name.split(".")[0] + ".toml"
-        if asked.logs and asked.logs[0] != "-"
-        else "SETUP.toml"
-    )
-    return shlex.join(
-        ["tirelog", "model", "new", "--carcass", "beam", "--setup", str(setup), "-o", "M.toml"]
-    )
+    return [story.answer, *story.before_ladder, *ladder, *story.after_ladder]
 
 
 def _provenance(recordings: Sequence[Recording], asked: Asked) -> list[str]:

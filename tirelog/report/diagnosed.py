@@ -3,23 +3,31 @@
 recordings, Model --stacks, `diagnose`--> comparison, diagnosis
                                           (a campaign: pieces of its logs, and what it was asked)
 + a ladder, or what the diagnosis selected --> top model --`switches`--> effects on and off
+all of it --`answer`--> the page's first section
+logs that met an obstacle --> how well the model answers it; something unknown, and --propose -->
+                              what `propose` writes down
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Recording
-from tirelog.report import model_sections
+from tirelog.report import model_sections, obstacles
+from tirelog.report.answer import Answered, answer
+from tirelog.report.figures import LogColours
 from tirelog.report.page import Section
+from tirelog.report.proposed import proposed
 from tirelog.report.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.results import Comparison
+    from tirelog.inference.measured import MeasuredLogs
     from tirelog.physics.effects import Effect
     from tirelog.physics.model.model import Model
     from tirelog.report.asked import Asked
@@ -27,8 +35,9 @@ if TYPE_CHECKING:
 
 @dataclass
 class Story:
-    """Sections before and after the ladder's own, and what cannot be shown."""
+    """The answer, sections before and after the ladder's own, and what cannot be shown."""
 
+    answer: Section
     before_ladder: list[Section] = field(default_factory=list)
     after_ladder: list[Section] = field(default_factory=list)
     missing: list[tuple[str, str]] = field(default_factory=list)
@@ -41,27 +50,66 @@ def model_story(
     asked: Asked,
     catalogue: Mapping[str, Effect],
     progress: Callable[[str], None],
+    colours: LogColours | None = None,
 ) -> Story:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
+    from tirelog.api.answers import measure
     from tirelog.diagnosis.diagnose import diagnose
-    from tirelog.inference.measured import measured, measured_together
     from tirelog.physics.model.user_effects import own_effects
 
-    level = not model.ac_coupled
-    stacks: Measured
-    if model.beside:
-        stacks = measured_together(
-            recordings, model.observables, asked.channel, level=level
-        ).revolutions
-    else:
-        stacks = measured(recordings, model.observable, asked.channel, level=level).stacks
+    logs = measure(recordings, model, asked.channel)
     own = own_effects(model.effects_file, asked=False)
-    found = diagnose(stacks, model, effects=own, progress=progress)
+    colours = LogColours(r.log for r in recordings) if colours is None else colours
+    found = diagnose(logs.revolutions, model, effects=own, progress=progress)
 
     def command(name: str) -> str:
         return asked.report_command() if name == "report" else asked.command(name, model=True)
 
-    return story_of(stacks, found.before, found, climbed, command, catalogue, progress)
+    story = story_of(
+        logs.revolutions,
+        found.before,
+        found,
+        climbed,
+        command,
+        catalogue,
+        progress,
+        colours,
+        asked.with_options(found.next_command),
+    )
+    if logs.obstacles:
+        section = _obstacles(logs, found, command("compare"), progress, colours)
+        story.before_ladder.insert(0, section)
+    if not found.next_command.startswith("tirelog propose"):
+        return story
+    better = f"{(asked.model or Path('M.toml')).with_suffix('')}+proposed.toml"
+    wanted = asked.command("propose", "-o", better, model=True)
+    if asked.propose:
+        from tirelog.diagnosis.propose.propose import propose
+
+        section = proposed(propose(logs.stacks, model, effects=own, progress=progress), wanted)
+        story.before_ladder.insert(0, section)
+    else:
+        again = replace(asked, propose=True).report_command()
+        story.missing.append(("what is unknown, written down as a formula (--propose)", again))
+    return story
+
+
+def _obstacles(
+    logs: MeasuredLogs,
+    found: Diagnosis,
+    command: str,
+    progress: Callable[[str], None],
+    colours: LogColours,
+) -> Section:
+    """The answer to the obstacles of the model that came, as `compare` gives it."""
+    from tirelog.diagnosis.obstacles.compare import compare_transients
+
+    if found.before.model.carcass != "coupled_ring":
+        return obstacles.not_answered(logs.obstacles, found.before.model.carcass, command)
+    progress("driving the model over the obstacles")
+    unit = found.before.unit
+    answers = compare_transients(logs.obstacles, found.before.model, unit=unit)
+    return obstacles.obstacles(answers, command, colours)
 
 
 def story_of(
@@ -72,25 +120,47 @@ def story_of(
     command: Callable[[str], str],
     catalogue: Mapping[str, Effect],
     progress: Callable[[str], None],
+    colours: LogColours | None = None,
+    next_command: str = "",
 ) -> Story:
-    """The sections of what was found on `measured`: the comparison, the diagnosis and the switches.
+    """The sections of what was found on `measured`: answer, comparison, diagnosis and switches.
 
-    `command(name)`: the line that repeats it.
+    `command(name)`: the line that repeats it; `next_command`: what to type next.
     """
-    story = Story()
-    story.before_ladder += model_sections.comparisons(compared, command("compare"))
-    if found is not None:
-        story.before_ladder.append(model_sections.diagnosis(found, command("diagnose")))
+    from tirelog.diagnosis.effect_curves import effect_curves
+
+    colours = LogColours(model_sections.logs_of(compared)) if colours is None else colours
     best = found.model if found is not None else compared.model
     top = top_of_ladder(compared.model, climbed, catalogue) if climbed is not None else best
     effects = [effect.id for effect in top.effects]
+    came = [effect.id for effect in compared.model.effects]
     switched, left_out = effects[-MOST_EFFECTS:], effects[:-MOST_EFFECTS]
-    section = None
+    results: dict[int, Comparison | str] = {}
     if switched:
         results = comparisons(measured, top, switched, compared.model, progress)
-        section = switches(results, switched, command("report"), left_out)
+    full = results[max(results)] if results else compared
+    added = [name for name in effects if name not in came]
+    section = None
+    if switched:
+        section = switches(results, switched, command("report"), left_out, colours)
+    curves = []
+    if found is not None:
+        drawn = found.selected or [effect.id for effect in found.model.effects]
+        curves = effect_curves(found.found.after if found.selected else found.found.before, drawn)
+    given = Answered(
+        compared,
+        found,
+        full if added and not isinstance(full, str) else None,
+        added,
+        climbed,
+        curves,
+        catalogue,
+    )
+    asked = "compare" if found is None else "diagnose"
+    follows = next_command or (command("diagnose") if found is None else found.next_command)
+    story = Story(answer(given, follows, command(asked), colours))
     if section is not None:
-        story.after_ladder.append(section)
+        story.before_ladder.append(section)
     else:
         why = (
             "its full model cannot be computed on these logs"
@@ -98,4 +168,7 @@ def story_of(
             else "no effect is in the model, and none was found missing"
         )
         story.missing.append((f"switches for effects: {why}", command("ladder")))
+    if found is not None:
+        story.before_ladder.append(model_sections.diagnosis(found, command("diagnose")))
+    story.after_ladder += model_sections.comparisons(compared, command("compare"), colours)
     return story

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,15 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.vocabulary.arrays import FloatArray
 
-#: Okabe-Ito: told apart by all forms of colour blindness
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#999999")
-EDGE = "#999999"
+#: told apart by all forms of colour blindness (Okabe and Ito's first three), each with three times
+#: the luminance contrast to white that a graphic needs
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C4569A", "#4B3FA0", "#8A6D00", "#6b6b6b")
+#: the same ones, in order, on dark paper
+DARK_COLOURS = ("#56B4E9", "#FF9E4A", "#35C99A", "#E8A0CC", "#A99CF0", "#E6C34A", "#B4BAC0")
+#: what is no log's: models and effects, and what stands aside of them; on dark paper
+INK, GREY, PALE = "#26323d", "#5f6b76", "#7f8992"
+DARK_NEUTRALS = ("#e8edf2", "#b9c2ca", "#8d97a0")
+EDGE = "#8d8d8d"
 #: blue below zero, red above, light between
 DIVERGING = (
     (0.0, "#2166ac"),
@@ -33,6 +40,8 @@ DIVERGING = (
 )
 BUCKETS = 2000
 SCATTER_POINTS = 6000
+SYMBOLS = ("circle", "square", "diamond")
+DASHES = ("solid", "dash", "dot", "dashdot")
 #: a map's colours end at this percentile of the sizes, so that one odd cell does not bleach the
 #: rest
 _COLOUR_PERCENTILE = 99.5
@@ -42,13 +51,17 @@ _BLOCK = 1 << 18
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure: `alt` is what a person who cannot see it would be told."""
+    """A figure: `alt` is what a person who cannot see it would be told.
+
+    half   it may stand beside the next one on a wide window
+    """
 
     id: str
     title: str
     alt: str
     traces: list[dict[str, Any]]
     layout: dict[str, Any] = field(default_factory=dict)
+    half: bool = False
 
 
 def safe(name: str) -> str:
@@ -108,9 +121,29 @@ def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
     return {**axes, **more}
 
 
-def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
-    """A trace that joins the points (x, y) by a line, `colour` the number of its colour."""
-    style = {"color": COLOURS[colour % len(COLOURS)], "width": 1.5, **more.pop("line", {})}
+class LogColours:
+    """Of each log the number of its colour, by its file name; the same in every figure."""
+
+    def __init__(self, logs: Iterable[str] = ()) -> None:
+        self._numbers: dict[str, int] = {}
+        for log in logs:
+            self(log)
+
+    def __call__(self, log: str) -> int:
+        return self._numbers.setdefault(PurePath(log).name, len(self._numbers))
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+
+def _colour(colour: int | str) -> str:
+    """A colour by its number, or itself."""
+    return colour if isinstance(colour, str) else COLOURS[colour % len(COLOURS)]
+
+
+def line(x: Any, y: Any, name: str, colour: int | str = 0, **more: Any) -> dict[str, Any]:
+    """A trace that joins the points (x, y) by a line, `colour` one of its own or its number."""
+    style = {"color": _colour(colour), "width": 1.5, **more.pop("line", {})}
     return {
         "type": "scatter",
         "mode": "lines",
@@ -122,14 +155,14 @@ def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, A
     }
 
 
-def dots(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
+def dots(x: Any, y: Any, name: str, colour: int | str = 0, **more: Any) -> dict[str, Any]:
     """Points; evenly thinned if there are more than a page can carry (`thinned` says so)."""
     step = thinning(np.size(x))
     marker = {
-        "color": COLOURS[colour % len(COLOURS)],
+        "color": _colour(colour),
         "size": 5,
         "opacity": 0.7,
-        "symbol": ["circle", "square", "diamond"][colour % 3],
+        "symbol": SYMBOLS[colour % 3] if isinstance(colour, int) else SYMBOLS[0],
     }
     return {
         "type": "scatter",
@@ -147,10 +180,10 @@ def thinning(points: int) -> int:
     return max(1, -(-points // SCATTER_POINTS))
 
 
-def band(x: Any, low: Any, high: Any, name: str, colour: int = 0) -> list[dict[str, Any]]:
+def band(x: Any, low: Any, high: Any, name: str, colour: int | str = 0) -> list[dict[str, Any]]:
     """A shaded band between two lines."""
     edge = {"width": 0}
-    shade = COLOURS[colour % len(COLOURS)] + "40"
+    shade = _colour(colour) + "40"
     return [
         line(x, low, name, colour, line=edge, showlegend=False, hoverinfo="skip"),
         line(
@@ -171,7 +204,7 @@ def bars(
     labels: Sequence[str],
     values: Any,
     name: str,
-    colour: int = 0,
+    colour: int | str = 0,
     *,
     across: bool = False,
     **more: Any,
@@ -182,7 +215,7 @@ def bars(
     """
     words = [safe(label) for label in labels]
     x, y = (packed_array(values), words) if across else (words, packed_array(values))
-    marker = {"color": COLOURS[colour % len(COLOURS)]}
+    marker = {"color": _colour(colour)}
     if "error" in more:
         key = "error_x" if across else "error_y"
         more[key] = {

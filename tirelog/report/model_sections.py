@@ -14,7 +14,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.report.figures import Figure, axis, band, bars, dots, heat, layout, line
+from tirelog.report.figures import (
+    DASHES,
+    INK,
+    PALE,
+    SYMBOLS,
+    Figure,
+    LogColours,
+    axis,
+    band,
+    bars,
+    dots,
+    heat,
+    layout,
+    line,
+)
 from tirelog.report.page import PageTable, Section
 from tirelog.vocabulary.observables import drawn
 
@@ -33,7 +47,6 @@ _ZONES = {
     "away": "away from the patch",
 }
 ANGLE = "angle from the patch centre [deg], entry to exit"
-GREY_BAR = "#6b6b6b"
 
 
 def shown_value(observable: str, unit: str) -> tuple[float, str]:
@@ -49,13 +62,22 @@ def shown_number(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def comparisons(result: Comparison, command: str) -> list[Section]:
+def logs_of(result: Comparison) -> list[str]:
+    """The logs that a comparison is about."""
+    rows = (row for part in result.parts or (result,) for row in part.tables["conditions"])
+    return list(dict.fromkeys(str(row["log"]) for row in rows))
+
+
+def comparisons(
+    result: Comparison, command: str, colours: LogColours | None = None
+) -> list[Section]:
     """The section of a comparison; of several observables one of all, and one of each."""
+    colours = LogColours(logs_of(result)) if colours is None else colours
     if not result.parts:
-        return [comparison(result, command)]
+        return [comparison(result, command, colours)]
     found = [_together(result, command)]
     for part in result.parts:
-        own = comparison(part, command)
+        own = comparison(part, command, colours)
         figures = [replace(f, id=f"{f.id}-{part.observable}") for f in own.figures]
         named = f"{own.title}: {part.observable.replace('_', ' ')}"
         found.append(replace(own, id=f"{own.id}-{part.observable}", title=named, figures=figures))
@@ -113,7 +135,7 @@ def _together(result: Comparison, command: str) -> Section:
     )
 
 
-def comparison(result: Comparison, command: str) -> Section:
+def comparison(result: Comparison, command: str, colours: LogColours) -> Section:
     """The section of a comparison of model and logs.
 
     Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and
@@ -129,12 +151,12 @@ def comparison(result: Comparison, command: str) -> Section:
         f"{in_unit(result.excess_heldout, factor)}. On the data of the fit: "
         f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; "
         f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
-        _where(result, factor, unit),
+        where(result),
         *(f"{remark}." for remark in result.remarks),
     ]
     figures = [
-        _waveforms(result.waveforms, result, factor, unit),
-        _differences(result.waveforms, result, factor, unit),
+        waveforms(result.waveforms, result, factor, unit, colours),
+        _differences(result.waveforms, result, factor, unit, colours),
         residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
         residual_map("residual-time", "Residual over angle and time", result.by_time, result),
     ]
@@ -148,15 +170,16 @@ def comparison(result: Comparison, command: str) -> Section:
     )
 
 
-def _where(result: Comparison, factor: float, unit: str) -> str:
+def where(result: Comparison) -> str:
     """Where the excess is largest, from the comparison's own tables."""
+    factor, unit = shown_value(result.observable, result.unit)
     angle = max(result.tables["angle"], key=lambda row: row["excess"])
     speed = max(result.tables["speed"], key=lambda row: row["excess"])
     regime = max(result.tables["regime"], key=lambda row: row["excess"])
     if angle["excess"] == 0.0:
-        return "The model fails nowhere by more than the floor."
+        return "The first model fails nowhere by more than the floor."
     return (
-        f"It fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess "
+        f"The first model fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess "
         f"{angle['excess'] * factor:.3g} {unit}), "
         f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime "
         f"in {regime['regime']} ({regime['excess'] * factor:.3g})."
@@ -180,21 +203,41 @@ def short(label: str) -> str:
     return ", ".join([*words, Path(log).name])
 
 
-def _waveforms(waves: Waveforms, result: Comparison, factor: float, unit: str) -> Figure:
+def styles(labels: Sequence[str], colours: LogColours) -> list[tuple[int, str, str]]:
+    """(number of the colour, dash, symbol) of each waveform.
+
+    Of several logs the colour is the log's, and lines and symbols tell its waveforms apart.
+    """
+    logs = [label.split(", ")[-1] for label in labels]
+    if len(set(logs)) < 2:
+        return [(i, DASHES[0], SYMBOLS[i % len(SYMBOLS)]) for i in range(len(logs))]
+    own = [logs[:i].count(log) for i, log in enumerate(logs)]
+    return [
+        (colours(log), DASHES[k % len(DASHES)], SYMBOLS[k % len(SYMBOLS)])
+        for log, k in zip(logs, own, strict=True)
+    ]
+
+
+def waveforms(
+    waves: Waveforms, result: Comparison, factor: float, unit: str, colours: LogColours
+) -> Figure:
+    """Measured and predicted waveforms, with two noise floors about the prediction."""
     traces: list[dict[str, Any]] = []
-    for i, label in enumerate(waves.labels):
+    for i, (label, style) in enumerate(
+        zip(waves.labels, styles(waves.labels, colours), strict=True)
+    ):
+        colour, dash, symbol = style
         phi, expected, floor = (
             np.rad2deg(waves.phi_rad[i]),
             waves.predicted[i] * factor,
             2.0 * factor * waves.floor[i],
         )
-        traces += band(phi, expected - floor, expected + floor, f"two floors, {short(label)}", i)
-        traces.append(line(phi, expected, f"model, {short(label)}", i))
-        traces.append(
-            dots(
-                phi, waves.measured[i] * factor, f"measured, {short(label)}", i, marker={"size": 4}
-            )
-        )
+        said = short(label)
+        traces += band(phi, expected - floor, expected + floor, f"two floors, {said}", colour)
+        traces.append(line(phi, expected, f"model, {said}", colour, line={"dash": dash}))
+        marker = {"size": 4, "symbol": symbol}
+        measured = waves.measured[i] * factor
+        traces.append(dots(phi, measured, f"measured, {said}", colour, marker=marker))
     alt = (
         "Measured means of like revolutions (points), the model (lines) and two noise floors "
         "about it (bands) at "
@@ -210,19 +253,24 @@ def _waveforms(waves: Waveforms, result: Comparison, factor: float, unit: str) -
     return Figure("waveforms", "Waveforms", alt, traces, shape)
 
 
-def _differences(waves: Waveforms, result: Comparison, factor: float, unit: str) -> Figure:
+def _differences(
+    waves: Waveforms, result: Comparison, factor: float, unit: str, colours: LogColours
+) -> Figure:
     """The same waveforms, measured less predicted, so that the floor's band can be seen."""
     traces: list[dict[str, Any]] = []
-    for i, label in enumerate(waves.labels):
+    for i, (label, style) in enumerate(
+        zip(waves.labels, styles(waves.labels, colours), strict=True)
+    ):
+        colour, dash, _ = style
         phi, left, floor = (
             np.rad2deg(waves.phi_rad[i]),
             (waves.measured[i] - waves.predicted[i]) * factor,
             2.0 * factor * waves.floor[i],
         )
         traces = (
-            band(phi, -floor, floor, f"two floors, {short(label)}", i) + traces
+            band(phi, -floor, floor, f"two floors, {short(label)}", colour) + traces
         )  # bands first, lines above them
-        traces.append(line(phi, left, short(label), i))
+        traces.append(line(phi, left, short(label), colour, line={"dash": dash}))
     alt = (
         f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
         "noise floors as bands about zero."
@@ -329,7 +377,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
             for group in result.ambiguous_groups
         ),
         str(result.unexplained["sentence"]),
-        *(_manoeuvre(row) for row in result.separating_manoeuvres),
+        *(manoeuvre(row) for row in result.separating_manoeuvres),
         *result.notes,
         f"Next: {result.next_command}",
     ]
@@ -355,7 +403,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
                     "yes" if c.selected else "",
                     "–"
                     if any(s["se"] is None for s in c.strengths.values())
-                    else _strengths(c.strengths),
+                    else strengths(c.strengths),
                 ]
                 for c in ranked
             ],
@@ -373,7 +421,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     return Section("diagnosis", "The diagnosis", command, words, figures, tables)
 
 
-def _manoeuvre(row: Mapping[str, Any]) -> str:
+def manoeuvre(row: Mapping[str, Any]) -> str:
     times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
     return (
         f"Drive next, to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
@@ -381,7 +429,7 @@ def _manoeuvre(row: Mapping[str, Any]) -> str:
     )
 
 
-def _strengths(strengths: Mapping[str, Mapping[str, Any]]) -> str:
+def strengths(strengths: Mapping[str, Mapping[str, Any]]) -> str:
     parts = []
     for name, s in strengths.items():
         error = f" ± {s['se']:.2g}" if s["se"] is not None and np.isfinite(s["se"]) else ""
@@ -394,7 +442,7 @@ def _strengths(strengths: Mapping[str, Mapping[str, Any]]) -> str:
 def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
     """Shares of the excess as lying bars, the best on top; the selected in another colour."""
     traces = []
-    for colour, selected, name in ((1, True, "selected"), (0, False, "not selected")):
+    for colour, selected, name in ((INK, True, "selected"), (PALE, False, "not selected")):
         some = [c for c in ranked if c.selected == selected][::-1]
         if some:
             error = [100.0 * errors.get(c.effect, np.nan) for c in some]
@@ -432,15 +480,16 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
         [_times(step[name], factor) for step in steps]
         for name in ("rmse_heldout", "rmse_fit", "noise_floor")
     )
-    marks = {"size": 14, "symbol": "line-ew-open", "color": GREY_BAR, "line": {"width": 3}}
+    marks = {"size": 14, "symbol": "line-ew-open", "color": INK, "line": {"width": 3}}
     traces = [
-        bars(names, held, "held-out error", 0),
+        bars(names, held, "held-out error", PALE),
         {**dots(range(len(names)), fitted, "error of the fit"), "x": names, "marker": marks},
-        {**line(range(len(names)), floor, "noise floor", 1), "x": names},
+        {**line(range(len(names)), floor, "noise floor", INK, line={"dash": "dash"}), "x": names},
     ]
     words = [step["sentence"] for step in climbed["steps"]] + [
         f"{remark}." for remark in climbed.get("remarks", ())
     ]
+    words.insert(0, _fallen(held, floor, unit, names))
     if climbed.get("rmse_untouched") is not None:
         words.append(
             f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} "
@@ -459,9 +508,29 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     return Section("ladder", "The ladder", command, words, figures, [_steps(climbed, factor, unit)])
 
 
+def _fallen(held: Sequence[float], floor: Sequence[float], unit: str, names: Sequence[str]) -> str:
+    """The ladder in a sentence."""
+    ends = [f"{error:.3g}" if error == error else "none" for error in (held[0], held[-1])]
+    if len(names) == 1:
+        return f"No effect was added: held-out error {ends[0]} {unit}, noise floor {floor[0]:.3g}."
+    return (
+        f"Held-out error {ends[0]} → {ends[1]} {unit} by {', '.join(names[1:])}; noise floor of "
+        f"the last model {floor[-1]:.3g}."
+    )
+
+
 def _times(error: float | None, factor: float) -> float:
     """An error in the page's unit; not a number if there is none."""
     return float("nan") if error is None else error * factor
+
+
+def _own(step: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The parameters that a step brought: the first all, a further one those of what it added."""
+    found: Mapping[str, Any] = step["parameters"]
+    if step["step"] == 0:
+        return found
+    names = str(step["effect"]).split(" and ")
+    return {name: p for name, p in found.items() if name.split(".")[0] in names}
 
 
 _ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
@@ -475,13 +544,13 @@ def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> PageTable:
             *("-" if s[k] is None else shown_number(s[k] * factor) for k in _ERRORS),
             shown_number(s["p_adjusted"]),
             s["decision"],
-            _strengths(s["parameters"]),
+            strengths(_own(s)),
         ]
         for s in climbed["steps"]
     ]
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
     return PageTable(
         "Steps of the ladder",
-        ["step", "effect", *errors, "p, adjusted", "decision", "parameters"],
+        ["step", "effect", *errors, "p, adjusted", "decision", "its parameters"],
         rows,
     )

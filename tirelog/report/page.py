@@ -18,24 +18,63 @@ from importlib import resources
 from typing import Any
 
 from tirelog.errors import UsageError
-from tirelog.report.figures import Figure
+from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, Figure
 from tirelog.version import __version__
 
 
 @dataclass(frozen=True)
 class PageTable:
-    """A small table: header cells with units, rows of text."""
+    """A small table: header cells with units, rows of text.
+
+    colours   of each row the number of its colour in the figures, if they stand for something there
+    """
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    colours: Sequence[int] = ()
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model on the way to the best one.
+
+    What was added and what that is, the error and the noise floor in the card's unit.
+    """
+
+    name: str
+    said: str
+    error: float
+    floor: float
+
+
+@dataclass(frozen=True)
+class Card:
+    """The answer at a glance.
+
+    word      the verdict in a word or two; sentence: what it says
+    facts     (term, text): measured on what, how sure, ...
+    rungs     the error falling, in `unit`; rungs_said: what errors these are
+    advice    what to do or drive next; command: the line to type next
+    """
+
+    word: str
+    sentence: str
+    facts: Sequence[tuple[str, str]]
+    command: str
+    advice: Sequence[str] = ()
+    rungs: Sequence[Rung] = ()
+    rungs_said: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
 class Section:
     """A section: what it says, the command that makes it, its figures and tables.
 
-    `switches`: data of the effect switches, if any.
+    The first paragraph always shows; the rest is folded away if `folded`.
+    `switches`: data of the effect switches, if any. `formulas`: (name, expression). `sources`:
+    (effect, where its physics is from).
     """
 
     id: str
@@ -45,6 +84,10 @@ class Section:
     figures: Sequence[Figure] = ()
     tables: Sequence[PageTable] = ()
     switches: dict[str, Any] = field(default_factory=dict)
+    folded: bool = True
+    card: Card | None = None
+    formulas: Sequence[tuple[str, str]] = ()
+    sources: Sequence[tuple[str, str]] = ()
 
 
 def plotting_library() -> str:
@@ -83,12 +126,15 @@ def render(
     missing: Sequence[tuple[str, str]],
     provenance: Sequence[str],
     commands: Sequence[str],
+    papers: Sequence[tuple[str, str]] = (),
+    made: str = "",
 ) -> list[str]:
     """The page, in parts to be written one after the other.
 
-    `missing`: (what cannot be shown, the command that would); plain text all.
+    `missing`: (what cannot be shown, the command that would); `papers`: (a paper, what of it is on
+    the page); `made`: when and by what; plain text all.
     """
-    library, script, style = plotting_library(), _file("page.js"), _file("page.css")
+    library, script, style = plotting_library(), _file("page.js"), _palette() + _file("page.css")
     policy = (
         f"default-src 'none'; script-src {_hash(library)} {_hash(script)}; "
         "style-src 'unsafe-inline'; img-src data: blob:; "
@@ -96,15 +142,18 @@ def render(
     )
     data = {
         "figures": {
-            f.id: {"traces": f.traces, "layout": f.layout} for s in sections for f in s.figures
+            f.id: {"traces": f.traces, "layout": f.layout, "title": f.title}
+            for s in sections
+            for f in s.figures
         },
         "switches": {s.id: s.switches for s in sections if s.switches},
+        "dark": dict(
+            zip((*COLOURS, INK, GREY, PALE), (*DARK_COLOURS, *DARK_NEUTRALS), strict=True)
+        ),
     }
     e = html.escape
     contents = "".join(f'<li><a href="#{s.id}">{e(s.title)}</a></li>' for s in sections)
     body = "".join(_section(s) for s in sections)
-    origins = "".join(f"<li>{e(part)}</li>" for part in provenance)
-    absent = "".join(f"<li>{e(what)}: <code>{e(command)}</code></li>" for what, command in missing)
     head = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
@@ -113,13 +162,10 @@ def render(
         f'<title>{e(title)}</title><link rel="icon" href="data:,">'
         f"<style>{style}</style></head><body>"
         '<a class="skip" href="#main">Skip to the results</a>'
-        f"<header><h1>{e(title)}</h1><p>tirelog {e(__version__)}</p>"
+        f"<header><h1>{e(title)}</h1><p>{e(made or f'tirelog {__version__}')}</p>"
         f'<nav aria-label="Sections"><ul>{contents}<li><a href="#about">About this page</a></li>'
-        f'</ul></nav></header><main id="main">{body}'
-        '<section id="about"><h2>About this page</h2>'
-        + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")
-        + f"<h3>Glossary</h3><dl>{_glossary()}</dl><h3>Provenance</h3><ul>{origins}</ul>"
-        f"<h3>Commands that repeat it</h3><pre>{e(chr(10).join(commands))}</pre></section></main>"
+        f'</ul></nav></header><main id="main" tabindex="-1">{body}'
+        f"{_about(missing, provenance, commands, papers)}</main>"
         '<script type="application/json" id="data">'
     )
     return [
@@ -131,42 +177,165 @@ def render(
     ]
 
 
+def _palette() -> str:
+    """The colours of the figures as the style sheet's variables, in light and in dark."""
+    light, dark = (
+        " ".join(f"--c{i}: {colour};" for i, colour in enumerate(colours))
+        for colours in (COLOURS, DARK_COLOURS)
+    )
+    return (
+        f":root {{ {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
+        f"@media print {{ :root {{ {light} }} }}\n"
+    )
+
+
+def _about(
+    missing: Sequence[tuple[str, str]],
+    provenance: Sequence[str],
+    commands: Sequence[str],
+    papers: Sequence[tuple[str, str]],
+) -> str:
+    """What stands behind the page, at its foot."""
+    e = html.escape
+    absent = "".join(f"<li>{e(what)}: <code>{e(command)}</code></li>" for what, command in missing)
+    cited = "".join(f"<li>{e(paper)} <em>Here: {e(what)}.</em></li>" for paper, what in papers)
+    origins = "".join(f"<li>{e(part)}</li>" for part in provenance)
+    return (
+        '<section id="about"><h2>About this page</h2>'
+        + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")
+        + (f'<h3 id="papers">Papers</h3><ul>{cited}</ul>' if cited else "")
+        + "<h3>Glossary</h3>"
+        + _fold(f"What {len(_WORDS)} words mean here", f"<dl>{_glossary()}</dl>")
+        + "<h3>Provenance</h3>"
+        + _fold("Versions, and the bytes of every file that went in", f"<ul>{origins}</ul>")
+        + "<h3>Commands that repeat it</h3>"
+        + _fold(
+            f"{len(commands)} command lines", f"<pre><code>{e(chr(10).join(commands))}</code></pre>"
+        )
+        + "</section>"
+    )
+
+
+def _fold(summary: str, content: str) -> str:
+    return f"<details><summary>{html.escape(summary)}</summary>{content}</details>"
+
+
 def _section(section: Section) -> str:
     e = html.escape
-    text = "".join(f"<p>{e(p)}</p>" for p in section.text)
+    paragraphs = [f"<p>{e(p)}</p>" for p in section.text]
+    formulas = "".join(
+        f'<p class="formula"><strong>{e(name)}</strong> = <code>{e(text)}</code></p>'
+        for name, text in section.formulas
+    )
     tables = "".join(_table(t) for t in section.tables)
     switches = (
-        f'<div class="switches" data-section="{section.id}"></div>' if section.switches else ""
-    )
-    figures = "".join(
-        f'<figure><figcaption id="{f.id}-title">{e(f.title)}</figcaption>'
-        f'<div class="plot" id="{f.id}" role="img" aria-labelledby="{f.id}-title" '
-        f'aria-describedby="{f.id}-alt"></div>'
-        f'<p class="alt" id="{f.id}-alt">{e(f.alt)}</p></figure>'
-        for f in section.figures
+        f'<fieldset class="switches" data-section="{section.id}"><legend>Effects</legend>'
+        "</fieldset>"
+        if section.switches
+        else ""
     )
     made = (
         f'<p class="made">Made with <code>{e(section.command)}</code></p>'
         if section.command
         else ""
     )
-    return (
-        "<section "
-        f'id="{section.id}"><h2>{e(section.title)}</h2>{made}{text}{tables}{switches}{figures}</section>'
+    first = "".join(paragraphs[:1]) + formulas
+    rest = (
+        "".join(paragraphs[1:])
+        + switches
+        + _figures(section.figures)
+        + tables
+        + (made if section.folded else "")
     )
+    if section.folded and rest:
+        rest = _fold(_folded(section), rest)
+    elif not section.folded:
+        rest += made
+    return (
+        f'<section id="{section.id}"{" class=answer" if section.card else ""}>'
+        f"<h2>{e(section.title)}</h2>"
+        f"{_card(section.card) if section.card else ''}{first}{rest}</section>"
+    )
+
+
+def _folded(section: Section) -> str:
+    """What a folded section holds, in words."""
+    counted = [
+        f"{n} {word}{'s' if n > 1 else ''}"
+        for n, word in ((len(section.figures), "figure"), (len(section.tables), "table"))
+        if n
+    ]
+    return f"Details: {', '.join([*counted, 'how it was made'])}"
+
+
+def _figures(figures: Sequence[Figure]) -> str:
+    e = html.escape
+    drawn = "".join(
+        f'<figure{" class=half" if f.half else ""} aria-labelledby="{f.id}-title" '
+        f'aria-describedby="{f.id}-alt"><figcaption id="{f.id}-title">{e(f.title)}</figcaption>'
+        f'<div class="plot" id="{f.id}"></div>'
+        f'<p class="alt" id="{f.id}-alt">{e(f.alt)}</p></figure>'
+        for f in figures
+    )
+    return f'<div class="figures">{drawn}</div>' if drawn else ""
+
+
+def _card(card: Card) -> str:
+    e = html.escape
+    facts = "".join(f"<div><dt>{e(term)}</dt><dd>{e(text)}</dd></div>" for term, text in card.facts)
+    advice = "".join(f"<p>{e(text)}</p>" for text in card.advice)
+    return (
+        '<div class="card"><div class="said">'
+        f'<p class="verdict"><strong>{e(card.word)}</strong></p>'
+        f'<p class="sentence">{e(card.sentence)}</p></div><div class="steps">{_rungs(card)}'
+        f"<h3>Next</h3>{advice}<pre><code>{e(card.command)}</code></pre></div>"
+        f'<dl class="facts">{facts}</dl></div>'
+    )
+
+
+def _rungs(card: Card) -> str:
+    """The error falling: a bar per model, the floor marked on each."""
+    if not card.rungs:
+        return ""
+    e = html.escape
+    largest = max(1e-300, *(value for rung in card.rungs for value in (rung.error, rung.floor)))
+    steps = []
+    for rung in card.rungs:
+        length, mark = 100.0 * rung.error / largest, 100.0 * rung.floor / largest
+        steps.append(
+            f"<li><strong>{e(rung.name)}</strong> <span>{e(rung.said)}</span>"
+            f'<span class="bar" aria-hidden="true"><span style="width:{length:.1f}%"></span>'
+            f'<i style="left:{mark:.1f}%"></i></span>'
+            f'<span class="error">{rung.error:.3g} {e(card.unit)}, noise floor {rung.floor:.3g}'
+            "</span></li>"
+        )
+    said = f'<p class="alt">{e(card.rungs_said)}</p>' if card.rungs_said else ""
+    heading = "How the error falls" if len(steps) > 1 else "The error"
+    return f'<h3>{heading}</h3>{said}<ol class="rungs">{"".join(steps)}</ol>'
 
 
 def _table(table: PageTable) -> str:
     e = html.escape
     head = "".join(f'<th scope="col">{e(h)}</th>' for h in table.header)
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{e(c)}</td>" for c in row) + "</tr>" for row in table.rows
-    )
+    rows = "".join(_row(table, i) for i in range(len(table.rows)))
     caption = f"<caption>{e(table.caption)}</caption>"
     return (
-        '<div class="table" '
-        f'tabindex="0"><table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+        f'<div class="table" role="group" aria-label="{e(table.caption)}" tabindex="0">'
+        f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
+
+
+def _row(table: PageTable, number: int) -> str:
+    """A row; its first cell names it, with the colour that it has in the figures."""
+    first, *others = table.rows[number] or [""]
+    swatch = (
+        f'<span class="swatch" style="background:var(--c{table.colours[number] % len(COLOURS)})">'
+        "</span>"
+        if number < len(table.colours)
+        else ""
+    )
+    cells = "".join(f"<td>{html.escape(c)}</td>" for c in others)
+    return f'<tr><th scope="row">{swatch}{html.escape(first)}</th>{cells}</tr>'
 
 
 _WORDS = (

@@ -22,7 +22,7 @@ import pandas as pd
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.report.figures import Figure, layout, line
+from tirelog.report.figures import GREY, INK, Figure, layout, line
 from tirelog.strain.footprint.plain_edges import (
     AlongTread,
     Edges,
@@ -61,9 +61,9 @@ class _Passage:
 
 
 def passage_figures(
-    recording: Recording, footprint: pd.DataFrame, speed: pd.DataFrame | None
+    recording: Recording, footprint: pd.DataFrame, speed: pd.DataFrame | None, colour: int = 0
 ) -> list[Figure]:
-    """The figures of one passage of the recording's first grating with rows.
+    """The figures of one passage of the recording's first grating with rows, in its colour.
 
     Empty if there is no row without a mark.
     """
@@ -75,7 +75,7 @@ def passage_figures(
         if len(rows):
             row, acceleration = _chosen(rows, speed)
             passage = _measured(recording, channel, row, acceleration)
-            return [] if passage is None else _drawn(recording, channel, passage)
+            return [] if passage is None else _drawn(recording, channel, passage, colour)
     return []
 
 
@@ -140,7 +140,7 @@ def _measured(
     )
 
 
-def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
+def _drawn(recording: Recording, channel: Channel, p: _Passage, own: int) -> list[Figure]:
     length = float(p.row["length_m"])
     reach = 1e3 * _WINDOW * 0.5 * length
     turned = -1.0 if channel.surface == "inner" else 1.0
@@ -170,7 +170,7 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
             for (x, y), words, colour, width in zip(
                 curves,
                 ("samples", f"low-pass {p.cutoff_Hz:.0f} Hz"),
-                (6 if len(curves) > 1 else 0, 0),
+                (GREY if len(curves) > 1 else own, own),
                 (1.0, 1.5),
                 strict=False,
             )
@@ -212,19 +212,17 @@ def _edge_lines(p: _Passage, ends: tuple[float, float]) -> list[dict[str, Any]]:
     """
     d = p.by_derivative
     middle = 0.5 * (p.edges_m[0] + p.edges_m[1])
-    lines: list[tuple[str, tuple[float, ...], int, str]] = [
-        ("edges, best estimate", p.edges_m, 1, "solid"),
-        ("extrema of d²ε/dξ²", (float(d.entry_m[0]), float(d.exit_m[0])), 2, "dash"),
+    lines: list[tuple[str, tuple[float, ...], str]] = [
+        ("edges, best estimate", p.edges_m, "solid"),
+        ("extrema of d²ε/dξ²", (float(d.entry_m[0]), float(d.exit_m[0])), "dash"),
     ]
     onset = p.row.get("slip_onset_m")
     if onset is not None and np.isfinite(float(onset)):
-        lines.append(("slip onset", (middle + float(onset),), 3, "dot"))
+        lines.append(("slip onset", (middle + float(onset),), "dot"))
     drawn = []
-    for name, places, colour, dash in lines:
+    for name, places, dash in lines:
         x = [v for place in places for v in (1e3 * place, 1e3 * place, np.nan)]
         y = [v for _ in places for v in (*ends, np.nan)]
         if np.isfinite(np.asarray(x, float)).any():
-            drawn.append(
-                line(x, y, name, colour, line={"dash": dash, "width": 1.5}, hoverinfo="skip")
-            )
+            drawn.append(line(x, y, name, INK, line={"dash": dash, "width": 1.5}, hoverinfo="skip"))
     return drawn

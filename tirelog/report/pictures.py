@@ -23,7 +23,7 @@ from tirelog.storage.whole import output_error, whole_file
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_DASHES = {"dash": "--", "dot": ":", "solid": "-"}
+_DASHES = {"dash": "--", "dot": ":", "solid": "-", "dashdot": "-."}
 _SYMBOLS = {"circle": "o", "square": "s", "diamond": "D", "line-ew-open": "_"}
 #: dots per inch of a picture
 _DPI = 150

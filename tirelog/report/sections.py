@@ -6,7 +6,8 @@ is estimated here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,17 @@ import numpy as np
 import pandas as pd
 
 from tirelog.data.recording import Recording
-from tirelog.report.figures import SCATTER_POINTS, Figure, decimated, dots, layout, line
+from tirelog.report.figures import (
+    SCATTER_POINTS,
+    SYMBOLS,
+    Figure,
+    LogColours,
+    decimated,
+    dots,
+    layout,
+    line,
+    thinning,
+)
 from tirelog.report.page import PageTable, Section
 from tirelog.runs.overview import channel_rows
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
@@ -38,18 +49,39 @@ def short_names(logs: Sequence[str]) -> dict[str, str]:
     return names if len(set(names.values())) == len(names) else {log: log for log in logs}
 
 
-def recorded(recordings: Sequence[Recording], command: str) -> Section:
-    """What was recorded: channels, repairs, tire and conditions."""
-    tables, paragraphs = [], []
+def recorded(recordings: Sequence[Recording], command: str, colours: LogColours) -> Section:
+    """What was recorded: logs with their colours, channels, repairs, tire and conditions."""
     names = short_names([r.log for r in recordings])
+    known = [_about(recording) for recording in recordings]
+    asked = list(dict.fromkeys(key for about in known for key in about))
+    same = [key for key in asked if len({about.get(key, "") for about in known}) == 1]
+    apart = [key for key in asked if key not in same]
+    logs = PageTable(
+        "Logs, with their colours in the figures",
+        ["log", "channels", "duration [s]", *apart],
+        [
+            [
+                names[recording.log],
+                ", ".join(recording.channels),
+                text(_duration(recording)),
+                *(about.get(key, "") for key in apart),
+            ]
+            for recording, about in zip(recordings, known, strict=True)
+        ],
+        [colours(recording.log) for recording in recordings],
+    )
+    tables, paragraphs = [logs], []
+    if same:
+        rows = [[key, known[0].get(key, "")] for key in same]
+        tables.append(PageTable("Tire and conditions of every log", ["quantity", "value"], rows))
     for recording in recordings:
-        rows, who = channel_rows(recording), names[recording.log]
-        header = [name for name in rows if name != "log"]
-        cells = [[text(rows[name][i]) for name in header] for i in range(len(rows["channel"]))]
+        of_channels, who = channel_rows(recording), names[recording.log]
+        header = [name for name in of_channels if name != "log"]
+        cells = [
+            [text(of_channels[name][i]) for name in header]
+            for i in range(len(of_channels["channel"]))
+        ]
         tables.append(PageTable(f"Channels of {who}", header, cells))
-        about = recording.setup.tire.__dict__ | recording.setup.conditions.__dict__
-        known = [[key, text(value)] for key, value in about.items() if value not in (None, "")]
-        tables.append(PageTable(f"Tire and conditions of {who}", ["quantity", "value"], known))
         repairs = [
             f"{what} ({n})"
             for done in recording.provenance.get("repairs", {}).values()
@@ -60,19 +92,93 @@ def recorded(recordings: Sequence[Recording], command: str) -> Section:
             paragraphs.append(f"{who}: repaired in the time axis: {', '.join(repairs)}.")
         paragraphs += [f"{who}: {remark}." for remark in recording.remarks]
         paragraphs += [f"{who}: lost: {loss}." for loss in recording.losses]
-    return Section("recorded", "What was recorded", command, paragraphs, (), tables)
+    words = [f"{measured_on(recordings)}.", *paragraphs]
+    return Section("recorded", "What was recorded", command, words, (), tables)
 
 
-def groups(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    """The table's channels (of each log), named for a legend; at most DRAWN_CHANNELS."""
+def measured_on(recordings: Sequence[Recording]) -> str:
+    """How many logs, how long, which channels, in words."""
+    channels = list(dict.fromkeys(name for r in recordings for name in r.channels))
+    lasted = sum(_duration(recording) for recording in recordings)
+    some = ", ".join(channels[:DRAWN_CHANNELS])
+    more = f" and {len(channels) - DRAWN_CHANNELS} more" if len(channels) > DRAWN_CHANNELS else ""
+    logs = "1 log" if len(recordings) == 1 else f"{len(recordings)} logs"
+    word = "channel" if len(channels) == 1 else "channels"
+    return f"{logs}, {lasted:.4g} s, {word} {some}{more}"
+
+
+def _duration(recording: Recording) -> float:
+    """Seconds from the first to the last sample of its longest channel."""
+    return max((float(s) for s in channel_rows(recording)["duration_s"]), default=0.0)
+
+
+def _about(recording: Recording) -> dict[str, str]:
+    """What the setup says of tire and conditions, as text."""
+    about = recording.setup.tire.__dict__ | recording.setup.conditions.__dict__
+    return {key: text(value) for key, value in about.items() if value not in (None, "")}
+
+
+@dataclass(frozen=True)
+class Group:
+    """A channel of a log in a figure: its name in the legend, rows, colour and symbol."""
+
+    name: str
+    rows: pd.DataFrame
+    colour: int
+    symbol: str
+
+
+def groups(table: pd.DataFrame, colours: LogColours) -> list[Group]:
+    """The table's channels (of each log); at most DRAWN_CHANNELS.
+
+    Of several logs each has its colour, and symbols tell its channels apart.
+    """
     logs = [str(log) for log in table["log"].unique()]
     names = short_names(logs)
-    found = table.groupby(["log", "channel"], sort=False, observed=True)
-    named = (
-        (f"{names[str(log)]}: {channel}" if len(logs) > 1 else str(channel), rows)
-        for (log, channel), rows in found
-    )
-    return [group for _, group in zip(range(DRAWN_CHANNELS), named, strict=False)]
+    several = max(len(logs), len(colours)) > 1
+    found: list[Group] = []
+    drawn: dict[str, int] = {}
+    for (log, channel), rows in table.groupby(["log", "channel"], sort=False, observed=True):
+        number = drawn.setdefault(str(log), 0)
+        drawn[str(log)] += 1
+        name = f"{names[str(log)]}: {channel}" if len(logs) > 1 else str(channel)
+        colour = colours(str(log)) if several else number
+        found.append(Group(name, rows, colour, SYMBOLS[number % len(SYMBOLS)]))
+        if len(found) == DRAWN_CHANNELS:
+            break
+    return found
+
+
+def points(found: Sequence[Group], x: str, y: str, **marker: Any) -> list[dict[str, Any]]:
+    """A column against another, a trace per group."""
+    return [
+        dots(g.rows[x], g.rows[y], g.name, g.colour, marker={"symbol": g.symbol, **marker})
+        for g in found
+    ]
+
+
+def ways(
+    found: Sequence[Group],
+    x: str,
+    columns: Mapping[str, str],
+    factor: float = 1.0,
+    aside: Mapping[str, Any] | None = None,
+) -> list[dict[str, Any]]:
+    """Several `columns` (name -> words) that tell one quantity, against another.
+
+    Of one group by colour; of several the colour is the group's and the symbol tells them apart.
+    All but the first look as `aside` says.
+    """
+    drawn = []
+    one = len(found) == 1
+    for g in found:
+        rows = g.rows.iloc[:: thinning(len(found) * len(g.rows))]  # one figure's worth for all
+        for i, (column, words) in enumerate(columns.items()):
+            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside or {}) if i else {})}
+            name = words if one else f"{g.name}, {words}"
+            colour = i if one else g.colour
+            drawn.append(dots(rows[x], rows[column] * factor, name, colour, marker=marker))
+    return drawn
 
 
 def drawn_of(table: pd.DataFrame) -> list[str]:
@@ -80,7 +186,7 @@ def drawn_of(table: pd.DataFrame) -> list[str]:
     channels = int(table[["log", "channel"]].drop_duplicates().shape[0])
     words = []
     if channels > DRAWN_CHANNELS:
-        words.append(f"Over time the first {DRAWN_CHANNELS} of {channels} channels are drawn.")
+        words.append(f"The first {DRAWN_CHANNELS} of {channels} channels are drawn.")
     if len(table) > SCATTER_POINTS:
         words.append(
             f"Of {len(table)} rows each figure draws evenly chosen ones, at most "
@@ -107,15 +213,15 @@ def reach(values: pd.Series, unit: str) -> str:
 
 
 def drive_section(
-    recordings: Sequence[Recording], speed: pd.DataFrame, command: str, remarks: Sequence[str]
+    recordings: Sequence[Recording],
+    speed: pd.DataFrame,
+    command: str,
+    remarks: Sequence[str],
+    colours: LogColours,
 ) -> Section:
     """Speed, acceleration, and the recorded signal over time."""
-    named = groups(speed)
-    v = [dots(rows["time_s"], rows["speed_m_s"], name, i) for i, (name, rows) in enumerate(named)]
-    a = [
-        dots(rows["time_s"], rows["acceleration_m_s2"], name, i)
-        for i, (name, rows) in enumerate(named)
-    ]
+    named = groups(speed, colours)
+    v, a = (points(named, "time_s", name) for name in ("speed_m_s", "acceleration_m_s2"))
     driven, pushed = reach(speed["speed_m_s"], "m/s"), reach(speed["acceleration_m_s2"], "m/s²")
     figures = [
         Figure(
@@ -135,7 +241,8 @@ def drive_section(
     ]
     names = short_names([r.log for r in recordings])
     for number, recording in enumerate(recordings[:DRAWN_LOGS]):
-        figures += _signals(recording, number, names[recording.log])
+        own = colours(recording.log)
+        figures += _signals(recording, number, names[recording.log], own)
     words = [
         f"Speed {driven}, acceleration {pushed}, {len(speed)} passages of the patch.",
         *remarks,
@@ -146,8 +253,11 @@ def drive_section(
     return Section("drive", "The drive", command, words, figures, [quality(speed, "speed")])
 
 
-def _signals(recording: Recording, number: int, log: str) -> list[Figure]:
-    """Recorded strain [µm/m] or acceleration over time, decimated so that no peak vanishes."""
+def _signals(recording: Recording, number: int, log: str, colour: int) -> list[Figure]:
+    """Recorded strain [µm/m] or acceleration over time, decimated so that no peak vanishes.
+
+    In the log's colour, if it is one channel.
+    """
     figures = []
     for kinds, label, factor in (
         (STRAIN_KINDS, "strain [µm/m]", 1e6),
@@ -159,7 +269,8 @@ def _signals(recording: Recording, number: int, log: str) -> list[Figure]:
         traces = []
         for i, channel in enumerate(channels):
             time, values = decimated(channel)
-            traces.append(line(time, values * factor, channel.name, i, line={"width": 1}))
+            own = colour if len(channels) == 1 else i
+            traces.append(line(time, values * factor, channel.name, own, line={"width": 1}))
         name = label.split(" [")[0]
         alt = (
             f"{name} of {', '.join(c.name for c in channels)} over the whole log, the extremes "

@@ -95,7 +95,12 @@ def _read(path: Path, log: str | None) -> Iterator[pd.DataFrame]:
                 )
         return
     frame = read_table(path)
-    yield _lighter(frame.drop(columns=[name for name in frame.columns if name in _UNUSED]), log)
+    yield _drawn_of(frame, log)
+
+
+def _drawn_of(frame: pd.DataFrame, log: str | None) -> pd.DataFrame:
+    """What of a table is drawn, in less memory."""
+    return _lighter(frame.drop(columns=[name for name in frame.columns if name in _UNUSED]), log)
 
 
 def _lighter(frame: pd.DataFrame, log: str | None) -> pd.DataFrame:
@@ -163,25 +168,37 @@ class MadeTable:
     remarks: list[str]
 
 
-def made_table(name: str, recordings: Sequence[Recording]) -> MadeTable:
-    """A table of the logs that suit it, made as its command makes it."""
+def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, MadeTable]:
+    """Tables of the logs that suit them, made as their commands make them, in what is drawn of it.
+
+    Together, so that each channel is read and its passages are found once. TirelogError: one of
+    them cannot be made.
+    """
     from tirelog.strain.dissipation_table import regressions
 
-    parts, lines, said = [], [], []
+    parts: dict[str, list[pd.DataFrame]] = {name: [] for name in names}
+    said: dict[str, list[str]] = {name: [] for name in names}
+    lines = []
     for recording in recordings:
-        if not OF_A_DRIVE[name].suits(recording):
-            continue
-        for part in tables_of(recording, {name: {}}):
-            parts.append(frame_of(part.columns))
-            said += [f"{Path(recording.log).name}: {remark}." for remark in part.remarks]
-            if name == "dissipation":
+        wanted: dict[str, dict[str, Any]] = {
+            name: {} for name in names if OF_A_DRIVE[name].suits(recording)
+        }
+        for part in tables_of(recording, wanted) if wanted else ():
+            frame = frame_of(part.columns)
+            parts[part.table].append(_drawn_of(frame, None))
+            said[part.table] += [f"{Path(recording.log).name}: {r}." for r in part.remarks]
+            if part.table == "dissipation":
                 fitted, _ = regressions(recording.log, part.found)
                 lines += [] if fitted is None else [frame_of(fitted)]
-    return MadeTable(_whole(parts), _whole(lines), said)
-
-
-def _whole(parts: Sequence[pd.DataFrame]) -> pd.DataFrame | None:
-    return pd.concat(parts, ignore_index=True) if parts else None
+    fits = pd.concat(lines, ignore_index=True) if lines else None
+    return {
+        name: MadeTable(
+            _joined(parts[name]) if parts[name] else None,
+            fits if name == "dissipation" else None,
+            said[name],
+        )
+        for name in names
+    }
 
 
 def read_ladder(path: Path) -> Mapping[str, Any]:

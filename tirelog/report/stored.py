@@ -15,7 +15,7 @@ from typing import Any
 
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure
-from tirelog.report.page import PageTable, Section
+from tirelog.report.page import Card, PageTable, Rung, Section
 from tirelog.storage.documents import json_value
 
 #: ids stand in the page as they are
@@ -48,9 +48,28 @@ def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
 def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
     tables = [PageTable(**one) for one in data.pop("tables")]
+    card = data.pop("card", None)
+    if card is not None:
+        card = _card(card)
+    for pairs in ("formulas", "sources"):
+        data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
-    return Section(**data, figures=figures, tables=tables)
+    return Section(**data, figures=figures, tables=tables, card=card)
+
+
+def _card(data: dict[str, Any]) -> Card:
+    rungs = [
+        Rung(str(one["name"]), str(one["said"]), float(one["error"]), float(one["floor"]))
+        for one in data["rungs"]
+    ]
+    words = ("word", "sentence", "command", "rungs_said", "unit")
+    return Card(
+        **{name: str(data[name]) for name in words},
+        facts=[(str(term), str(text)) for term, text in data["facts"]],
+        advice=[str(text) for text in data["advice"]],
+        rungs=rungs,
+    )
 
 
 def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str, str]]]]:

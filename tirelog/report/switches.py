@@ -17,13 +17,16 @@ on that model.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tirelog.errors import ModelError, UsageError, nearest
 from tirelog.report.figures import (
+    GREY,
     Figure,
+    LogColours,
     bars,
     colour_reach,
     dots,
@@ -32,7 +35,16 @@ from tirelog.report.figures import (
     packed_array,
     unpacked_array,
 )
-from tirelog.report.model_sections import ANGLE, edges, residual_map, short, shown_value, window
+from tirelog.report.model_sections import (
+    ANGLE,
+    edges,
+    logs_of,
+    residual_map,
+    short,
+    shown_value,
+    styles,
+    window,
+)
 from tirelog.report.page import Section
 
 if TYPE_CHECKING:
@@ -108,6 +120,7 @@ def switches(
     names: Sequence[str],
     command: str,
     left_out: Sequence[str] = (),
+    colours: LogColours | None = None,
 ) -> Section | None:
     """The section with its switches, all effects on at first.
 
@@ -126,8 +139,8 @@ def switches(
     )
     title = "Residual over angle and speed, by switches"
     figures = [
-        _waveforms(full),
-        residual_map("switch-map", title, full.by_speed, full, reach),
+        _waveforms(full, LogColours(logs_of(full)) if colours is None else colours),
+        replace(residual_map("switch-map", title, full.by_speed, full, reach), half=True),
         _error(full, highest),
     ]
     states = {
@@ -147,6 +160,7 @@ def switches(
         figures,
         (),
         {"effects": list(names), "start": start, "states": states},
+        folded=False,
     )
 
 
@@ -155,21 +169,22 @@ def _combination(mask: int, names: Sequence[str]) -> str:
     return f"With {', '.join(on)}" if on else "Without any of these effects"
 
 
-def _waveforms(full: Comparison) -> Figure:
+def _waveforms(full: Comparison, colours: LogColours) -> Figure:
     factor, unit = shown_value(full.observable, full.unit)
+    waves = full.waveforms
     traces = []
-    for i, label in enumerate(full.waveforms.labels):
-        phi = np.rad2deg(full.waveforms.phi_rad[i])
-        traces.append(line(phi, full.waveforms.predicted[i] * factor, f"model, {short(label)}", i))
-        traces.append(
-            dots(
-                phi,
-                full.waveforms.measured[i] * factor,
-                f"measured, {short(label)}",
-                i,
-                marker={"size": 4},
-            )
+    for i, (label, style) in enumerate(
+        zip(waves.labels, styles(waves.labels, colours), strict=True)
+    ):
+        colour, dash, symbol = style
+        phi, said, marker = (
+            np.rad2deg(waves.phi_rad[i]),
+            short(label),
+            {"size": 4, "symbol": symbol},
         )
+        predicted, measured = waves.predicted[i] * factor, waves.measured[i] * factor
+        traces.append(line(phi, predicted, f"model, {said}", colour, line={"dash": dash}))
+        traces.append(dots(phi, measured, f"measured, {said}", colour, marker=marker))
     alt = (
         "Measured (points) and predicted (lines) waveforms of the chosen combination of effects; "
         "its errors stand beside the switches."
@@ -179,9 +194,8 @@ def _waveforms(full: Comparison) -> Figure:
         f"{full.observable} [{unit}]",
         xrange=window(full.half_angle_rad),
         lines=edges(full.half_angle_rad),
-        height=460,
     )
-    return Figure("switch-waves", "Prediction, by switches", alt, traces, shape)
+    return Figure("switch-waves", "Prediction, by switches", alt, traces, shape, half=True)
 
 
 def _error(full: Comparison, highest: float) -> Figure:
@@ -197,7 +211,9 @@ def _error(full: Comparison, highest: float) -> Figure:
         "Error on the data of the fit, error on held-out manoeuvres, and noise floor of the "
         "chosen combination."
     )
-    return Figure("switch-error", "Error, by switches", alt, [bars(words, values, "error")], shape)
+    return Figure(
+        "switch-error", "Error, by switches", alt, [bars(words, values, "error", GREY)], shape
+    )
 
 
 def _errors(result: Comparison, factor: float) -> list[float]:

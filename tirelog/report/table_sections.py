@@ -17,35 +17,52 @@ import numpy as np
 import pandas as pd
 
 from tirelog.errors import UsageError
-from tirelog.report.figures import Figure, dots, layout, line
+from tirelog.report.figures import Figure, LogColours, layout, line
 from tirelog.report.page import PageTable, Section
-from tirelog.report.sections import drawn_of, groups, quality, reach, short_names
+from tirelog.report.sections import (
+    drawn_of,
+    groups,
+    points,
+    quality,
+    reach,
+    short_names,
+    ways,
+)
 from tirelog.vocabulary.quality import good_rows
 
-_METHODS = (
-    ("length_m", "best estimate"),
-    ("length_d2_m", "second derivative"),
-    ("length_d1_m", "first derivative"),
+_METHODS = {
+    "length_m": "best estimate",
+    "length_d2_m": "second derivative",
+    "length_d1_m": "first derivative",
+}
+_DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *_METHODS)
+_DISSIPATION = (
+    *("log", "channel", "time_s", "speed_m_s", "steady"),
+    *("specific_power_m3_s2", "specific_power_mean_m3_s2"),
+    *("dissipation_factor_1_m", "dissipation_factor_mean_1_m"),
+    *("strip_power_W", "strip_rolling_resistance_N"),
 )
-_DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *(name for name, _ in _METHODS))
 _ASIDE = {"size": 4, "opacity": 0.35}
+_MEAN = {"size": 7, "opacity": 1.0, "symbol": "square"}
 
 
 def footprint_section(
-    table: pd.DataFrame, command: str, remarks: Sequence[str], passage: Sequence[Figure] = ()
+    table: pd.DataFrame,
+    command: str,
+    remarks: Sequence[str],
+    colours: LogColours,
+    passage: Sequence[Figure] = (),
 ) -> Section:
     """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
     good = table.loc[good_rows(table["quality"]), [name for name in _DRAWN if name in table]]
     best = reach(good["length_m"] * 1e3, "mm")
+    named = groups(good, colours)
     figures = []
     for id, x, label in (
         ("length-speed", "speed_m_s", "speed [m/s]"),
         ("length-time", "time_s", "time [s]"),
     ):
-        traces = [
-            dots(good[x], good[column] * 1e3, name, i, marker=_ASIDE if i else {})
-            for i, (column, name) in enumerate(_METHODS)
-        ]
+        traces = ways(named, x, _METHODS, 1e3, _ASIDE)
         alt = f"Contact length by three methods against {label}; best estimate {best}."
         figures.append(
             Figure(
@@ -59,7 +76,7 @@ def footprint_section(
     figures += passage
     onset = good[good["slip_onset_m"].notna()] if "slip_onset_m" in good else good.iloc[:0]
     if len(onset):
-        traces = [dots(onset["time_s"], onset["slip_onset_m"] * 1e3, "slip onset")]
+        traces = ways(groups(onset, colours), "time_s", {"slip_onset_m": "slip onset"}, 1e3)
         alt = (
             f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the "
             "patch centre, entry negative."
@@ -78,27 +95,32 @@ def footprint_section(
 
 
 def dissipation_section(
-    table: pd.DataFrame, command: str, remarks: Sequence[str], lines: pd.DataFrame | None = None
+    table: pd.DataFrame,
+    command: str,
+    remarks: Sequence[str],
+    colours: LogColours,
+    lines: pd.DataFrame | None = None,
 ) -> Section:
     """The section of a dissipation table, as in P1 Figs. 9 to 11.
 
     Specific power and factor in time, with their moving averages; averages against speed, with the
     regressions.
     """
-    good = table[good_rows(table["quality"])]
+    wanted = [name for name in _DISSIPATION if name in table]
+    good = table.loc[good_rows(table["quality"]), wanted]
     steady = good[good["steady"].astype(bool)]
+    named, averaged = groups(good, colours), groups(steady, colours)
     figures = []
     for quantity, column, mean, unit in (
         ("specific power", "specific_power_m3_s2", "specific_power_mean_m3_s2", "m³/s²"),
         ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
     ):
         title, label = quantity.capitalize(), f"{quantity} [{unit}]"
-        traces = [
-            dots(
-                good["time_s"], good[column], "each revolution", marker={"size": 4, "opacity": 0.5}
-            )
-        ]
-        traces += [dots(steady["time_s"], steady[mean], "moving average, constant speed", 1)]
+        traces = ways(named, "time_s", {column: "each revolution"})
+        for trace in traces:
+            trace["marker"] |= {"size": 4, "opacity": 0.4}
+        over_time = ways(averaged, "time_s", {mean: "moving average, constant speed"})
+        traces += [{**trace, "marker": trace["marker"] | _MEAN} for trace in over_time]
         alt = (
             f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
             "moving averages (P1 Figs. 9, 10)."
@@ -108,11 +130,8 @@ def dissipation_section(
                 f"{column}-time", f"{title} against time", alt, traces, layout("time [s]", label)
             )
         )
-        over = [
-            dots(rows["speed_m_s"], rows[mean], name, i)
-            for i, (name, rows) in enumerate(groups(steady))
-        ]
-        over += _regressions(lines, column)
+        over = points(averaged, "speed_m_s", mean)
+        over += _regressions(lines, column, colours)
         alt = (
             f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, "
             f"{len(steady)} passages (P1 Fig. 11)."
@@ -141,7 +160,7 @@ def dissipation_section(
                     column,
                     title,
                     alt,
-                    [dots(good["speed_m_s"], good[column], title.lower())],
+                    ways(named, "speed_m_s", {column: title.lower()}),
                     layout("speed [m/s]", label),
                 )
             )
@@ -174,7 +193,9 @@ def _cell(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]]:
+def _regressions(
+    lines: pd.DataFrame | None, column: str, colours: LogColours
+) -> list[dict[str, Any]]:
     """The fitted straight lines of a quantity, channel by channel.
 
     As `dissipation --fit` gives them.
@@ -185,33 +206,40 @@ def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]
     names = short_names([str(log) for log in lines["log"].unique()])
     for i, (_, row) in enumerate(lines[lines["quantity"] == column].iterrows()):
         who = f"{names[str(row['log'])]}: {row['channel']}" if len(names) > 1 else row["channel"]
+        colour = colours(str(row["log"])) if max(len(names), len(colours)) > 1 else i
         ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
         y = float(row["intercept"]) + float(row["slope"]) * ends
         judgement = row.get("judgement")
         doubt = str(judgement) if isinstance(judgement, str) and judgement else ""
         style = {"width": 2.5, "dash": "dash"} if doubt else {"width": 2.5}
         drawn.append(
-            line(ends, y, f"{who}, fitted line" + (f" ({doubt})" if doubt else ""), i, line=style)
+            line(
+                ends,
+                y,
+                f"{who}, fitted line" + (f" ({doubt})" if doubt else ""),
+                colour,
+                line=style,
+            )
         )
     return drawn
 
 
-def phase_shift_section(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
+def phase_shift_section(
+    table: pd.DataFrame, command: str, remarks: Sequence[str], colours: LogColours
+) -> Section:
     """The section of a phase-shift table, as in P4 Figs. 8 to 13.
 
     Phase shift and patch width in time and against speed, raw and cleaned; forces if there is a
     map.
     """
     good = table[good_rows(table["quality"])]
+    named = groups(good, colours)
     figures = [
         Figure(
             "phase-speed",
             "Speed at the passages",
             f"Speed against time: {reach(good['speed_m_s'], 'm/s')}.",
-            [
-                dots(rows["time_s"], rows["speed_m_s"], name, i)
-                for i, (name, rows) in enumerate(groups(good))
-            ],
+            points(named, "time_s", "speed_m_s"),
             layout("time [s]", "speed [m/s]"),
         ),
     ]
@@ -228,10 +256,7 @@ def phase_shift_section(table: pd.DataFrame, command: str, remarks: Sequence[str
             c.removesuffix("_deg").removeprefix(quantity).strip("_") or "measured" for c in columns
         ]
         for x, axis_label in (("time_s", "time [s]"), ("speed_m_s", "speed [m/s]")):
-            traces = [
-                dots(good[x], good[c], name, i)
-                for i, (c, name) in enumerate(zip(columns, names, strict=True))
-            ]
+            traces = ways(named, x, dict(zip(columns, names, strict=True)))
             title = f"{label.split(' [')[0].capitalize()} against {axis_label.split(' [')[0]}"
             alt = (
                 f"{title}, {', '.join(names)}: "
@@ -242,7 +267,7 @@ def phase_shift_section(table: pd.DataFrame, command: str, remarks: Sequence[str
         column = f"{name}_force_N"
         if column in good and good[column].notna().any():
             alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
-            traces = [dots(good["time_s"], good[column], f"{name} force")]
+            traces = ways(named, "time_s", {column: f"{name} force"})
             figures.append(
                 Figure(
                     column,

@@ -1,0 +1,453 @@
+"""Property: the page opens with the answer, its numbers are the commands', a log has one colour,
+and the page is accessible by its text alone.
+"""
+
+import html
+import importlib.util
+import json
+import re
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.planted import MODEL, since_exit, stack
+from tests.report.test_page import data, numbers
+from tirelog.cli.history import history_file
+from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
+from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.inference.measured import MeasuredLogs
+from tirelog.physics.effects import BY_ID
+from tirelog.report import obstacles
+from tirelog.report.asked import Asked
+from tirelog.report.diagnosed import model_story
+from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
+from tirelog.report.page import Section, render
+from tirelog.report.papers import PAPERS, used_papers
+from tirelog.report.proposed import proposed
+from tirelog.vocabulary.arrays import FloatArray
+
+pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
+
+ROOT = Path(__file__).parents[2]
+#: elements without an end
+_VOID = {"meta", "link", "br", "hr", "img", "input", "col", "wbr"}
+
+
+class Tree(HTMLParser):
+    """Every element of a page: (tag, attributes, tags that it is in)."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None], tuple[str, ...]]] = []
+        self._open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), tuple(self._open)))
+        if tag not in _VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def of(self, *tags: str) -> list[dict[str, str | None]]:
+        return [attributes for tag, attributes, _ in self.elements if tag in tags]
+
+
+def markup(page: Path) -> str:
+    """The page without its scripts."""
+    return re.sub(r"<script.*?</script>", "", page.read_text(), flags=re.S)
+
+
+def part(page: Path, section: str) -> str:
+    found = re.search(rf'<section id="{section}"[^>]*>(.*?)</section>', markup(page), re.S)
+    assert found
+    return found[1]
+
+
+def words(text: str) -> str:
+    return html.unescape(re.sub(r"<[^>]+>", " ", text))
+
+
+# ---- the answer ----------------------------------------------------------------------------------
+
+
+def test_the_answer_comes_first_with_verdict_evidence_and_next_command(model_page: Path) -> None:
+    sections = re.findall(r'<section id="([\w-]+)"', markup(model_page))
+    assert sections[0] == "answer"
+    text = words(part(model_page, "answer"))
+    assert "water_film is missing" in text
+    assert re.search(r"\d+ revolutions in \d+ manoeuvres, [\d.]+ to [\d.]+ m/s", text)
+    assert "load 3434, 3800 N; inflation pressure 220 kPa" in text
+    assert re.search(r"probability\s+<=? ?[\d.e-]+\s+of being noise", text)
+    assert re.search(r"tirelog model add '.+' water_film -o '.+' && tirelog model fit '", text)
+    assert re.search(
+        r"Made on 20\d\d-\d\d-\d\d \d\d:\d\d UTC by tirelog", words(markup(model_page))
+    )
+
+
+def test_the_rungs_are_the_ladder_s(model_page: Path) -> None:
+    climbed = json.loads((model_page.parent / "M.ladder.json").read_text())["ladders"][-1]
+    taken = [s for s in climbed["steps"] if not s["decision"].startswith("not added")]
+    rungs = re.findall(r"<li>(.*?)</li>", part(model_page, "answer"), re.S)
+    assert len(rungs) == len(taken) >= 2
+    for rung, step in zip(rungs, taken, strict=True):
+        said = (f"{1e6 * step[name]:.3g}" for name in ("rmse_heldout", "noise_floor"))
+        assert "{} µm/m, noise floor {}".format(*said) in words(rung)
+    lengths = [float(width) for width in re.findall(r"width:([\d.]+)%", "".join(rungs))]
+    errors = np.array([step["rmse_heldout"] for step in taken])
+    np.testing.assert_allclose(lengths, 100.0 * errors / errors.max(), atol=0.06)
+    assert words(rungs[1]).split("hydrodynamic wedge")[0].split() == ["+", "water_film"]
+
+
+def test_before_and_after_are_drawn_at_one_scale(model_page: Path) -> None:
+    figures = data(model_page)["figures"]
+    before, after = (figures[f"answer-map-{i}"]["traces"][0] for i in (0, 1))
+    assert (before["zmin"], before["zmax"]) == (after["zmin"], after["zmax"])
+    sizes = [np.sqrt(np.nanmean(numbers(one["z"]) ** 2)) for one in (before, after)]
+    assert sizes[1] < 0.5 * sizes[0]
+    assert np.nanmax(np.abs(numbers(before["z"]))) <= 2.0 * before["zmax"]
+    measured, *models = figures["answer-waves"]["traces"]
+    assert [trace["name"].split(",")[0] for trace in models] == ["first model", "best model"]
+    left = {t["name"]: numbers(t["y"]) for t in figures["answer-left"]["traces"][2:]}
+    for trace, (name, rest) in zip(models, left.items(), strict=True):
+        assert name == f"left by the {trace['name']}"
+        size = np.abs(numbers(measured["y"])).max()
+        np.testing.assert_allclose(
+            numbers(measured["y"]) - numbers(trace["y"]), rest, atol=2e-2 * size
+        )
+
+
+def test_everything_but_answer_and_switches_is_folded(model_page: Path) -> None:
+    for tag, attributes, within in Tree(markup(model_page)).elements:
+        if attributes.get("class") == "plot":
+            unfolded = str(attributes["id"]).startswith(("answer-", "switch-"))
+            assert ("details" in within) is not unfolded, attributes["id"]
+        if tag == "details":
+            assert "open" not in attributes
+
+
+def test_a_page_without_a_model_opens_with_what_was_measured(page_file: Path) -> None:
+    text = words(part(page_file, "answer"))
+    assert "No model was held against these logs" in text
+    assert re.search(r"Speed [\d.]+ to [\d.]+ m/s", text)
+    assert "Contact length, best estimate" in text
+    assert "tirelog model new --carcass beam" in text
+
+
+def colours_by_log(page: Path) -> dict[str, set[str]]:
+    found: dict[str, set[str]] = {"hidden_1": set(), "hidden_2": set()}
+    for figure in data(page)["figures"].values():
+        for trace in figure["traces"]:
+            style = trace.get("marker", trace.get("line", {}))
+            said = [log for log in found if log in html.unescape(trace.get("name", ""))]
+            alone = [log for log in found if log in figure["title"]]
+            for log in said or (alone if "answer" not in figure["title"] else []):
+                colour = str(style.get("color"))
+                if colour in COLOURS:
+                    found[log].add(colour)
+    return found
+
+
+def test_a_log_has_one_colour_throughout(model_page: Path) -> None:
+    assert colours_by_log(model_page) == {"hidden_1": {COLOURS[0]}, "hidden_2": {COLOURS[1]}}
+    rows = re.findall(r'background:var\(--c(\d)\)"></span>(\S+?)</th>', markup(model_page))
+    assert rows == [("0", "hidden_1.csv.gz"), ("1", "hidden_2.csv.gz")]
+
+
+def test_papers_are_those_of_the_methods_and_effects_on_the_page(model_page: Path) -> None:
+    cited = re.search(r'<h3 id="papers">Papers</h3><ul>(.*?)</ul>', markup(model_page), re.S)
+    assert cited
+    items = re.findall(r"<li>(P\d): .*?Here: (.*?)\.</em></li>", cited[1])
+    assert [paper for paper, _ in items] == ["P1", "P2"]
+    assert "dissipation" in dict(items)["P1"]
+    assert "water_film" in dict(items)["P2"]
+    text = (ROOT / "docs" / "errata.md").read_text("utf-8")
+    for name, paper in PAPERS.items():
+        there = re.search(rf"\* \*\*{name}\*\*: (.*?)\n(?=\*|\n)", text, re.S)
+        assert there
+        assert [word for word in re.findall(r"\w{4,}", paper) if word not in there[1]] == []
+    assert used_papers([Section("drive", "", "", sources=[("x", "P3 Figs. 5, 6")])]) == [
+        (f"P2: {PAPERS['P2']}", "speed"),
+        (f"P3: {PAPERS['P3']}", "x"),
+    ]
+
+
+# ---- a page that everybody can read --------------------------------------------------------------
+
+
+@pytest.fixture(params=["page_file", "model_page"])
+def tree(request: pytest.FixtureRequest) -> Tree:
+    return Tree(markup(request.getfixturevalue(request.param)))
+
+
+def test_headings_and_landmarks_are_in_order(tree: Tree) -> None:
+    levels = [int(tag[1]) for tag, _, _ in tree.elements if re.fullmatch(r"h\d", tag)]
+    assert levels.count(1) == 1
+    assert levels[0] == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+    order = [tag for tag, _, _ in tree.elements if tag in ("header", "nav", "main")]
+    assert order == ["header", "nav", "main"]
+    (nav,) = tree.of("nav")
+    assert nav["aria-label"]
+    (page,) = tree.of("html")
+    assert page["lang"] == "en"
+    within = [ways for tag, _, ways in tree.elements if tag == "section"]
+    assert within
+    assert all("main" in ways for ways in within)
+
+
+def test_what_names_or_describes_is_there_and_ids_are_used_once(tree: Tree) -> None:
+    ids = [attributes["id"] for _, attributes, _ in tree.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    figures = tree.of("figure")
+    assert len(figures) >= 8
+    for figure in figures:
+        assert figure["aria-labelledby"] in ids
+        assert figure["aria-describedby"] in ids
+    for link in tree.of("a"):
+        assert str(link["href"])[1:] in ids
+    for _, attributes, _ in tree.elements:
+        assert not [name for name in attributes if name.startswith("on")]
+
+
+def test_tables_have_scopes_and_names_and_folds_a_summary(tree: Tree) -> None:
+    assert len(tree.of("table")) == len(tree.of("caption")) > 3
+    assert {th["scope"] for th in tree.of("th")} == {"row", "col"}
+    assert len(tree.of("details")) == len(tree.of("summary")) > 3
+    scrolled = [d for d in tree.of("div") if d.get("class") == "table"]
+    assert all(d["tabindex"] == "0" and d["aria-label"] for d in scrolled)
+    for tag, _, within in tree.elements:  # nothing that takes a click in what takes one
+        assert not (tag in ("a", "button", "input", "details") and "summary" in within)
+
+
+def luminance(colour: str) -> float:
+    values = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def palettes(page: Path) -> Iterator[dict[str, str]]:
+    """The style's variables on light and on dark paper."""
+    found = re.findall(r":root \{(.*?)\}", markup(page))
+    each = [dict(re.findall(r"--(\w+): (#[0-9a-fA-F]{6})", text)) for text in found]
+    for paper, colour in (("#ffffff", COLOURS[0]), ("#14171a", DARK_COLOURS[0])):
+        named = next(one for one in each if one.get("paper") == paper)
+        yield named | next(one for one in each if one.get("c0") == colour)
+
+
+def test_text_has_contrast_in_both_themes_and_graphics_too(page_file: Path) -> None:
+    light, dark = palettes(page_file)
+    neutrals = ((INK, GREY, PALE), DARK_NEUTRALS)
+    for palette, aside in zip((light, dark), neutrals, strict=True):
+        for ground in ("paper", "panel"):
+            for text in ("ink", "quiet", "accent"):
+                assert contrast(palette[text], palette[ground]) >= 4.5, (text, ground)
+            drawn = [palette[f"c{i}"] for i in range(len(COLOURS))] + [*aside, palette["bar"]]
+            assert min(contrast(colour, palette[ground]) for colour in drawn) >= 3.0
+        assert contrast(palette["bar"], palette["rail"]) >= 3.0
+
+
+def test_every_colour_of_a_trace_has_one_for_dark_paper(model_page: Path) -> None:
+    content = data(model_page)
+    known = {colour.lower() for colour in content["dark"]}
+    for name, figure in content["figures"].items():
+        for trace in figure["traces"]:
+            for style in (trace.get("marker", {}), trace.get("line", {})):
+                colour = style.get("color")
+                assert colour is None or colour.lower() in known, name
+
+
+# ---- what is proposed, and obstacles -------------------------------------------------------------
+
+HOSTILE = "<b>x</b>"
+
+
+def proposal(status: str = "formula") -> Proposal:
+    phi = np.linspace(-np.pi, np.pi, 32, endpoint=False)
+    formula = Formula("A * (speed / 20)", "strain", "a hump", "(speed / 20)", 1e-12)
+    numbers = {"A": {"value": 1.2e-5, "se": 3e-7, "unit": "1"}}
+    shape = MeasuredShape(
+        "patch", "strain", "1", np.linspace(-2, 2, 9), 1e-5 * np.hanning(9), np.full(9, 1e-7), 1, 9
+    )
+    return Proposal(
+        status=status,
+        reason="the catalogue explains it" if status == "nothing" else "",
+        diagnosis=None,
+        terms=(Term(HOSTILE, formula, (), numbers, 1e-3, 42041),),
+        shapes=(shape,),
+        written=("proposed_1",),
+        model=None,
+        locked=Locked(6, 10.4e-6, 2.04e-6, 1.94e-6),
+        observable="strain",
+        unit="1",
+        rmse_heldout_before=13.2e-6,
+        rmse_heldout_after=2.27e-6,
+        noise_floor=2.28e-6,
+        manoeuvres=11,
+        nearest=(("edge_impact", 0.228),),
+        separating_manoeuvres=(),
+        notes=(),
+        phi_rad=phi,
+        leading_before=1e-5 * np.cos(phi),
+        leading_after=1e-7 * np.cos(phi),
+    )
+
+
+def test_a_proposal_is_shown_with_formula_locked_errors_and_command() -> None:
+    section = proposed(proposal(), "tirelog propose a.csv --model M -o M+proposed.toml")
+    text = "".join(render("t", [section], [], [], []))
+    assert HOSTILE not in text
+    assert html.escape(HOSTILE) in text
+    assert "<code>A * (speed / 20)</code>" in text
+    assert "tirelog propose a.csv --model M -o M+proposed.toml" in text
+    locked = next(row for row in section.tables[0].rows if row[0].startswith("locked"))
+    assert locked[1:] == ["6", "10.4", "2.04", "1.94"]
+    shape, rest = section.figures
+    band = [numbers(trace["y"]) for trace in shape.traces[:2]]
+    np.testing.assert_allclose(band[1] - band[0], 0.4, rtol=1e-4)  # four standard errors of 0.1
+    np.testing.assert_allclose(numbers(shape.traces[2]["y"]), 10 * np.hanning(9), atol=1e-5)
+    assert numbers(rest.traces[0]["y"]).max() == pytest.approx(10.0)
+    assert numbers(rest.traces[1]["y"]).max() == pytest.approx(0.1)
+
+
+def test_no_proposal_is_its_reason() -> None:
+    section = proposed(proposal("nothing"), "tirelog propose")
+    assert section.text == ["Nothing to propose: the catalogue explains it"]
+    assert not section.figures
+    assert not section.tables
+
+
+def test_obstacles_are_told_hit_by_hit() -> None:
+    since = np.arange(0.0, 0.3, 0.01)
+    row = {
+        "log": "f/a.csv",
+        "time_s": 1.25,
+        "time_se_s": 1e-6,
+        "speed_m_s": 12.0,
+        "added": 2e-5,
+        "missed": 3e-6,
+        "rmse": 3e-6,
+        "rmse_steady": 1e-6,
+        "noise_floor": 1e-6,
+        "excess": 2e-6,
+        "covered": 0.98,
+        "quality": "ok",
+    }
+    hit = SimpleNamespace(
+        time_s=1.25,
+        speed_m_s=12.0,
+        since_s=since,
+        measured=1e-5 * since,
+        predicted=2e-5 * since,
+        added=3e-5 * since,
+        missed=1e-6 * since,
+    )
+    edges = np.array([0.0, 20.0, 40.0])
+    spectrum = SimpleNamespace(
+        edges_Hz=edges, added=np.ones(2), missed=np.ones(2), floor=np.ones(2)
+    )
+    one = SimpleNamespace(
+        hit=hit, log=SimpleNamespace(log="f/a.csv"), spectrum=spectrum, row=lambda: row
+    )
+    total = {**row, "nuisance_parameters": 20, "hits": [row]}
+    result = SimpleNamespace(
+        observable="strain",
+        unit="1",
+        hits=(one,) * 5,
+        remarks=("mind",),
+        tables={"hit": [row] * 5},
+        to_json=lambda: total,
+    )
+    section = obstacles.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
+    assert "5 hits on an obstacle" in section.text[0]
+    assert "the model covers 98 %" in section.text[0]
+    assert "20 µm/m added, 3 missed, at a floor of 1" in section.text[0]
+    assert "mind." in section.text
+    assert "The first 3 hits are drawn" in section.text[-1]
+    assert len(section.figures) == 9
+    assert len(section.tables[0].rows) == 5
+    assert section.figures[0].traces[0]["marker"]["color"] == COLOURS[1]
+    drawn = section.figures[1].traces
+    np.testing.assert_allclose(numbers(drawn[0]["y"]), 30.0 * since[since <= 0.25], rtol=1e-5)
+
+
+def test_a_model_that_does_not_move_says_so() -> None:
+    log = SimpleNamespace(
+        log="f/a.csv", hits_s=np.array([1.0, 2.0]), road=SimpleNamespace(kind="cleat")
+    )
+    section = obstacles.not_answered([log], "beam", "tirelog compare")
+    assert section.text[0].startswith("2 hits on an obstacle")
+    assert "coupled_ring" in section.text[0]
+    assert section.tables[0].rows == [["a.csv", "cleat", "2", "1.000, 2.000"]]
+
+
+def ringing(xi: FloatArray, speed: FloatArray) -> FloatArray:
+    late = since_exit(xi) / speed
+    return 4e-5 * speed / 20.0 * np.exp(-late / 0.008) * np.sin(2 * np.pi * 120.0 * late)
+
+
+@pytest.mark.parametrize("asked_for", [True, False])
+def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_section(
+    monkeypatch: pytest.MonkeyPatch, asked_for: bool
+) -> None:
+    log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
+    measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
+    monkeypatch.setattr("tirelog.api.answers.measure", lambda *_: measured)
+    monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", lambda *_, **__: proposal())
+    asked = Asked(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
+    story = model_story([], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"]))
+    assert story.answer.card is not None
+    assert story.answer.card.word == "Unknown effect"
+    assert story.answer.card.command.startswith("tirelog propose made --model ")
+    assert story.answer.card.command.endswith("--setup s.toml")
+    assert not any(figure.id == "answer-map-1" for figure in story.answer.figures)
+    found = [section.id for section in story.before_ladder]
+    wanted = ["propose", "obstacles"] if asked_for else ["obstacles"]
+    assert found == [*wanted, "diagnosis"]
+    offered = [command for what, command in story.missing if "written down" in what]
+    again = "tirelog report made --setup s.toml --model M.toml --propose -o report.html"
+    assert offered == ([] if asked_for else [again])
+    if asked_for:
+        command = "tirelog propose made -o M+proposed.toml --setup s.toml --model M.toml"
+        assert story.before_ladder[0].command == command
+
+
+def test_the_demo_s_page_has_the_ladder_that_it_climbed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    spec = importlib.util.spec_from_file_location("demo", ROOT / "sample_data" / "demo.py")
+    assert spec is not None
+    assert spec.loader is not None
+    demo = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(demo)
+    said: list[tuple[str, ...]] = []
+    monkeypatch.setattr(demo, "OUTPUT", tmp_path)
+    monkeypatch.setattr(demo, "tirelog", lambda *words, **_: said.append(words))
+    monkeypatch.setattr(demo, "_diagnosed", lambda _: "water_film")
+    monkeypatch.setattr(demo, "unknown", lambda: None)
+    demo.main()
+    (ladder,) = (line for line in said if line[0] == "ladder")
+    (page,) = (line for line in said if line[0] == "report")
+    model = ladder[ladder.index("--model") + 1]
+    assert page[page.index("--model") + 1] == model
+    assert page[page.index("--ladder") + 1] == str(history_file(Path(model)))
+    assert said.index(page) > said.index(ladder)
+
+
+def test_options_of_the_page_are_in_its_commands() -> None:
+    asked = Asked(("a.csv",), Path("s.toml"), Path("m.toml"), propose=True, channel="c 1")
+    assert asked.report_command().endswith("--channel 'c 1' --propose -o report.html")
+    line = asked.with_options("tirelog propose a.csv --model m.toml")
+    assert line == "tirelog propose a.csv --model m.toml --setup s.toml --channel 'c 1'"
+    assert Asked(("a.csv",)).with_options("tirelog x") == "tirelog x"
