@@ -101,6 +101,16 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "model predict": (
         ("tirelog model predict fitted.toml --speed 20 -o revolution.csv", "one revolution"),
+        (
+            "tirelog model predict fitted.toml --speed 5:25:5 --load 3000,4000 -o all.parquet",
+            "ten of them",
+        ),
+    ),
+    "model forces": (
+        (
+            "tirelog model forces ring.toml --speed 20 --load 1000:4000:1000",
+            "at the hub, and what rolling costs",
+        ),
     ),
     "model modes": (("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),),
     "compare": (
@@ -190,6 +200,9 @@ METAVARS: Mapping[str, str] = {
     "hub_inertia": "KG_M2",
     "sensor": "DEGREES",
     "to_frequency": "HZ",
+    "modes": "NUMBER",
+    "slip_angle": "DEGREES",
+    "camber": "DEGREES",
 }
 #: letters of a first sentence that the list of commands shows: all of it, on several lines
 _WHOLE = 400

@@ -8,7 +8,9 @@ from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.observables import ACCELERATION, OBSERVABLES
 
 CARCASSES = ("beam", "ring", "coupled_ring")
-CONTACTS = ("prescribed", "flat_road")
+#: a parabola on a patch of given length, the ring's tread on a flat road, or all on one line
+#: across the tread, P1 (2)
+CONTACTS = ("prescribed", "flat_road", "point")
 
 
 def _p(

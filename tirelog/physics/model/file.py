@@ -200,7 +200,7 @@ def _observables(head: Mapping[str, Any], source: _Text) -> tuple[str, ...]:
 def _contact(
     head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, source: _Text
 ) -> str:
-    """The contact that the model's file asks for: prescribed or solved.
+    """The contact that the model's file asks for: prescribed, solved, or a point.
 
     `contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
     patch.
@@ -211,10 +211,10 @@ def _contact(
         raise source.error(
             'contact = "flat_road" needs a ring',
             "contact",
-            allowed='"prescribed" is allowed for a beam',
+            allowed='"prescribed" and "point" are allowed for a beam',
             do="correct it",
         )
-    if carcass == "coupled_ring" and contact == "prescribed":
+    if carcass == "coupled_ring" and contact != "flat_road":
         raise source.error(
             COUPLED_STANDS, "contact" if "contact" in {**head, **numbers} else "patch_half_length_m"
         )

@@ -55,7 +55,7 @@ def as_toml(model: Model) -> str:
     _update(document, "model", {"observable": observable, "carcass": model.carcass})
     numbers = document.setdefault("parameters", tomlkit.table())
     if (
-        model.contact == "flat_road"
+        model.contact != "prescribed"
         and "contact" not in numbers
         and "contact" not in document["model"]
     ):
