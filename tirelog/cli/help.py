@@ -21,6 +21,9 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "phase-shift",
         "inflation",
         "slip",
+        "grip",
+        "strain-shift",
+        "wheel-angle",
         "tables",
         "check",
     ),
@@ -68,6 +71,20 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "slip": (
         ("tirelog slip encoder.h5 -o slip.csv", "of each turn, from the vehicle's speed (P2)"),
+    ),
+    "grip": (
+        ("tirelog grip braking.csv -o grip.csv", "adhesion share, friction used and left"),
+        ("tirelog grip braking.csv --static-friction 1.0", "on a road with more of it"),
+    ),
+    "strain-shift": (
+        ("tirelog strain-shift cleat.csv.gz -o shift.csv", "the patch's place in wheel angle"),
+    ),
+    "wheel-angle": (
+        (
+            "tirelog wheel-angle encoder.h5 -o angle.csv --plot angle.png",
+            "0.1 s of P4 Figs. 4 to 6",
+        ),
+        ("tirelog wheel-angle encoder.h5 --from 5 --to 9 --every 20", "4 s, each 20th sample"),
     ),
     "tables": (
         ("tirelog tables drive.csv.gz -o results", "all that the log has channels for"),
@@ -201,6 +218,13 @@ METAVARS: Mapping[str, str] = {
     "sensor": "DEGREES",
     "to_frequency": "HZ",
     "modes": "NUMBER",
+    "static_friction": "NUMBER",
+    "sliding_friction": "NUMBER",
+    "stiffness_ratio": "NUMBER",
+    "load_exponent": "NUMBER",
+    "every": "NUMBER",
+    "from_s": "S",
+    "to_s": "S",
     "slip_angle": "DEGREES",
     "camber": "DEGREES",
 }

@@ -130,6 +130,26 @@ _ALL = [
     ),
     TableColumn("slip_onset_se_m", "m", "float", "its standard error", 1e-5, 1e-2),
     _text("slip_onset_reason", "why there is no slip onset; empty where there is one"),
+    # grip
+    TableColumn("adhesion_share_se", "1", "float", "its standard error", 1e-6, 1e-2),
+    TableColumn(
+        "brush_slip", "1", "float", "size of the slip that P2 (15) and (17) have it from", 1e-6
+    ),
+    TableColumn(
+        "friction_used",
+        "1",
+        "float",
+        "longitudinal over vertical force by the brush, P2 (13)",
+        1e-6,
+    ),
+    TableColumn("friction_used_se", "1", "float", "its standard error", 1e-6, 1e-2),
+    TableColumn(
+        "grip_left", "1", "float", "1 less the friction used over the most that the brush has", 1e-6
+    ),
+    # strain-shift, wheel-angle
+    TableColumn("wheel_speed_m_s", "m/s", "float", "speed of the wheel by its encoder", 1e-5),
+    TableColumn("encoder_signal", "as recorded", "float", "the encoder's signal", 1e-9),
+    TableColumn("turned_deg", "deg", "float", "wheel angle within the turn, 0 to 360", 1e-4),
     # dissipation
     TableColumn(
         "dissipation_factor_1_m",
