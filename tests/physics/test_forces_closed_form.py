@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from tirelog.api.models import angles, forces, revolutions
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ModelError
-from tirelog.physics import Model
+from tirelog.physics import BY_ID, Model, ModelEffect
 from tirelog.physics.brush import traction
 from tirelog.physics.model.presets import preset_model
 
@@ -149,3 +151,40 @@ def test_a_point_load_bends_the_beam_as_p1_10_has_it():
     w_0 = 3924.0 * wave / (2.0 * 7.79e6)
     undamped = w_0 * np.exp(-b * s) / (a * b) * (a * np.cos(a * s) + b * np.sin(a * s))
     np.testing.assert_allclose(told["displacement_m"], undamped, atol=1e-4 * w_0)
+
+
+def test_a_belt_s_own_viscosity_takes_what_25_says():
+    """tau EJ c^2 int w'''^2 of P1 (22), (25); the same by the section, eta = E tau."""
+    tau, speed = 2e-5, 20.0
+    printed = preset_model("P2")
+    model = printed.with_effect("belt_viscosity", retardation_s=tau)
+    told = revolutions(model, {"speed_m_s": speed}, points=8192)
+    third = told["strain_slope_1_m"] / model.values["lever_arm_m"]
+    step = told["xi_m"][1] - told["xi_m"][0]
+    drained = tau * 0.83 * speed**2 * (third**2).sum() * step
+    found = forces(model, {"speed_m_s": speed})["dissipated_power_W"][0]
+    assert found == pytest.approx(drained, rel=1e-3)
+    assert forces(printed, {"speed_m_s": speed})["dissipated_power_W"][0] < 1e-9 * found
+    ring = preset_model("P3").with_effect("belt_viscosity", retardation_s=tau)
+    assert forces(ring, {"speed_m_s": speed})["dissipated_power_W"][0] > 0.0
+
+
+def test_a_warm_tire_loses_less():
+    model = preset_model("P2").with_effect("warm_hysteresis", loss_factor=1e-4, fall_1_K=0.02)
+    warm = np.array([0.0, 30.0])
+    power = forces(model, {"speed_m_s": 20.0, "temperature_K": warm})["dissipated_power_W"]
+    assert power[1] / power[0] == pytest.approx(np.exp(-0.6), rel=1e-4)
+
+
+def test_momentum_that_arrives_grows_with_the_square():
+    model = Model.new("beam")
+    entry = ModelEffect.of(BY_ID["edge_impact"])
+    phi = angles(2048)
+    for word, factor in (("linear", 2.0), ("squared", 4.0)):
+        own = model.with_effect(replace(entry, options={"speed_law": word}), amplitude=1e-4)
+        pulses = []
+        for speed in (10.0, 20.0):
+            drive = Conditions.of(1, speed_m_s=speed)
+            shapes = [m.predict(drive, phi, observable="contact_pressure") for m in (own, model)]
+            pulses.append(np.abs(shapes[0] - shapes[1]).max())
+        assert pulses[1] / pulses[0] == pytest.approx(factor, rel=1e-3)

@@ -305,6 +305,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         if s.ring < 1.0:
             beam.refuse_supercritical(c, hoop, EI, k, mu)
         Z: FloatArray | ComplexArray = beam.impedance(q, EI, k, hoop, 2.0 * mu * c * s.damping_rate)
+        if np.any(s.retardation):  # (1 + tau c d/dxi), P1 (22)
+            Z = Z + 1j * (s.retardation * c * q) * (EI * q**4)
         return Z + _loss(k, s.loss) if np.any(s.loss) else Z
     n = np.arange(MODES, dtype=np.float64)
     n[0] = 1.0  # the mode that an inextensible belt does not have; its load is zero
@@ -319,6 +321,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     )
     if np.any(drag):
         Z = Z + 1j * drag
+    if np.any(s.retardation):
+        Z = Z + 1j * (s.retardation * (c / R) * n) * bending
     return Z + _loss(k_w + k_v / n**2, s.loss) if np.any(s.loss) else Z
 
 
