@@ -92,6 +92,22 @@ def test_a_page_of_a_beam_tells_its_critical_speed(here, capsys):
     assert "critical" not in capsys.readouterr().out
 
 
+def test_a_worn_tread_is_stiffer_and_nearer_to_the_grating(here, capsys):
+    made = ["model", "worn", "ring.toml", "--new-depth", "0.008", "--depth", "0.004"]
+    assert run([*made, "-o", "worn.toml"]) == 0
+    assert "lever_arm_m 0.005 -> 0.003" in capsys.readouterr().err
+    new, worn = (load_model(here / f"{name}.toml").values for name in ("ring", "worn"))
+    assert worn["tread_stiffness_N_m2"] == 2.0 * new["tread_stiffness_N_m2"]
+    assert {k: v for k, v in worn.items() if new[k] != v} == {
+        "tread_stiffness_N_m2": 1.75e8,
+        "lever_arm_m": pytest.approx(0.003),
+    }
+    for depths in (("8", "4"), ("0.004", "0.008"), ("0.008", "nan")):
+        words = ["--new-depth", depths[0], "--depth", depths[1], "-o", "none.toml"]
+        assert run(["model", "worn", "ring.toml", *words]) == 2
+        assert not (here / "none.toml").exists()
+
+
 def test_a_point_load_keeps_its_place_in_the_file(here, capsys):
     made = ["model", "new", "--preset", "P1", "--observable", "strain", "--contact", "point"]
     assert run([*made, "-o", "point.toml"]) == 0

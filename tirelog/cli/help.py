@@ -110,6 +110,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "model remove": (
         ("tirelog model remove better.toml water_film -o model.toml", "an effect less"),
     ),
+    "model worn": (
+        (
+            "tirelog model worn ring.toml --new-depth 0.008 --depth 0.003 -o worn.toml",
+            "5 mm of tread less",
+        ),
+    ),
     "model nuisance": (
         ("tirelog model nuisance model.toml wheel on -o model.toml", "run-out beside the model"),
     ),
@@ -218,6 +224,9 @@ METAVARS: Mapping[str, str] = {
     "sensor": "DEGREES",
     "to_frequency": "HZ",
     "modes": "NUMBER",
+    "new_depth": "M",
+    "depth": "M",
+    "neutral_axis": "SHARE",
     "static_friction": "NUMBER",
     "sliding_friction": "NUMBER",
     "stiffness_ratio": "NUMBER",

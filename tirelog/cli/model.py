@@ -214,6 +214,37 @@ def remove(
 
 
 @app.command()
+def worn(
+    model: Model_,
+    output: Target,
+    new_depth: Annotated[float, typer.Option(help="Tread depth of the model as it is [m].")],
+    depth: Annotated[float, typer.Option(help="Tread depth that is left [m].")],
+    neutral_axis: Annotated[
+        float,
+        typer.Option(
+            help="Metres that the neutral axis moves per metre worn off: 0.5 of one material, 0 of "
+            "a stiff belt."
+        ),
+    ] = 0.5,
+    effects: EffectsFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write the model of a worn tire: tread and bristles stiffer as 1/depth, the lever arm shorter.
+
+    P3 shows wear (Figs. 5, 6) and gives no equation; this is that of a block of rubber.
+    """
+    from tirelog.api.models import load_model
+    from tirelog.physics.model.save import save_model
+    from tirelog.physics.model.worn import worn_model
+
+    made, changed = worn_model(load_model(model, effects=effects), new_depth, depth, neutral_axis)
+    save_model(made, output)
+    if not quiet:
+        for name, (before, after) in changed.items():
+            say(f"note: {name} {before:g} -> {after:g}")
+
+
+@app.command()
 def nuisance(
     model: Model_,
     name: Annotated[
