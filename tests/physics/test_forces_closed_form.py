@@ -188,3 +188,21 @@ def test_momentum_that_arrives_grows_with_the_square():
             shapes = [m.predict(drive, phi, observable="contact_pressure") for m in (own, model)]
             pulses.append(np.abs(shapes[0] - shapes[1]).max())
         assert pulses[1] / pulses[0] == pytest.approx(factor, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("driver", "drive", "change_Pa"),
+    [
+        ("pressure", {"inflation_pressure_Pa": 2.3e5}, 1e4),
+        # 22 K at constant volume, from 2.2 bar above the air's 1.013 bar
+        ("temperature", {"temperature_K": 22.0}, (2.2e5 + 1.013e5) * 22.0 / 293.0),
+    ],
+)
+def test_inflation_stretches_the_belt(driver, drive, change_Pa):
+    """P2 Fig. 15: 1e-8 per Pa, as the sample log of a static test has it."""
+    base = Model.new("beam")
+    entry = replace(ModelEffect.of(BY_ID["belt_extension"]), options={"driver": driver})
+    own = base.with_effect(entry, strain_1_Pa=1e-8)
+    conditions = Conditions.of(1, speed_m_s=10.0, **drive)
+    raised = own.predict(conditions, angles(64)) - base.predict(conditions, angles(64))
+    assert raised[0] == pytest.approx(np.full(64, 1e-8 * change_Pa), rel=1e-9)

@@ -135,7 +135,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
             "at the hub, and what rolling costs",
         ),
     ),
-    "model modes": (("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),),
+    "model modes": (
+        ("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),
+        ("tirelog model modes ring.toml -o modes.csv --plot modes.png", "and their shapes"),
+    ),
     "compare": (
         ("tirelog compare drive.csv.gz --model model.toml", "held out, beside the noise floor"),
         (

@@ -15,6 +15,7 @@ from tirelog.cli.common import (
     Logs,
     ModelFile,
     Output,
+    Plot,
     Quiet,
     Session,
     SetupFile,
@@ -581,6 +582,7 @@ def modes(
         ),
     ] = None,
     to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,
+    plot: Plot = None,
     effects: EffectsFile = None,
     output: Output = None,
     format: Format = None,
@@ -605,5 +607,10 @@ def modes(
         to_Hz=to_frequency,
     )
     rows = [{"support": support, "speed_m_s": speed, **asdict(mode)} for support, mode in found]
+    columns = {name: [row[name] for row in rows] for name in TABLES["modes"]}
+    if plot is not None:
+        from tirelog.plots.modes import modes_picture
+
+        modes_picture(columns, plot)
     with Session(None).table("modes", output, format) as table:
-        table.write({name: [row[name] for row in rows] for name in TABLES["modes"]})
+        table.write(columns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tirelog.physics.effects import (
     aero_load,
+    belt_extension,
     belt_tension,
     belt_viscosity,
     edge_impact,
@@ -38,6 +39,7 @@ CATALOGUE: tuple[Effect, ...] = (
     hysteresis.EFFECT,
     warm_hysteresis.EFFECT,
     belt_viscosity.EFFECT,
+    belt_extension.EFFECT,
     belt_tension.EFFECT,
     stiffening.EFFECT,
     ring_curvature.EFFECT,
