@@ -482,14 +482,16 @@ def p2_figs_17_to_19() -> Shown:
     share = 1.0 - 0.4 * np.abs(acceleration) / 9.81
     found = table.adhesion_share.notna()
     driven, braked = (found & (acceleration > 1.0)), (found & (acceleration < -1.0))
-    for rows, name in ((driven, "drive"), (braked, "brake")):
+    pulled, slowed = acceleration > 1.0, acceleration < -1.0
+    for rows, torque, name in ((driven, pulled, "drive"), (braked, slowed, "brake")):
         if rows.any():
             off = table.adhesion_share[rows] - share[rows]
             shown.row(
                 f"share that adheres, {name}",
                 "read off Fig. 18 or 19",
                 f"{table.adhesion_share[rows].median():.3f}, truth {np.median(share[rows]):.3f} "
-                f"({int(rows.sum())} passages, {100 * off.median():+.1f} % of the patch)",
+                f"({int(rows.sum())} of {int(torque.sum())} passages tell one, "
+                f"{100 * off.median():+.1f} % of the patch)",
             )
     shown.row(
         "passages without torque that show one",
