@@ -76,6 +76,19 @@ def test_what_is_no_condition_is_refused(here, capsys, words, said):
         assert not (here / "t.csv").exists()
 
 
+def test_more_rows_than_memory_is_meant_for_are_refused(here, capsys):
+    words = ["--speed", "1:50:0.1", "--points", "100000", "-o", "t.csv"]
+    assert run(["model", "predict", "ring.toml", *words]) == 2
+    assert "49100000 rows" in capsys.readouterr().err
+    assert not (here / "t.csv").exists()
+
+
+def test_a_standing_wheel_has_no_rolling_resistance(here, capsys):
+    (row,) = rows(capsys, "forces", "beam.toml", "--speed", "0")
+    assert row["rolling_resistance_N"] is None
+    assert row["dissipated_power_W"] == 0.0
+
+
 def test_a_drive_in_time_is_one(here, capsys):
     made = ["model", "new", "--carcass", "coupled_ring", "-o", "c.toml", "--quiet"]
     assert run(made) == 0

@@ -114,7 +114,8 @@ def predict(
     surface : str
         ``"outer"`` (groove: minimum in the patch) or ``"inner"`` (liner: maximum).
     observable : str, optional
-        Another one than the model's, also ``"displacement"`` [m], ``"contact_pressure"`` and
+        Another one than the model's, also ``"displacement"`` and ``"tangential_displacement"``
+        [m], ``"strain_slope"`` [1/m], ``"strain_curvature"`` [1/m^2], ``"contact_pressure"`` and
         ``"shear_traction"`` [N/m], the latter positive in braking.
 
     Returns

@@ -442,7 +442,7 @@ def predict(
     sensors read.
     """
     from tirelog.api.models import load_model, revolution, revolutions
-    from tirelog.cli.ranges import conditions_given
+    from tirelog.cli.ranges import conditions_given, refuse_many
     from tirelog.errors import UsageError
     from tirelog.physics.model.from_setup import known_surface
     from tirelog.physics.model.limits import check_model
@@ -458,6 +458,7 @@ def predict(
         slip=slip,
     )
     check_model(read)
+    refuse_many(len(conditions) * points)
     side = surface or known_surface(given) or "outer"
     if road is None and not load_step and not speed_ramp:
         if everything or modes is not None or len(conditions) > 1:

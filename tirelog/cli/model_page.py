@@ -129,6 +129,8 @@ def effect_page(effect: Effect) -> str:
         ("source", effect.source),
     ]
     rows += [(f"option {name}", " | ".join(words)) for name, words in effect.options.items()]
+    if not effect.tried:
+        rows.append(("diagnose", "does not try it; add it to the model if you know of it"))
     numbers = [
         (
             p.name,

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from tirelog.data.recording import Conditions
     from tirelog.data.setup import Setup
 
-#: revolutions that one command computes; twice as many take twice the memory, some 30 MB a
-#: thousand at the usual angles
-MOST = 2000
+#: revolutions that one command computes, and rows that it writes of them; twice as many rows take
+#: twice the memory, some 500 MB
+MOST, MOST_ROWS = 2000, 2_100_000
 _FIELDS = {
     "speed": "speed_m_s",
     "load": "load_N",
@@ -43,6 +43,18 @@ def values_of(text: str, option: str) -> list[float]:
         allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
         do=f"write {option} 20, {option} 10,20 or {option} 5:25:5",
     )
+
+
+def refuse_many(rows: int) -> None:
+    """UsageError for more rows than memory is meant for."""
+    from tirelog.errors import UsageError
+
+    if rows > MOST_ROWS:
+        raise UsageError(
+            f"{rows} rows",
+            allowed=f"{MOST_ROWS} are allowed in one command",
+            do="ask for fewer --points or conditions at once",
+        )
 
 
 def conditions_given(
