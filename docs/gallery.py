@@ -469,46 +469,61 @@ def p2_inflation() -> Shown:
 def p2_figs_17_to_19() -> Shown:
     shown = Shown(
         "P2 Figs. 17 to 19: the onset of slip under drive and brake torque",
-        "A simulated drive with traction (`sample_data/scenarios/slip_onset.toml`), friction 0.8 "
-        "and 0.6: 3.3 m/s^2 up, then 4.3 m/s^2 down. What of the patch adheres is P2's measure of "
-        "the grip that is left.",
+        "Two simulated drives with traction: `sample_data/scenarios/slip_onset.toml`, friction 0.8 "
+        "and 0.6, 3.3 m/s^2 up and 4.3 m/s^2 down, and `low_grip.toml`, half as hard on a road of "
+        "0.3 and 0.2. What of the patch adheres is P2's measure of the grip that is left; the "
+        "friction itself has to be given.",
     )
     lab = Lab(shown)
-    lab("tirelog simulate scenarios/slip_onset.toml -o braking.csv.gz --quiet")
-    table = lab.table("tirelog grip braking.csv.gz -o grip.csv --quiet")
-    speed = lab.table("tirelog speed braking.csv.gz -o grip_speed.csv --quiet")
-    truth = json.loads(Path("braking.csv.gz.truth.json").read_text())["motion"]
-    acceleration = np.interp(table.time_s, truth["time_s"], truth["acceleration_m_s2"])
-    share = 1.0 - 0.4 * np.abs(acceleration) / 9.81
-    found = table.adhesion_share.notna()
-    driven, braked = (found & (acceleration > 1.0)), (found & (acceleration < -1.0))
-    pulled, slowed = acceleration > 1.0, acceleration < -1.0
-    for rows, torque, name in ((driven, pulled, "drive"), (braked, slowed, "brake")):
-        if rows.any():
-            off = table.adhesion_share[rows] - share[rows]
-            shown.row(
-                f"share that adheres, {name}",
-                "read off Fig. 18 or 19",
-                f"{table.adhesion_share[rows].median():.3f}, truth {np.median(share[rows]):.3f} "
-                f"({int(rows.sum())} of {int(torque.sum())} passages tell one, "
-                f"{100 * off.median():+.1f} % of the patch)",
-            )
-    shown.row(
-        "passages without torque that show one",
-        "none",
-        f"{int((found & (np.abs(acceleration) < 0.3)).sum())} of "
-        f"{int((np.abs(acceleration) < 0.3).sum())}",
-    )
-    figure, panels = page(1, 2)
+    figure, panels = page(1, 3)
+    for log, title, column, ratio, options in (
+        ("slip_onset", "friction 0.8", 1, 1.0, ""),
+        (
+            "low_grip",
+            "friction 0.3",
+            2,
+            2.667,
+            "--static-friction 0.3 --sliding-friction 0.2 --stiffness-ratio 2.667 ",
+        ),
+    ):
+        lab(f"tirelog simulate scenarios/{log}.toml -o {log}.csv.gz --quiet")
+        table = lab.table(f"tirelog grip {log}.csv.gz {options}-o {log}_grip.csv --quiet")
+        truth = json.loads(Path(f"{log}.csv.gz.truth.json").read_text())["motion"]
+        acceleration = np.interp(table.time_s, truth["time_s"], truth["acceleration_m_s2"])
+        share = np.maximum(1.0 - 0.4 * ratio * np.abs(acceleration) / 9.81, 0.0)
+        found = table.adhesion_share.notna()
+        for torque, name in ((acceleration > 1.0, "drive"), (acceleration < -1.0, "brake")):
+            rows = found & torque
+            if rows.any():
+                off = table.adhesion_share[rows] - share[rows]
+                shown.row(
+                    f"{title}, {name}: share that adheres",
+                    "read off Fig. 18 or 19",
+                    f"{table.adhesion_share[rows].median():.3f}, truth "
+                    f"{np.median(share[rows]):.3f} ({int(rows.sum())} of {int(torque.sum())} "
+                    f"passages tell one, {100 * off.median():+.1f} % of the patch)",
+                )
+        calm = np.abs(acceleration) < 0.3
+        shown.row(
+            f"{title}: passages without torque that show one",
+            "none",
+            f"{int((found & calm).sum())} of {int(calm.sum())}",
+        )
+        axes, order = panels[0, column], np.argsort(table.time_s)
+        axes.plot(table.time_s[order], share[order], lw=0.8, label="truth")
+        axes.errorbar(
+            table.time_s,
+            table.adhesion_share,
+            table.adhesion_share_se,
+            fmt=".",
+            ms=4,
+            label="measured",
+        )
+        label(axes, "time [s]", "share of the patch that adheres", f"P2 Figs. 18, 19: {title}")
+        axes.legend(fontsize=8)
+    speed = lab.table("tirelog speed slip_onset.csv.gz -o slip_onset_speed.csv --quiet")
     panels[0, 0].plot(speed.time_s, speed.speed_m_s, ".", ms=2)
     label(panels[0, 0], "time [s]", "speed [m/s]", "P2 Fig. 17")
-    order = np.argsort(table.time_s)
-    panels[0, 1].plot(table.time_s[order], share[order], lw=0.8, label="truth")
-    panels[0, 1].errorbar(
-        table.time_s, table.adhesion_share, table.adhesion_share_se, fmt=".", ms=4, label="measured"
-    )
-    label(panels[0, 1], "time [s]", "share of the patch that adheres", "P2 Figs. 18, 19")
-    panels[0, 1].legend(fontsize=8)
     write(figure, shown, "p2_figs_17_to_19.png")
     return shown
 
