@@ -125,6 +125,7 @@ def test_a_point_load_keeps_its_place_in_the_file(here, capsys):
     made = ["model", "new", "--preset", "P1", "--observable", "strain", "--contact", "point"]
     assert run([*made, "-o", "point.toml"]) == 0
     assert load_model(here / "point.toml").contact == "point"
+    assert not load_model(here / "point.toml").parameters["patch_half_length_m"].free
     assert run(["model", "show", "point.toml"]) == 0
     assert "under a point load" in capsys.readouterr().out
     (here / "point.toml").write_text(

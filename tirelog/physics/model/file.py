@@ -116,7 +116,9 @@ def parse_model(
     carcass = _word(head, "carcass", CARCASSES, None, source)
     observables = _observables(head, source)
     contact = _contact(head, numbers, carcass, source)
-    known = carcass_parameters(carcass, *observables, flat_road=contact == "flat_road")
+    known = carcass_parameters(
+        carcass, *observables, flat_road=contact == "flat_road", point=contact == "point"
+    )
     base = _base(numbers, known, source)
     nuisances = _nuisances(beside, source)
     lead, *others = observables

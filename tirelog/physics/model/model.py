@@ -82,7 +82,9 @@ class Model(Predicting):
             )
         if carcass == "coupled_ring" and contact != "flat_road":
             raise ModelError(COUPLED_STANDS)
-        base = carcass_parameters(carcass, *observables, flat_road=contact == "flat_road")
+        base = carcass_parameters(
+            carcass, *observables, flat_road=contact == "flat_road", point=contact == "point"
+        )
         lead, *beside = observables
         return cls(lead, carcass, contact, base, beside=tuple(beside)).with_values(values)
 
