@@ -81,6 +81,16 @@ def test_p1_fig_5_s_difference_is_the_corrected_psi():
         for sign in (-1.0, 1.0)
     }
     assert np.abs(difference).max() == pytest.approx(5.2e-3, rel=0.05)
+    # (7) to (9), s ahead of the load: right to 0.013 beta^2 at this alpha (errata)
+    light = np.empty_like(s)
+    for ahead, sign in ((s <= 0.0, 1.0), (s > 0.0, -1.0)):
+        one = np.sqrt(1 + alpha**2 + sign * 2 * alpha * 0.05 / b)
+        odd, even = one * b, b**2 - sign * alpha * 0.05 / b
+        x = np.abs(s[ahead])
+        wave = odd * np.cos(one * x) + even * np.sin(one * x)
+        light[ahead] = 2 / (one * (odd**2 + even**2)) * np.exp(-b * x) * wave
+    missed_by_light = np.abs(told["displacement_m"] / w_0 - light).max()
+    assert missed_by_light == pytest.approx(0.013 * 0.05**2, rel=0.1)
     assert missed[-1.0] < 7e-5
     assert missed[1.0] == pytest.approx(1.3e-2, rel=0.05)
 
