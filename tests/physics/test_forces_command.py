@@ -1,6 +1,7 @@
 """`tirelog model forces`, and `model predict` of several conditions, from the outside."""
 
 import json
+import shutil
 
 import pytest
 
@@ -8,11 +9,20 @@ from tirelog.cli import run
 from tirelog.physics.model.file import load_model
 
 
+@pytest.fixture(scope="module")
+def models(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models")
+    for preset, name in (("P3", "ring"), ("P2", "beam")):
+        path = folder / f"{name}.toml"
+        assert run(["model", "new", "--preset", preset, "-o", str(path), "--quiet"]) == 0
+    return folder
+
+
 @pytest.fixture
-def here(tmp_path, monkeypatch):
+def here(models, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run(["model", "new", "--preset", "P3", "-o", "ring.toml", "--quiet"]) == 0
-    assert run(["model", "new", "--preset", "P2", "-o", "beam.toml", "--quiet"]) == 0
+    for model in models.iterdir():
+        shutil.copy(model, tmp_path)
     return tmp_path
 
 
