@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test test-extras test-versions coverage bench lint hidden nuisances fuzz docs reference outputs
+.PHONY: demo test test-extras test-versions coverage bench lint hidden nuisances fuzz docs reference outputs gallery
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -78,7 +78,7 @@ lint: .venv/.dev
 	$(BIN)/mypy
 
 # the site in build/docs; reference pages, outputs and pictures are made first
-docs: reference outputs .venv-docs/.done
+docs: reference outputs gallery .venv-docs/.done
 	.venv-docs/bin/sphinx-build -W -q docs build/docs
 	@echo "open build/docs/index.html"
 
@@ -89,6 +89,10 @@ reference: .venv/.dev
 # what README.md and the pages show under their commands, and the pictures
 outputs: .venv/.dev
 	$(BIN)/python docs/outputs.py
+
+# every figure of the papers that can be computed, redrawn: docs/gallery.md and its pictures
+gallery: .venv/.dev
+	$(BIN)/python docs/gallery.py
 
 # the site's builder has an environment of its own: nothing of tirelog needs it
 .venv-docs/.done: docs/requirements.txt

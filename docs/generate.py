@@ -309,6 +309,7 @@ def effect_section(effect: Effect) -> str:
         ("signature", effect.signature),
         ("valid", "; ".join([effect.valid, *ranges(effect)])),
         ("source", effect.source),
+        *([] if effect.tried else [("diagnose", "does not try it; add it if you know of it")]),
     ]
     return "\n".join(
         [

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from tirelog.diagnosis.sign_flips import Scores, flip_signs, flip_test, gain_and_error
+from tirelog.diagnosis.signatures import candidate_effects, idle_candidates
+from tirelog.physics import CATALOGUE, Model
 
 
 def scores_of(random, manoeuvres, candidates, level=0.0):
@@ -89,3 +91,12 @@ def test_gain_and_its_error():
     gain, error = gain_and_error(np.array([3.0, 5.0, 4.0, 4.0]), np.array([2.0, 3.0, 3.0, 2.0]))
     assert gain == pytest.approx(6.0)
     assert error == pytest.approx(np.sqrt(4) * np.std([1, 2, 1, 2], ddof=1))
+
+
+def test_an_effect_that_is_nearly_anothers_is_not_tried_unasked():
+    tried = {effect.id for effect in candidate_effects(Model.new("beam"))}
+    unasked = {effect.id for effect in CATALOGUE if not effect.tried}
+    assert unasked >= {"belt_viscosity", "warm_hysteresis"}
+    assert not tried & unasked
+    assert "viscous_damping" in tried
+    assert not set(idle_candidates(Model.new("beam", "phase_shift"))) & unasked

@@ -166,6 +166,19 @@ def test_slip_onset_of_the_literature() -> None:
     assert np.array_equal(driving.tangential, -rubbed.tangential)
 
 
+def test_a_road_of_low_grip_slips_sooner() -> None:
+    """As stiff a tread, f_s 0.3 in place of 0.8: x_s = L (1 - 2 sigma 0.8 / 0.3), f_d behind."""
+    ring = Ring(8192, 2 * np.pi * R)
+    at = instants(11.11, 400 * 9.81, 0.05, 0.1)
+    icy = {"static_friction": 0.3, "sliding_friction": 0.2, "lever_m": 0.018}
+    icy["slip_stiffness_ratio"] = 0.8 / 0.3
+    pressure = parabola(ring, at.half_length, at.load)
+    rubbed = friction(ring, Planted("traction", "exact", icy), pressure, at)
+    assert rubbed.onset_m[0] == pytest.approx(0.05 * (1.0 - 2.0 * 0.1 * 0.8 / 0.3), abs=3e-5)
+    slides = (ring.xi_m > 0.03) & (ring.xi_m < 0.048)
+    assert rubbed.tangential[0, slides] == pytest.approx(0.2 * pressure[0, slides], rel=0.01)
+
+
 def test_strain_signs_and_surfaces() -> None:
     """Groove (outer) a minimum in the patch, liner (inner) a maximum, of equal size."""
     for truth in ("beam", "ring"):

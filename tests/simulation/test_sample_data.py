@@ -20,7 +20,13 @@ from tirelog.simulation.scenario.schema import Manoeuvre, Nuisances
 FOLDER = Path(__file__).parents[2] / "sample_data"
 LOGS: dict[str, str] = runpy.run_path(str(FOLDER / "make.py"))["LOGS"]
 #: examples that are no log of sample_data
-WITHOUT_LOG = ("nuisances.toml",)
+WITHOUT_LOG = (
+    "nuisances.toml",
+    "falling_factor.toml",
+    "slip_onset.toml",
+    "coasting.toml",
+    "low_grip.toml",
+)
 TABLE = re.findall(
     r"^\| (\S+) \| (\d+) \| `([0-9a-f]{64})` \|$",
     (FOLDER / "README.md").read_text(encoding="utf-8"),

@@ -11,8 +11,10 @@ import numpy as np
 
 from tirelog.api.logs import Path
 from tirelog.data.recording import Conditions
+from tirelog.data.setup import Setup
 from tirelog.errors import UsageError, nearest
 from tirelog.physics.model import file
+from tirelog.physics.model.forces import Section, force_columns
 from tirelog.physics.model.limits import check_conditions, check_model
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -28,6 +30,11 @@ _ALONG = {
     "radial_acceleration_m_s2": "radial_acceleration",
     "contact_pressure_N_m": "contact_pressure",
     "shear_traction_N_m": "shear_traction",
+}
+_MORE_ALONG = {
+    "tangential_displacement_m": "tangential_displacement",
+    "strain_slope_1_m": "strain_slope",
+    "strain_curvature_1_m2": "strain_curvature",
 }
 
 
@@ -106,7 +113,8 @@ def predict(
     surface : str
         ``"outer"`` (groove: minimum in the patch) or ``"inner"`` (liner: maximum).
     observable : str, optional
-        Another one than the model's, also ``"displacement"`` [m], ``"contact_pressure"`` and
+        Another one than the model's, also ``"displacement"`` and ``"tangential_displacement"``
+        [m], ``"strain_slope"`` [1/m], ``"strain_curvature"`` [1/m^2], ``"contact_pressure"`` and
         ``"shear_traction"`` [N/m], the latter positive in braking.
 
     Returns
@@ -158,6 +166,71 @@ def revolution(
         column: predict(model, conditions, phi, surface=surface, observable=observable)[0]
         for column, observable in _ALONG.items()
     }
+
+
+def revolutions(
+    model: Model,
+    conditions: Conditions | Mapping[str, Any],
+    *,
+    points: int = ANGLES,
+    surface: str = "outer",
+    modes: int | None = None,
+) -> dict[str, FloatArray]:
+    """Columns of `tirelog model predict --all`, (n points,): n revolutions one after the other.
+
+    Beside what `revolution` tells the strain's derivatives, a ring's displacement along its belt,
+    and the conditions, the load as the model has it. `modes`: the last mode of a waveform, all of
+    them by default. UsageError and ModelError as `predict`.
+    """
+    given, phi = conditions_of(conditions), angles(points)
+    check_conditions(given)
+    check_model(model)
+    n = len(given)
+    columns = {
+        name: np.repeat(getattr(given, name), points)
+        for name in ("speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip")
+    }
+    columns["load_N"] = np.repeat(model.site_loads_N(given), points)
+    columns["xi_m"] = np.tile(phi * model.parameters["radius_m"].value, n)
+    columns["phi_deg"] = np.tile(np.degrees(phi), n)
+    for column, observable in (_ALONG | _MORE_ALONG).items():
+        columns[column] = model.predict(
+            given, phi, surface=surface, observable=observable, modes=modes
+        ).reshape(-1)
+    return columns
+
+
+def forces(
+    model: Model,
+    conditions: Conditions | Mapping[str, Any],
+    *,
+    slip_angle_deg: float = 0.0,
+    camber_deg: float = 0.0,
+    setup: Setup | None = None,
+) -> dict[str, FloatArray]:
+    """Columns of `tirelog model forces`, (n,): forces, losses and numbers per revolution.
+
+    With a setup that gives viscosity, height and width of the tread strip also its powers.
+    UsageError and ModelError as `predict`.
+    """
+    given = conditions_of(conditions)
+    check_conditions(given)
+    check_model(model)
+    return force_columns(
+        model,
+        given,
+        slip_angle_deg=slip_angle_deg,
+        camber_deg=camber_deg,
+        section=None if setup is None else _section(setup),
+    )
+
+
+def _section(setup: Setup) -> Section | None:
+    """The strip that a setup's [tire] describes; None if it lacks one of its three numbers."""
+    tire = setup.tire
+    if tire.viscosity_Pa_s is None or tire.section_height_m is None or tire.width_m is None:
+        return None
+    return Section(tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
 
 
 def angles(count: int = ANGLES) -> FloatArray:

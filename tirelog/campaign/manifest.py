@@ -182,7 +182,7 @@ def _text(table: Mapping[str, Any], key: str, where: str, file: Path) -> str | N
 #: option of a table -> what it may be
 _ALLOWED = {
     "calibrate_radius": "true or false",
-    "cutoff": '"auto", hertz ("400Hz") or multiples of the wheel frequency ("40x")',
+    "cutoff": '"auto", "rest", hertz ("400Hz") or multiples of the wheel frequency ("40x")',
     "steady_step": "a number of m/s above 0",
     "average": "a whole number of revolutions from 1",
     "calibration": "the path of a calibration in quotes",

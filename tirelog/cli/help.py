@@ -21,6 +21,9 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "phase-shift",
         "inflation",
         "slip",
+        "grip",
+        "strain-shift",
+        "wheel-angle",
         "tables",
         "check",
     ),
@@ -73,6 +76,20 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "slip": (
         ("tirelog slip encoder.h5 -o slip.csv", "of each turn, from the vehicle's speed (P2)"),
     ),
+    "grip": (
+        ("tirelog grip braking.csv -o grip.csv", "adhesion share, friction used and left"),
+        ("tirelog grip braking.csv --static-friction 1.0", "on a road with more of it"),
+    ),
+    "strain-shift": (
+        ("tirelog strain-shift cleat.csv.gz -o shift.csv", "the patch's place in wheel angle"),
+    ),
+    "wheel-angle": (
+        (
+            "tirelog wheel-angle encoder.h5 -o angle.csv --plot angle.png",
+            "0.1 s of P4 Figs. 4 to 6",
+        ),
+        ("tirelog wheel-angle encoder.h5 --from 5 --to 9 --every 20", "4 s, each 20th sample"),
+    ),
     "tables": (
         ("tirelog tables drive.csv.gz -o results", "all that the log has channels for"),
         (
@@ -97,6 +114,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "model remove": (
         ("tirelog model remove better.toml water_film -o model.toml", "an effect less"),
     ),
+    "model worn": (
+        (
+            "tirelog model worn ring.toml --new-depth 0.008 --depth 0.003 -o worn.toml",
+            "5 mm of tread less",
+        ),
+    ),
     "model nuisance": (
         ("tirelog model nuisance model.toml wheel on -o model.toml", "run-out beside the model"),
     ),
@@ -105,12 +128,22 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "model predict": (
         ("tirelog model predict fitted.toml --speed 20 -o revolution.csv", "one revolution"),
+        (
+            "tirelog model predict fitted.toml --speed 5:25:5 --load 3000,4000 -o all.parquet",
+            "ten of them",
+        ),
+    ),
+    "model forces": (
+        (
+            "tirelog model forces ring.toml --speed 20 --load 1000:4000:1000",
+            "at the hub, and what rolling costs",
+        ),
     ),
     "model modes": (
         ("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),
         (
             "tirelog model modes ring.toml --log drive.csv.gz --plot orders.png",
-            "its modes over the log's order map",
+            "its modes over the log's order map; without a log, their shapes",
         ),
     ),
     "compare": (
@@ -209,6 +242,19 @@ METAVARS: Mapping[str, str] = {
     "hub_inertia": "KG_M2",
     "sensor": "DEGREES",
     "to_frequency": "HZ",
+    "modes": "NUMBER",
+    "new_depth": "M",
+    "depth": "M",
+    "neutral_axis": "SHARE",
+    "static_friction": "NUMBER",
+    "sliding_friction": "NUMBER",
+    "stiffness_ratio": "NUMBER",
+    "load_exponent": "NUMBER",
+    "every": "NUMBER",
+    "from_s": "S",
+    "to_s": "S",
+    "slip_angle": "DEGREES",
+    "camber": "DEGREES",
 }
 #: letters of a first sentence that the list of commands shows: all of it, on several lines
 _WHOLE = 400

@@ -1,4 +1,4 @@
-"""`tirelog model new | show | add | remove | fit | predict | modes`."""
+"""`tirelog model new | show | add | remove | fit | predict | forces | modes`."""
 
 from __future__ import annotations
 
@@ -219,6 +219,37 @@ def remove(
 
 
 @app.command()
+def worn(
+    model: Model_,
+    output: Target,
+    new_depth: Annotated[float, typer.Option(help="Tread depth of the model as it is [m].")],
+    depth: Annotated[float, typer.Option(help="Tread depth that is left [m].")],
+    neutral_axis: Annotated[
+        float,
+        typer.Option(
+            help="Metres that the neutral axis moves per metre worn off: 0.5 of one material, 0 of "
+            "a stiff belt."
+        ),
+    ] = 0.5,
+    effects: EffectsFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write the model of a worn tire: tread and bristles stiffer as 1/depth, the lever arm shorter.
+
+    P3 shows wear (Figs. 5, 6) and gives no equation; this is that of a block of rubber.
+    """
+    from tirelog.api.models import load_model
+    from tirelog.physics.model.save import save_model
+    from tirelog.physics.model.worn import worn_model
+
+    made, changed = worn_model(load_model(model, effects=effects), new_depth, depth, neutral_axis)
+    save_model(made, output)
+    if not quiet:
+        for name, (before, after) in changed.items():
+            say(f"note: {name} {before:g} -> {after:g}")
+
+
+@app.command()
 def nuisance(
     model: Model_,
     name: Annotated[
@@ -307,20 +338,39 @@ def _measured(
     return [measure(recordings, observable_of(name, recordings, model), name) for name in channels]
 
 
+#: one value, several with commas, or FROM:TO:STEP
+_SEVERAL = "; several with commas, or FROM:TO:STEP"
+Speeds = Annotated[str, typer.Option(help=f"Speed [m/s]{_SEVERAL}.")]
+Loads = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Load [N]{_SEVERAL}; default the setup's, else the model's.", show_default=False
+    ),
+]
+Pressures = Annotated[
+    str | None,
+    typer.Option(help=f"Inflation pressure [Pa]{_SEVERAL}.", show_default=False),
+]
+Accelerations = Annotated[str, typer.Option(help=f"Longitudinal acceleration [m/s^2]{_SEVERAL}.")]
+Slips = Annotated[
+    str | None,
+    typer.Option(help=f"Longitudinal slip, positive in braking{_SEVERAL}.", show_default=False),
+]
+
+
 @app.command()
 def predict(
     model: Model_,
-    speed: Annotated[float, typer.Option(help="Speed [m/s].")],
+    speed: Speeds,
     setup: SetupFile = None,
-    acceleration: Annotated[float, typer.Option(help="Longitudinal acceleration [m/s^2].")] = 0.0,
+    load: Loads = None,
+    pressure: Pressures = None,
+    acceleration: Accelerations = "0",
     time: Annotated[float, typer.Option(help="Time since the start [s].")] = 0.0,
     temperature: Annotated[
         float | None, typer.Option(help="Temperature change [K].", show_default=False)
     ] = None,
-    slip: Annotated[
-        float | None,
-        typer.Option(help="Longitudinal slip, positive in braking.", show_default=False),
-    ] = None,
+    slip: Slips = None,
     surface: Annotated[
         str | None,
         typer.Option(
@@ -331,6 +381,23 @@ def predict(
     points: Annotated[
         int, typer.Option(min=8, max=100_000, help="Angles over the revolution.")
     ] = 1024,
+    modes: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=1023,
+            help="Waves round the circumference, the last of them; default all (P3's n_mode).",
+            show_default=False,
+        ),
+    ] = None,
+    everything: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help="Also strain's slope and curvature, a ring's v, and the conditions; always if "
+            "several are given.",
+        ),
+    ] = False,
     road: Annotated[
         str | None,
         typer.Option(
@@ -375,40 +442,97 @@ def predict(
     """One revolution as the model sees it, from half a turn before the patch centre to half a turn
     after.
 
-    With --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and
-    spindle and what sensors read.
+    Of several speeds, loads, pressures, accelerations or slips each with each. With --road,
+    --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle and what
+    sensors read.
     """
-    from tirelog.api.models import load_model, revolution
-    from tirelog.data.recording import Conditions
-    from tirelog.physics.model.from_setup import known_conditions, known_surface
-    from tirelog.physics.model.limits import check_conditions, check_model
+    from tirelog.api.models import load_model, revolution, revolutions
+    from tirelog.cli.ranges import conditions_given, refuse_many
+    from tirelog.errors import UsageError
+    from tirelog.physics.model.from_setup import known_surface
+    from tirelog.physics.model.limits import check_model
 
     read, given = load_model(model, effects=effects), _setup(setup)
-    known = {
-        "speed_m_s": speed,
-        "acceleration_m_s2": acceleration,
-        "time_s": time,
-        **({} if temperature is None else {"temperature_K": temperature}),
-        **({} if slip is None else {"slip": slip}),
-    }
-    conditions = Conditions.of(1, **known, **known_conditions(given))
-    check_conditions(conditions, {name: f"--{name.split('_')[0]}" for name in known})
+    conditions = conditions_given(
+        given,
+        {"time_s": time, "temperature_K": temperature},
+        speed=speed,
+        load=load,
+        pressure=pressure,
+        acceleration=acceleration,
+        slip=slip,
+    )
     check_model(read)
+    refuse_many(len(conditions) * points)
     side = surface or known_surface(given) or "outer"
     if road is None and not load_step and not speed_ramp:
+        if everything or modes is not None or len(conditions) > 1:
+            rows = revolutions(read, conditions, points=points, surface=side, modes=modes)
+            with Session(None).table("predict-all", output, format) as table:
+                table.write(rows)
+            return
         columns: dict[str, Any] = dict(revolution(read, conditions, points=points, surface=side))
         with Session(None).table("predict", output, format) as table:
             table.write(columns)
         return
+    if len(conditions) > 1 or everything or modes is not None:
+        raise UsageError(
+            "--road, --load-step or --speed-ramp with several conditions, --all or --modes",
+            allowed="one drive from one speed and load is allowed",
+            do="leave them out",
+        )
     folder = setup.parent if setup is not None and road == "setup" else None
     session = Session(None)
     with session.working() as line:
         line.say("driving")
-        rows = _passage(
+        driven_rows = _passage(
             read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor,
             side,
         )  # fmt: skip
     with session.table("passage", output, format) as table:
+        table.write(driven_rows)
+
+
+@app.command()
+def forces(
+    model: Model_,
+    speed: Speeds,
+    setup: SetupFile = None,
+    load: Loads = None,
+    pressure: Pressures = None,
+    acceleration: Accelerations = "0",
+    slip: Slips = None,
+    slip_angle: Annotated[
+        float, typer.Option(help="Slip angle [deg] of the brush, for the lateral force.")
+    ] = 0.0,
+    camber: Annotated[float, typer.Option(help="Camber [deg] of the wheel, likewise.")] = 0.0,
+    effects: EffectsFile = None,
+    output: Output = None,
+    format: Format = None,
+) -> None:
+    """Forces at hub and road, patch, rolling resistance and losses as the model has them, a row
+    per condition.
+
+    Of several speeds, loads, pressures, accelerations or slips each with each. Empty is what this
+    model does not have: a beam has no hub, a ring no critical speed.
+    """
+    from tirelog.api import models
+    from tirelog.cli.ranges import conditions_given
+
+    read, given = models.load_model(model, effects=effects), _setup(setup)
+    conditions = conditions_given(
+        given,
+        {"time_s": 0.0},
+        speed=speed,
+        load=load,
+        pressure=pressure,
+        acceleration=acceleration,
+        slip=slip,
+    )
+    rows = models.forces(
+        read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
+    )
+    with Session(None).table("forces", output, format) as table:
         table.write(rows)
 
 
@@ -484,7 +608,8 @@ def modes(
     "flat_road") on the road.
 
     The ring moves on the sidewall of a hub with the mass given; the model's effects are not in it.
-    --plot draws the modes over the speed, as the turning belt feels them.
+    --plot draws their shapes; with --log the modes over the log's order map, as the turning belt
+    feels them.
     """
     from dataclasses import asdict
 
@@ -502,10 +627,15 @@ def modes(
         line.say("looking for modes")
         found = modes_of_model(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
     rows = [{"support": support, "speed_m_s": speed, **asdict(mode)} for support, mode in found]
+    columns = {name: [row[name] for row in rows] for name in TABLES["modes"]}
     with session, session.table("modes", output, format) as table:
-        if plot is not None:
-            from tirelog.plots.orders import map_of_log, modes_picture
+        if plot is not None and log:
+            from tirelog.plots.orders import map_of_log, modes_over_orders
 
             maps = [(each.log, map_of_log(each, channel)) for each in session.recordings(log)]
-            modes_picture(read, maps, plot, highest_Hz=to_frequency, **hub)
-        table.write({name: [row[name] for row in rows] for name in TABLES["modes"]})
+            modes_over_orders(read, maps, plot, highest_Hz=to_frequency, **hub)
+        elif plot is not None:
+            from tirelog.plots.modes import modes_picture
+
+            modes_picture(columns, plot)
+        table.write(columns)

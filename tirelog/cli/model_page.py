@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from tirelog.physics.model.forces import carcass_facts
 from tirelog.vocabulary.observables import together
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def _cells(p: Parameter) -> tuple[str, ...]:
 
 def model_page(model: Model) -> str:
     """The model as a person reads it."""
-    road = ", on a flat road" if model.contact == "flat_road" else ""
+    road = {"flat_road": ", on a flat road", "point": ", under a point load"}.get(model.contact, "")
     parts = [
         f"{together(model.observables)} of a {model.carcass}{road}",
         _aligned(_cells(p) for p in model.base),
@@ -51,6 +52,11 @@ def model_page(model: Model) -> str:
         parts.append(f"own effects from {model.effects_file}")
     if not model.effects:
         parts.append("no effects; `tirelog effects` lists what can be added")
+    if facts := carcass_facts(model):
+        parts.append("from these numbers (P1 (2)-(5))")
+        parts.append(
+            _aligned((name, f"{x:.6g}", unit, what) for name, (x, unit, what) in facts.items())
+        )
     return "\n".join(parts)
 
 
@@ -125,6 +131,8 @@ def effect_page(effect: Effect) -> str:
         ("source", effect.source),
     ]
     rows += [(f"option {name}", " | ".join(words)) for name, words in effect.options.items()]
+    if not effect.tried:
+        rows.append(("diagnose", "does not try it; add it to the model if you know of it"))
     numbers = [
         (
             p.name,

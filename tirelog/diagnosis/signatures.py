@@ -50,7 +50,7 @@ class Signature:
 def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect]:
     """The catalogue and the user's own effects, for this observable and carcass.
 
-    Without what the model holds already, and what acts on nothing in it.
+    Without what the model holds already, what acts on nothing in it, and what is not tried.
     """
     beside = [held.effect for held in model.effects]
     held = {effect.id for effect in beside}
@@ -59,6 +59,7 @@ def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect
         effect
         for effect in known.values()
         if effect.id not in held
+        and effect.tried
         and model.acted_on_by(effect, beside)
         and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
     ]
@@ -75,6 +76,7 @@ def idle_candidates(model: Model, extra: Iterable[Effect] = ()) -> dict[str, str
         effect.id: why_idle(effect, model.observable)
         for effect in {**BY_ID, **own}.values()
         if effect.id not in held
+        and effect.tried
         and not model.acted_on_by(effect, beside)
         and (effect.id in own or any(readers(effect, one) for one in model.observables))
     }

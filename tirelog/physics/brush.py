@@ -96,3 +96,43 @@ def traction_modes(
     factor -= at_end.conj() * (stick * square)
     modes[:, 1:] += factor
     return modes / (2.0 * np.pi * radius_m)
+
+
+def forces(
+    load_N: FloatArray,
+    half_length_m: FloatArray,
+    slip: FloatArray,
+    slip_angle_rad: float,
+    camber_rad: float,
+    radius_m: float,
+    grip: Grip = Grip(),
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(F_x [N], positive in braking, F_y [N], M_z [N m], which turns the slip angle back).
+
+    Columns (n, 1) in and out. P2's bristles in the plane of the road: a bristle that adheres is
+    carried along by sigma and tan(slip angle) per length from the entry edge, and sideways by the
+    wheel's camber, whose path on the road is bent by sin(camber) / R:
+
+        d = ((xi + L) sigma, (xi + L) tan(slip angle) + sin(camber) (L^2 - xi^2) / (2 R))
+
+    with C_x both ways up to f_s p; from there to the exit edge f_d p against the motion. The
+    carcass is taken to be stiff sideways. Without angles it is `traction`, summed.
+    """
+    steps = 2000
+    u = (np.arange(steps) + 0.5) * (2.0 / steps) - 1.0  # (xi / L), middles of the steps
+    L = half_length_m
+    xi = L * u
+    p = 0.75 * load_N / L**3 * (L**2 - xi**2)
+    stiffness = grip.stiffness_ratio * slip_stiffness(load_N, L, grip.static_friction)
+    along = stiffness * slip * (xi + L)
+    across = stiffness * (
+        np.tan(slip_angle_rad) * (xi + L) + np.sin(camber_rad) * (L**2 - xi**2) / (2.0 * radius_m)
+    )
+    size = np.hypot(along, across)
+    slides = np.maximum.accumulate(size > grip.static_friction * p, axis=1)
+    factor = np.where(slides, grip.sliding_friction * p / np.where(size > 0.0, size, 1.0), 1.0)
+    step = L * (2.0 / steps)
+    f_x, f_y, m_z = (
+        (q * factor * step).sum(axis=1, keepdims=True) for q in (along, across, xi * across)
+    )
+    return f_x, f_y, m_z

@@ -28,6 +28,11 @@ def parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> 
     return (load_N / (2.0 * np.pi * radius_m)) * shape
 
 
+def line(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> FloatArray:
+    """All the load on a line across the tread, P delta(xi) of P1 (2); the length does not count."""
+    return (load_N / (2.0 * np.pi * radius_m)) * np.ones((1, MODES))
+
+
 def tilted_parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> ComplexArray:
     """The parabola times xi / L (it carries no load)."""
     x = half_length_m / radius_m * _N

@@ -31,6 +31,7 @@ from tirelog.plots.style import (
     robust_range,
     write,
 )
+from tirelog.strain.dissipation import AVERAGED
 from tirelog.strain.dissipation_fit import Regression, regression
 from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows
 from tirelog.vocabulary.arrays import FloatArray
@@ -100,6 +101,8 @@ def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> No
     factor.vlines(time_s, *ends, color=COLOURS[0], lw=0.6, alpha=0.5, label="two standard errors")
     factor.legend(fontsize=7)
     speed.plot(found.passages.time_s, found.passages.speed_m_s, ".", color=RAW, ms=3)
+    smooth = [_smoothed(x) for x in (found.passages.time_s, found.passages.speed_m_s)]
+    speed.plot(*smooth, color="#CC0000", lw=0.9, label=f"mean of {AVERAGED}")
     still = np.where(d.steady, found.passages.speed_m_s, np.nan)
     speed.plot(found.passages.time_s, still, ".", color=EDGE, ms=3, label="constant speed")
     speed.legend(fontsize=7)
@@ -121,6 +124,13 @@ def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> No
         "dissipation factor [1/m]",
     )
     write(figure, path)
+
+
+def _smoothed(values: FloatArray) -> FloatArray:
+    """Moving averages over AVERAGED revolutions (P1 Fig. 7, red); of fewer all as they are."""
+    if values.size < AVERAGED:
+        return values
+    return np.convolve(values, np.full(AVERAGED, 1.0 / AVERAGED), "valid")
 
 
 def _over_time(

@@ -207,7 +207,7 @@ def modes_over(
     axes.legend(handles=handles, loc="upper left", title="modes in the air", title_fontsize=10)
 
 
-def modes_picture(
+def modes_over_orders(
     model: Model,
     maps: Sequence[tuple[str, OrderMap]],
     path: Path,
@@ -215,7 +215,7 @@ def modes_picture(
     highest_Hz: float = HIGHEST_HZ,
     **more: Any,
 ) -> None:
-    """Write the modes over speed to `path`; over the order maps of logs by name, if given."""
+    """Write the modes over the order maps of logs, by name, to `path`; over speed without one."""
     with on_a_slide():
         shown = list(maps[:_MOST])
         figure = figure_page(SLIDE[0] if len(shown) > 1 else 0.8 * SLIDE[0], SLIDE[1])

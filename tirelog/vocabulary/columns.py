@@ -130,6 +130,26 @@ _ALL = [
     ),
     TableColumn("slip_onset_se_m", "m", "float", "its standard error", 1e-5, 1e-2),
     _text("slip_onset_reason", "why there is no slip onset; empty where there is one"),
+    # grip
+    TableColumn("adhesion_share_se", "1", "float", "its standard error", 1e-6, 1e-2),
+    TableColumn(
+        "brush_slip", "1", "float", "size of the slip that P2 (15) and (17) have it from", 1e-6
+    ),
+    TableColumn(
+        "friction_used",
+        "1",
+        "float",
+        "longitudinal over vertical force by the brush, P2 (13)",
+        1e-6,
+    ),
+    TableColumn("friction_used_se", "1", "float", "its standard error", 1e-6, 1e-2),
+    TableColumn(
+        "grip_left", "1", "float", "1 less the friction used over the most that the brush has", 1e-6
+    ),
+    # strain-shift, wheel-angle
+    TableColumn("wheel_speed_m_s", "m/s", "float", "speed of the wheel by its encoder", 1e-5),
+    TableColumn("encoder_signal", "as recorded", "float", "the encoder's signal", 1e-9),
+    TableColumn("turned_deg", "deg", "float", "wheel angle within the turn, 0 to 360", 1e-4),
     # dissipation
     TableColumn(
         "dissipation_factor_1_m",
@@ -384,6 +404,83 @@ _ALL = [
         1e-3,
         1e-6,
     ),
+    # model predict --all, model forces
+    TableColumn(
+        "tangential_displacement_m",
+        "m",
+        "float",
+        "displacement of a ring's belt along itself, in the direction of passing (v of P3)",
+        1e-9,
+        1e-6,
+    ),
+    TableColumn("strain_slope_1_m", "1/m", "float", "strain's derivative along the tread", 1e-7),
+    TableColumn(
+        "strain_curvature_1_m2", "1/m^2", "float", "strain's second derivative", 1e-5, 1e-5
+    ),
+    TableColumn("patch_length_m", "m", "float", "length of the contact patch, 2 L", 1e-7),
+    TableColumn("deflection_m", "m", "float", "largest inward displacement of the tread", 1e-8),
+    TableColumn(
+        "speed_ratio", "1", "float", "speed over a beam's critical speed, alpha of P1 (4)", 1e-6
+    ),
+    TableColumn(
+        "damping_ratio", "1", "float", "sqrt(mu / k) omega_d of a beam, beta of P1 (4)", 1e-6
+    ),
+    TableColumn(
+        "hub_longitudinal_N",
+        "N",
+        "float",
+        "force of a ring's sidewall on the hub along the road, positive in braking (F_x* of P3)",
+        1e-3,
+    ),
+    TableColumn(
+        "hub_vertical_N",
+        "N",
+        "float",
+        "the same upwards, which carries the load (F_z* of P3)",
+        1e-3,
+    ),
+    TableColumn(
+        "road_lateral_N", "N", "float", "the brush's lateral force at slip angle and camber", 1e-3
+    ),
+    TableColumn(
+        "aligning_moment_N_m", "N m", "float", "its moment, which turns the slip angle back", 1e-4
+    ),
+    TableColumn(
+        "adhesion_share",
+        "1",
+        "float",
+        "share of the patch that adheres, (x_s + L) / 2L (P2 (15)): the grip that is left",
+        1e-6,
+    ),
+    TableColumn(
+        "pressure_centre_m",
+        "m",
+        "float",
+        "where the road's pressure acts, negative towards the entry edge",
+        1e-8,
+    ),
+    TableColumn(
+        "dissipated_power_W", "W", "float", "power that the rolling carcass dissipates", 1e-6
+    ),
+    TableColumn("rolling_resistance_N", "N", "float", "the dissipated power over the speed", 1e-6),
+    TableColumn(
+        "rolling_resistance_coefficient", "1", "float", "rolling resistance over the load", 1e-10
+    ),
+    TableColumn(
+        "rolling_resistance_moment_N_m",
+        "N m",
+        "float",
+        "the dissipated power over the wheel's angular speed: turns the wheel back (P1 3.2)",
+        1e-6,
+    ),
+    TableColumn(
+        "bending_power_W",
+        "W",
+        "float",
+        "viscous power in the strip under the grating in bending (P1 (25))",
+        0.0,
+        1e-5,
+    ),
     # model predict over a road
     TableColumn(
         "sensor_deg",
@@ -465,6 +562,20 @@ TABLES: dict[str, tuple[str, ...]] = {
     "predict": (
         "xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2",
         "contact_pressure_N_m", "shear_traction_N_m",
+    ),
+    "predict-all": (
+        "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip", "xi_m",
+        "phi_deg", "displacement_m", "tangential_displacement_m", "strain", "strain_slope_1_m",
+        "strain_curvature_1_m2", "radial_acceleration_m_s2", "contact_pressure_N_m",
+        "shear_traction_N_m",
+    ),
+    "forces": (
+        "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip",
+        "patch_length_m", "deflection_m", "speed_ratio", "damping_ratio", "hub_longitudinal_N",
+        "hub_vertical_N", "road_longitudinal_N", "road_lateral_N", "aligning_moment_N_m",
+        "adhesion_share", "pressure_centre_m", "dissipated_power_W", "rolling_resistance_N",
+        "rolling_resistance_coefficient", "rolling_resistance_moment_N_m", "bending_power_W",
+        "strip_power_W",
     ),
     "passage": (
         "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg",

@@ -109,8 +109,8 @@ _ALL = (
                 "cutoff",
                 "--cutoff",
                 str,
-                "Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel "
-                "frequency (40x).",
+                "Low-pass of the plain lengths: auto, rest (from the standstill's spectrum), hertz "
+                "(400Hz), or multiples of the wheel frequency (40x).",
             ),
         ),
     ),
@@ -160,6 +160,69 @@ _ALL = (
         ("vehicle_speed",),
         _revolutions("vehicle_speed_m_s", "slip", "slip_se"),
         made_by="tirelog.strain.slip:slip_of",
+        driven=False,
+    ),
+    LogTable(
+        "grip",
+        "Tell how much of the patch adheres, and the friction used and left, from the slip onset.",
+        STRAIN_KINDS,
+        _revolutions(
+            "adhesion_share", "adhesion_share_se", "brush_slip", "friction_used",
+            "friction_used_se", "grip_left", "vertical_force_N", "vertical_force_se_N",
+            "longitudinal_force_N", "longitudinal_force_se_N", "slip_onset_reason",
+        ),
+        (
+            TableOption(
+                "static_friction", "--static-friction", float, "f_s of P2 (13), 0.8 by default."
+            ),
+            TableOption(
+                "sliding_friction", "--sliding-friction", float, "f_d of P2 (13), 0.6 by default."
+            ),
+            TableOption(
+                "stiffness_ratio",
+                "--stiffness-ratio",
+                float,
+                "The tread's stiffness over that of P2 (17), 1 by default.",
+            ),
+            TableOption(
+                "load_exponent",
+                "--load-exponent",
+                float,
+                "Exponent of the patch's length in the load, 0.5 by default.",
+            ),
+        ),
+        made_by="tirelog.strain.grip:grip_of",
+        checked_by="tirelog.strain.grip:refuse_frictions",
+        driven=False,
+    ),
+    LogTable(
+        "strain-shift",
+        "Patch width and phase shift from a wheel encoder and a strain sensor (P1, P2, outlook).",
+        ("wheel_encoder",),
+        _revolutions(
+            "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg",
+            "phase_shift_deg", "phase_shift_se_deg", "wheel_speed_m_s",
+        ),
+        made_by="tirelog.strain.strain_shift:strain_shift_of",
+        driven=False,
+        rows_of=STRAIN_KINDS,
+    ),
+    LogTable(
+        "wheel-angle",
+        "Tell the encoder's signal, the wheel's speed and its angle over a stretch (P4).",
+        ("wheel_encoder",),
+        _revolutions("encoder_signal", "turned_deg"),
+        (
+            TableOption("from_s", "--from", float, "Beginning of the stretch, s."),
+            TableOption(
+                "to_s", "--to", float, "Its end, s; by default 0.1 s after the beginning."
+            ),
+            TableOption("every", "--every", int, "Only each so many-th sample."),
+        ),
+        made_by="tirelog.wheel.angle_table:wheel_angle_of",
+        checked_by="tirelog.wheel.angle_table:refuse_stretch",
+        picture="tirelog.plots.wheel_angle:wheel_angle_picture",
+        draws_rows=True,
         driven=False,
     ),
     LogTable(

@@ -8,7 +8,9 @@ from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.observables import ACCELERATION, OBSERVABLES
 
 CARCASSES = ("beam", "ring", "coupled_ring")
-CONTACTS = ("prescribed", "flat_road")
+#: a parabola on a patch of given length, the ring's tread on a flat road, or all on one line
+#: across the tread, P1 (2)
+CONTACTS = ("prescribed", "flat_road", "point")
 
 
 def _p(
@@ -236,11 +238,17 @@ _LEVEL = tuple(
 )
 
 
-def carcass_parameters(carcass: str, *observables: str, flat_road: bool) -> tuple[Parameter, ...]:
+def carcass_parameters(
+    carcass: str, *observables: str, flat_road: bool, point: bool = False
+) -> tuple[Parameter, ...]:
     """The parameters of a model without effects, in the order of the file.
 
-    Of several observables each number once, free if it is for one of them.
+    Of several observables each number once, free if it is for one of them. Under a `point` load the
+    patch's length is only there for what effects do on a patch, and is held.
     """
+    if point:
+        plain = carcass_parameters(carcass, *observables, flat_road=flat_road)
+        return tuple(p.fixed() if p.name == "patch_half_length_m" else p for p in plain)
     each = [
         {p.name: p for p in _of_one(carcass, observable, flat_road)} for observable in observables
     ]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from tirelog.physics.effects import (
     aero_load,
+    belt_extension,
     belt_tension,
+    belt_viscosity,
     edge_impact,
     gauge_length,
     hysteresis,
@@ -17,6 +19,7 @@ from tirelog.physics.effects import (
     thermal_drift,
     traction,
     viscous_damping,
+    warm_hysteresis,
     water_film,
     wear,
 )
@@ -34,6 +37,9 @@ from tirelog.physics.effects.regressors import (
 CATALOGUE: tuple[Effect, ...] = (
     viscous_damping.EFFECT,
     hysteresis.EFFECT,
+    warm_hysteresis.EFFECT,
+    belt_viscosity.EFFECT,
+    belt_extension.EFFECT,
     belt_tension.EFFECT,
     stiffening.EFFECT,
     ring_curvature.EFFECT,

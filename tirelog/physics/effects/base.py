@@ -130,6 +130,7 @@ class Structure:
     loss                    eta in k (1 + i eta)
     stiffening              the foundation's relative change
     added_stiffness [N/m^2] to the foundation
+    retardation [s]         tau in EJ (1 + tau d/dt), of the belt in bending
     cubic [1/m^2]           k3 in k (1 + k3 w^2)
     ring                    share of a closed ring, and ring_tangential [N/m^2] that share times its
                             k_v
@@ -143,6 +144,7 @@ class Structure:
     cubic: FloatArray | float = 0.0
     ring: float = 0.0
     ring_tangential: float = 0.0
+    retardation: FloatArray | float = 0.0
 
     def __add__(self, other: Structure) -> Structure:
         return Structure(
@@ -174,6 +176,8 @@ class Effect:
                                zero
     instead                    a field of `needs` -> another that serves as well
     options                    words a model file may choose from, the first by default
+    tried                      False if a diagnosis does not try it by itself, since its shape is
+                               nearly another's: whoever knows of it adds it to the model
     source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
     valid_range                what of `valid` is a number: condition's field or parameter ->
                                (lowest, highest), in its unit; comparisons remark when it is left
@@ -202,6 +206,7 @@ class Effect:
     instead: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     observables: tuple[str, ...] = WITHOUT_REGRESSORS
+    tried: bool = True
     load: DriveHook | None = None
     added_load: DriveHook | None = None
     tilt: DriveHook | None = None

@@ -9,7 +9,9 @@ from tirelog.physics.spectral import ComplexArray
 
 
 def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
-    height = v["amplitude"] * site.mean_pressure * (drive.speed_m_s / 20.0)
+    # arriving momentum mu c w_t is mu c^2 w': by the option the pulse grows with the square
+    law = 2.0 if v["speed_law:squared"] else 1.0
+    height = v["amplitude"] * site.mean_pressure * (drive.speed_m_s / 20.0) ** law
     return bell(
         height, -v["position"] * site.half_length_m, v["width"] * site.half_length_m, site.radius_m
     )
@@ -24,7 +26,7 @@ EFFECT = Effect(
         Parameter(
             "amplitude",
             "1",
-            "a in a F/(2L) (v/20) exp(-((xi + x0 L)/(s L))^2/2)",
+            "a in a F/(2L) (v/20)^n exp(-((xi + x0 L)/(s L))^2/2), n = 1, or 2 if squared",
             0.0,
             0.0,
             20.0,
@@ -35,7 +37,9 @@ EFFECT = Effect(
     ),
     strength=("amplitude",),
     source="P1, P2, outlook (i)",
-    valid="pulses narrower than the patch",
+    valid='pulses narrower than the patch; speed_law = "linear", or "squared" as momentum that '
+    "arrives with the speed has it",
     signature="a kink at the entry edge that grows with speed",
+    options={"speed_law": ("linear", "squared")},
     pressure=_pressure,
 )

@@ -131,7 +131,9 @@ def parse_model(
     carcass = _word(head, "carcass", CARCASSES, None, source)
     observables = _observables(head, source)
     contact = _contact(head, numbers, carcass, source)
-    known = carcass_parameters(carcass, *observables, flat_road=contact == "flat_road")
+    known = carcass_parameters(
+        carcass, *observables, flat_road=contact == "flat_road", point=contact == "point"
+    )
     base = _base(numbers, known, source)
     nuisances = _nuisances(beside, source)
     lead, *others = observables
@@ -248,7 +250,7 @@ def _observables(head: Mapping[str, Any], source: _Text) -> tuple[str, ...]:
 def _contact(
     head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, source: _Text
 ) -> str:
-    """The contact that the model's file asks for: prescribed or solved.
+    """The contact that the model's file asks for: prescribed, solved, or a point.
 
     `contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
     patch.
@@ -259,10 +261,10 @@ def _contact(
         raise source.error(
             'contact = "flat_road" needs a ring',
             "contact",
-            allowed='"prescribed" is allowed for a beam',
+            allowed='"prescribed" and "point" are allowed for a beam',
             do="correct it",
         )
-    if carcass == "coupled_ring" and contact == "prescribed":
+    if carcass == "coupled_ring" and contact != "flat_road":
         raise source.error(
             COUPLED_STANDS, "contact" if "contact" in {**head, **numbers} else "patch_half_length_m"
         )

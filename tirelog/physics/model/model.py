@@ -39,8 +39,8 @@ class Model(Predicting):
     """A forward model; immutable: every change gives another one.
 
     observable  what it predicts, `beside` what else if it is fitted to several
-    carcass     beam, ring or coupled_ring; contact 'prescribed' (patch_half_length_m) or
-                'flat_road' (rings)
+    carcass     beam, ring or coupled_ring; contact 'prescribed' (patch_half_length_m), 'flat_road'
+                (rings), or 'point' (the load of P1 (2), on one line across the tread)
     base        parameters of carcass and load; effects with theirs, distinct ids
     nuisances   what may stand beside the model, with their ordinary sizes
     document    the TOML it was read from, so that comments survive; path where it lies
@@ -97,12 +97,14 @@ class Model(Predicting):
         if carcass == "beam" and contact == "flat_road":
             raise ModelError(
                 'contact = "flat_road" needs the geometry of a ring',
-                allowed='"prescribed" is allowed for a beam',
+                allowed='"prescribed" and "point" are allowed for a beam',
                 do='take carcass = "ring"',
             )
-        if carcass == "coupled_ring" and contact == "prescribed":
+        if carcass == "coupled_ring" and contact != "flat_road":
             raise ModelError(COUPLED_STANDS)
-        base = carcass_parameters(carcass, *observables, flat_road=contact == "flat_road")
+        base = carcass_parameters(
+            carcass, *observables, flat_road=contact == "flat_road", point=contact == "point"
+        )
         lead, *beside = observables
         return cls(lead, carcass, contact, base, beside=tuple(beside)).with_values(values)
 

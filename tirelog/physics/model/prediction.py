@@ -22,7 +22,7 @@ from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Drive
 from tirelog.physics.model.laws import scalar
 from tirelog.physics.model.stages import Active, Task, hub_forces, loaded_site, waveform
-from tirelog.physics.spectral import Angles
+from tirelog.physics.spectral import MODES, Angles
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
@@ -67,6 +67,7 @@ class Predicting:
         phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
+        modes: int | None = None,
     ) -> FloatArray:
         """What the sensor reads, shape (n, m): revolutions x angles.
 
@@ -74,10 +75,12 @@ class Predicting:
 
         phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
         times it. `values` replaces values by full name without a check of bounds. `observable` may
-        also be displacement [m], inward, contact_pressure [N/m] (its modes carry the load exactly
+        also be displacement [m], inward, tangential_displacement [m] (NaN of a beam), strain_slope
+        [1/m], strain_curvature [1/m^2], contact_pressure [N/m] (its modes carry the load exactly
         and ripple by some parts in a thousand beside its kinks), shear_traction [N/m], positive in
         braking, or frame_acceleration [m/s^2], gravity and the vehicle's acceleration in what a
-        radial accelerometer reads. surface 'outer' (groove, minimum in the patch) or 'inner'
+        radial accelerometer reads. `modes` leaves out the waves shorter than the circumference
+        over that number (P3's n_mode). surface 'outer' (groove, minimum in the patch) or 'inner'
         (liner, maximum). ModelError: speed at or above the critical one, load not above zero, patch
         longer than the circumference, a condition that an effect needs is not known.
         """
@@ -87,7 +90,7 @@ class Predicting:
         result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
         for rows, task in self._tasks(conditions, flat):
             part = None if angles is None else angles.take(rows)
-            result[rows] = _predicted(task, observable, surface, part)
+            result[rows] = _predicted(task, observable, surface, part, modes)
         return result
 
     def jacobian(
@@ -221,6 +224,7 @@ class Predicting:
                     base,
                     active,
                     drive.take(rows),
+                    point=self.contact == "point",
                 ),
             )
 
@@ -229,6 +233,13 @@ class Predicting:
         out = np.empty((len(conditions), 1))
         for rows, task in self._tasks(conditions, self.values):
             out[rows] = loaded_site(task)[0].half_length_m
+        return out[:, 0]
+
+    def site_loads_N(self, conditions: Conditions) -> FloatArray:
+        """F on the patch, shape (n,), after the effects on the load."""
+        out = np.empty((len(conditions), 1))
+        for rows, task in self._tasks(conditions, self.values):
+            out[rows] = loaded_site(task)[0].load_N
         return out[:, 0]
 
     def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
@@ -259,12 +270,17 @@ def _lever(task: Task, surface: str) -> float:
 
 
 def _predicted(
-    task: Task, observable: str, surface: str, angles: Angles | None
+    task: Task, observable: str, surface: str, angles: Angles | None, highest: int | None = None
 ) -> FloatArray | float:
-    """What the sensor reads in one block: the waveform and what is added to it."""
+    """What the sensor reads in one block: the waveform and what is added to it.
+
+    `highest` is the mode that is the last of a waveform; None: all.
+    """
     if angles is None:
         return scalar(task, observable, _lever(task, surface))
     modes, level = waveform(task, observable, _lever(task, surface))
+    if highest is not None:
+        modes = np.where(np.arange(MODES) <= highest, modes, 0.0)
     return angles.evaluate(modes) + (level + _added(task, observable, angles))
 
 

@@ -69,7 +69,7 @@ def as_toml(model: Model, folder: Path | None = None) -> str:
     _put_effects_file(document, model, folder)
     numbers = document.setdefault("parameters", tomlkit.table())
     if (
-        model.contact == "flat_road"
+        model.contact != "prescribed"
         and "contact" not in numbers
         and "contact" not in document["model"]
     ):

@@ -20,7 +20,7 @@ from tirelog.physics.carcass import beam, contact, ring
 from tirelog.physics.carcass.hardening import hardened_load
 from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
-from tirelog.physics.pressure import parabola, tilted_parabola
+from tirelog.physics.pressure import line, parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
@@ -41,7 +41,8 @@ class Active:
 class Task:
     """What to compute: carcass, effects, conditions and observable.
 
-    The carcass comes with its numbers; the effects are those that are on (by id).
+    The carcass comes with its numbers; the effects are those that are on (by id). `point`: the
+    pressure of the patch without effects is a line across the tread.
     """
 
     carcass: str
@@ -50,6 +51,7 @@ class Task:
     active: Sequence[Active]
     drive: Drive
     memo: dict[Any, Any] = field(default_factory=dict)
+    point: bool = False
 
     def having(self, *hooks: str) -> list[Active]:
         """The effects that enter by one of these hooks."""
@@ -115,6 +117,8 @@ STRUCTURE_NAMES = (
     "radius_m",
 )
 FLAT_ROAD_NAMES = (*STRUCTURE_NAMES, "load_N", "tread_stiffness_N_m2")
+#: what is told of the strain along the tread: how many times it is differentiated by xi
+ALONG_STRAIN: Mapping[str, int] = {"strain_slope": 1, "strain_curvature": 2}
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
 
 
@@ -181,7 +185,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
             allowed="a shorter one is allowed",
             do="correct patch_half_length_m, load or radius_m",
         )
-    return Site(F, half, R), parabola(F, half, R), tilted_parabola(F, half, R) if tilted else None
+    even = (line if task.point else parabola)(F, half, R)
+    return Site(F, half, R), even, tilted_parabola(F, half, R) if tilted else None
 
 
 def _pressure_ratio(task: Task) -> FloatArray:
@@ -300,6 +305,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         if s.ring < 1.0:
             beam.refuse_supercritical(c, hoop, EI, k, mu)
         Z: FloatArray | ComplexArray = beam.impedance(q, EI, k, hoop, 2.0 * mu * c * s.damping_rate)
+        if np.any(s.retardation):  # (1 + tau c d/dxi), P1 (22)
+            Z = Z + 1j * (s.retardation * c * q) * (EI * q**4)
         return Z + _loss(k, s.loss) if np.any(s.loss) else Z
     n = np.arange(MODES, dtype=np.float64)
     n[0] = 1.0  # the mode that an inextensible belt does not have; its load is zero
@@ -314,6 +321,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     )
     if np.any(drag):
         Z = Z + 1j * drag
+    if np.any(s.retardation):
+        Z = Z + 1j * (s.retardation * (c / R) * n) * bending
     return Z + _loss(k_w + k_v / n**2, s.loss) if np.any(s.loss) else Z
 
 
@@ -393,9 +402,10 @@ def waveform(
 ) -> tuple[ComplexArray, FloatArray | float]:
     """Modes of the waveform (n or 1, K) and the baseline (n or 1, 1) that is added to it.
 
-    `observable`: strain (at the signed `lever_m`), radial_acceleration [m/s^2], outward positive
-    (errata), what of it is no motion of the tread (frame_acceleration), displacement [m], inward,
-    contact_pressure or shear_traction [N/m].
+    `observable`: strain (at the signed `lever_m`), its slope [1/m] and curvature [1/m^2] along the
+    tread, radial_acceleration [m/s^2], outward positive (errata), what of it is no motion of the
+    tread (frame_acceleration), displacement [m], inward, tangential_displacement [m], in the
+    direction of passing, contact_pressure or shear_traction [N/m].
     """
     if observable == "contact_pressure":
         return pressure(task).pressure, 0.0
@@ -406,6 +416,12 @@ def waveform(
         return accelerometer(task, sensed(task, frame_acceleration(task))) * gain(task), 0.0
     if observable == "displacement":
         return hardened(task) * response(task).displacement, 0.0
+    if observable == "tangential_displacement":
+        return tangential(task), 0.0
+    if observable in ALONG_STRAIN:
+        modes, _ = waveform(task, "strain", lever_m)
+        along = (1j * np.arange(MODES) / task.base["radius_m"]) ** ALONG_STRAIN[observable]
+        return modes * along, 0.0
     if observable == "strain":
         modes = sensed(task, hardened(task) * (lever_m * response(task).curvature))
         for lever in task.hooks(lambda effect: effect.lever).values():
@@ -414,6 +430,23 @@ def waveform(
     spin, curved = task.drive.speed_m_s**2, bending(task)
     factor, seen = gain(task), sensed(task, curved * spin + frame_acceleration(task))
     return accelerometer(task, seen) * factor, turning_level(task) * factor
+
+
+def tangential(task: Task) -> ComplexArray:
+    """Modes (n or 1, K) of v [m] of a ring, which its inextensible belt has: w = -dv/d theta (P3).
+
+    Inward W_n = i n V_n; the mean is the wind-up of the traction on k_v, Z_0 (errata). Of a beam
+    it is not known, NaN.
+    """
+    if task.carcass != "ring":
+        return np.full((1, MODES), np.nan, np.complex128)
+    inward = hardened(task) * response(task).displacement
+    v = np.zeros(inward.shape, np.complex128)
+    v[:, 1:] = inward[:, 1:] / (1j * np.arange(1, MODES))
+    pressed = pressure(task)
+    around, _ = ring.road_loads(pressed.normal, pressed.traction)
+    v[:, :1] = around[:, :1] / task.base["tangential_stiffness_N_m2"]
+    return v
 
 
 def frame_acceleration(task: Task) -> ComplexArray:

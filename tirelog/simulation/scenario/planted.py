@@ -58,7 +58,15 @@ PLANTABLE: dict[str, Plantable] = {
     "belt_tension": Plantable({"tension_N": 0.0, "tension_mass_kg_m": 1.0, "stretch_s2_m2": 0.0}),
     "stiffening": Plantable({"cubic_1_m2": 1000.0}),
     "pressure_offset": Plantable({"offset": 0.15}),
-    "traction": Plantable({"slip_per_g": 0.3, "lever_m": 0.01}),
+    "traction": Plantable(
+        {
+            "slip_per_g": 0.3,
+            "lever_m": 0.01,
+            "static_friction": 0.8,
+            "sliding_friction": 0.6,
+            "slip_stiffness_ratio": 1.0,
+        }
+    ),
     "edge_impact": Plantable({"amplitude": 0.4, "position": 1.0, "width": 0.05}),
     "rough_contact": Plantable({"length": 0.1}),
     "water_film": Plantable({"amplitude": 0.1, "length": 0.4}),

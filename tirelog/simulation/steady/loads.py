@@ -24,7 +24,8 @@ from tirelog.vocabulary.arrays import FloatArray
 REFERENCE_SPEED_M_S = 20.0
 #: distance [km] after which planted wear has its full size
 WORN_OUT_KM = 40000.0
-#: friction of bristles that adhere and of those that slide [N/N]
+#: friction of bristles that adhere and of those that slide [N/N], on a road that the scenario says
+#: nothing of
 STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 
 
@@ -224,8 +225,9 @@ def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Fricti
     Adhesion is tau = sigma C_x (xi + L) (P2 13, 17); other: no jump at the onset, and a tread that
     yields.
 
-    C_x = 2 gamma L f_s with gamma = 3 F/(4 L^3) as P2 (17) gives it. The load on the carcass is
-    lever x d tau/d xi (P2 18), the jump at the onset as a point load (errata).
+    C_x = 2 gamma L f_s with gamma = 3 F/(4 L^3) as P2 (17) gives it, times
+    `slip_stiffness_ratio`: a tread on a road of half the grip has twice that ratio. The load on the
+    carcass is lever x d tau/d xi (P2 18), the jump at the onset as a point load (errata).
     """
     # the patch, and what smearing and wedges add around it
     near = ring.window(min(3.0 * float(at.half_length.max()), 0.49 * ring.circumference_m))
@@ -252,33 +254,42 @@ def _traction(
     Under the pressure there; the jump is that at the onset of sliding.
     """
     length, slip = at.half_length[:, None], at.slip[:, None]
-    stiffness = 1.5 * STATIC_FRICTION * at.load[:, None] / length**2
+    static, sliding = _grip(effect)
+    stiffness = 1.5 * static * at.load[:, None] / length**2
+    stiffness = stiffness * effect.parameters.get("slip_stiffness_ratio", 1.0)
     position = np.maximum(borders_m + length, 0.0)
     if effect.other:
         # the shear grows quickly behind the entry, then levels off, and passes smoothly into
         # sliding
         held = np.abs(slip) * stiffness * 1.2 * length * -np.expm1(-position / (0.7 * length))
-        limit = 0.5 * (STATIC_FRICTION + SLIDING_FRICTION) * np.maximum(p, 1e-9)
+        limit = 0.5 * (static + sliding) * np.maximum(p, 1e-9)
         tau = np.sign(slip) * held / np.cbrt(1.0 + (held / limit) ** 3)
         return tau, np.zeros(len(at)), np.full(len(at), np.nan)
     held = np.abs(slip) * stiffness * position
-    onset, pressed = _onset(borders_m, held, p, at)
+    onset, pressed = _onset(borders_m, held, p, at, static)
     slides = borders_m >= np.nan_to_num(onset, nan=np.inf)[:, None]
-    tau = np.sign(slip) * np.where(
-        slides, SLIDING_FRICTION * p, np.minimum(held, STATIC_FRICTION * p)
+    tau = np.sign(slip) * np.where(slides, sliding * p, np.minimum(held, static * p))
+    return tau, -(static - sliding) * pressed * np.sign(at.slip), onset
+
+
+def _grip(effect: Planted) -> tuple[float, float]:
+    """Friction that sticks and that slides on this scenario's road."""
+    own = effect.parameters
+    return (
+        own.get("static_friction", STATIC_FRICTION),
+        own.get("sliding_friction", SLIDING_FRICTION),
     )
-    return tau, -(STATIC_FRICTION - SLIDING_FRICTION) * pressed * np.sign(at.slip), onset
 
 
 def _onset(
-    borders_m: FloatArray, held: FloatArray, p: FloatArray, at: Instants
+    borders_m: FloatArray, held: FloatArray, p: FloatArray, at: Instants, static: float
 ) -> tuple[FloatArray, FloatArray]:
     """(place at which sliding begins (b,), the pressure there).
 
     There the held shear first exceeds f_s p inside the patch, linear between borders; NaN without
     slip.
     """
-    excess = held - STATIC_FRICTION * p
+    excess = held - static * p
     step = borders_m[1] - borders_m[0]
     inside = (borders_m >= -at.half_length[:, None]) & (borders_m <= at.half_length[:, None] + step)
     over = inside & (excess > 0)

@@ -14,6 +14,7 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released
+from tirelog.strain.footprint.at_rest import cutoff_at_rest
 from tirelog.strain.footprint.footprint import Footprint, footprint
 from tirelog.strain.footprint.learn import Learnt
 from tirelog.strain.passages.find import Passages
@@ -44,6 +45,8 @@ def footprint_of_channel(
 
     `learnt`: the form of its passages, None if there is none.
     """
+    if cutoff.unit == "rest":
+        cutoff = Cutoff("Hz", cutoff_at_rest(channel, passages))
     if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
         raise UsageError(
             f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} Hz "

@@ -1,0 +1,144 @@
+"""`tirelog model forces`, and `model predict` of several conditions, from the outside."""
+
+import json
+import shutil
+
+import pytest
+
+from tirelog.cli import run
+from tirelog.physics.model.file import load_model
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models")
+    for preset, name in (("P3", "ring"), ("P2", "beam")):
+        path = folder / f"{name}.toml"
+        assert run(["model", "new", "--preset", preset, "-o", str(path), "--quiet"]) == 0
+    return folder
+
+
+@pytest.fixture
+def here(models, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for model in models.iterdir():
+        shutil.copy(model, tmp_path)
+    return tmp_path
+
+
+def rows(capsys, *words):
+    capsys.readouterr()
+    assert run(["model", *words, "--format", "json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_each_speed_is_taken_with_each_load(here, capsys):
+    found = rows(capsys, "forces", "ring.toml", "--speed", "5:15:5", "--load", "1000,2000")
+    driven = [(row["speed_m_s"], row["load_N"]) for row in found]
+    assert driven == [(v, F) for v in (5.0, 10.0, 15.0) for F in (1000.0, 2000.0)]
+    assert all(row["hub_vertical_N"] == pytest.approx(row["load_N"]) for row in found)
+    assert all(row["speed_ratio"] is None for row in found)
+
+
+def test_a_pressure_stiffens_the_ring(here, capsys):
+    found = rows(capsys, "forces", "ring.toml", "--speed", "10", "--pressure", "1.2e5,2.4e5")
+    assert found[1]["deflection_m"] < found[0]["deflection_m"]
+
+
+def test_several_revolutions_stand_one_after_the_other(here, capsys):
+    found = rows(capsys, "predict", "beam.toml", "--speed", "10,20", "--points", "8")
+    assert [row["speed_m_s"] for row in found] == [10.0] * 8 + [20.0] * 8
+    assert {"strain_slope_1_m", "strain_curvature_1_m2", "xi_m"} <= set(found[0])
+    # of a beam a displacement along itself is not known
+    assert {row["tangential_displacement_m"] for row in found} == {None}
+
+
+def test_ten_waves_do_not_reach_the_peak(here, capsys):
+    """P3 Fig. 3: 10 modes make 43 % of it, 100 make 99.9 %."""
+    peaks = []
+    for modes in ("10", "100", "1023"):
+        found = rows(capsys, "predict", "ring.toml", "--speed", "10", "--modes", modes,
+                     "--surface", "inner")  # fmt: skip
+        peaks.append(max(row["strain"] for row in found))
+    assert peaks[0] / peaks[2] == pytest.approx(0.43, abs=0.02)
+    assert peaks[1] / peaks[2] == pytest.approx(0.999, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--speed", "5:1:1"], "--speed 5:1:1"),
+        (["--speed", "5:10:0"], "--speed 5:10:0"),
+        (["--speed", "0:1e9:1e-3"], "--speed 0:1e9:1e-3"),
+        (["--speed", "fast"], "--speed fast"),
+        (["--speed", "10", "--load", "nan"], "load"),
+        (["--speed", "10", "--pressure", "2.2"], "2.2 is no tire's pressure"),
+        (["--speed", "1:50:0.1", "--load", "1000:5000:100"], "conditions"),
+        (["--speed", "10", "--slip-angle", "nan"], "slip angle of nan degrees"),
+    ],
+)
+def test_what_is_no_condition_is_refused(here, capsys, words, said):
+    for command in ("forces", "predict"):
+        if "--slip-angle" in words and command == "predict":
+            continue
+        assert run(["model", command, "ring.toml", *words, "-o", "t.csv"]) == 2
+        assert said in capsys.readouterr().err
+        assert not (here / "t.csv").exists()
+
+
+def test_more_rows_than_memory_is_meant_for_are_refused(here, capsys):
+    words = ["--speed", "1:50:0.1", "--points", "100000", "-o", "t.csv"]
+    assert run(["model", "predict", "ring.toml", *words]) == 2
+    assert "49100000 rows" in capsys.readouterr().err
+    assert not (here / "t.csv").exists()
+
+
+def test_a_standing_wheel_has_no_rolling_resistance(here, capsys):
+    (row,) = rows(capsys, "forces", "beam.toml", "--speed", "0")
+    assert row["rolling_resistance_N"] is None
+    assert row["dissipated_power_W"] == 0.0
+
+
+def test_a_drive_in_time_is_one(here, capsys):
+    made = ["model", "new", "--carcass", "coupled_ring", "-o", "c.toml", "--quiet"]
+    assert run(made) == 0
+    assert run(["model", "predict", "c.toml", "--speed", "5,6", "--load-step", "0.1:4000"]) == 2
+    assert "several conditions" in capsys.readouterr().err
+
+
+def test_a_page_of_a_beam_tells_its_critical_speed(here, capsys):
+    assert run(["model", "show", "beam.toml"]) == 0
+    page = capsys.readouterr().out
+    assert "critical_speed  86.73" in page
+    assert "lambda" in page
+    assert run(["model", "show", "ring.toml"]) == 0
+    assert "critical" not in capsys.readouterr().out
+
+
+def test_a_worn_tread_is_stiffer_and_nearer_to_the_grating(here, capsys):
+    made = ["model", "worn", "ring.toml", "--new-depth", "0.008", "--depth", "0.004"]
+    assert run([*made, "-o", "worn.toml"]) == 0
+    assert "lever_arm_m 0.005 -> 0.003" in capsys.readouterr().err
+    new, worn = (load_model(here / f"{name}.toml").values for name in ("ring", "worn"))
+    assert worn["tread_stiffness_N_m2"] == 2.0 * new["tread_stiffness_N_m2"]
+    assert {k: v for k, v in worn.items() if new[k] != v} == {
+        "tread_stiffness_N_m2": 1.75e8,
+        "lever_arm_m": pytest.approx(0.003),
+    }
+    for depths in (("8", "4"), ("0.004", "0.008"), ("0.008", "nan")):
+        words = ["--new-depth", depths[0], "--depth", depths[1], "-o", "none.toml"]
+        assert run(["model", "worn", "ring.toml", *words]) == 2
+        assert not (here / "none.toml").exists()
+
+
+def test_a_point_load_keeps_its_place_in_the_file(here, capsys):
+    made = ["model", "new", "--preset", "P1", "--observable", "strain", "--contact", "point"]
+    assert run([*made, "-o", "point.toml"]) == 0
+    assert load_model(here / "point.toml").contact == "point"
+    assert not load_model(here / "point.toml").parameters["patch_half_length_m"].free
+    assert run(["model", "show", "point.toml"]) == 0
+    assert "under a point load" in capsys.readouterr().out
+    (here / "point.toml").write_text(
+        (here / "point.toml").read_text().replace("beam", "coupled_ring")
+    )
+    assert run(["model", "show", "point.toml"]) == 2

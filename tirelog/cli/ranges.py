@@ -1,0 +1,94 @@
+"""Conditions as options give them: one value, several with commas, or FROM:TO:STEP."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tirelog.data.recording import Conditions
+    from tirelog.data.setup import Setup
+
+#: revolutions that one command computes, and rows that it writes of them; twice as many rows take
+#: twice the memory, some 500 MB
+MOST, MOST_ROWS = 2000, 2_100_000
+_FIELDS = {
+    "speed": "speed_m_s",
+    "load": "load_N",
+    "pressure": "inflation_pressure_Pa",
+    "acceleration": "acceleration_m_s2",
+    "slip": "slip",
+}
+
+
+def values_of(text: str, option: str) -> list[float]:
+    """The values that an option gives.  UsageError: words that are none."""
+    from tirelog.errors import UsageError
+
+    try:
+        numbers = [float(part) for part in text.split(":" if ":" in text else ",")]
+        if all(map(math.isfinite, numbers)) and len(numbers) <= MOST:
+            if ":" not in text:
+                return numbers
+            low, high, step = numbers
+            count = math.floor((high - low) / step + 1e-9) + 1
+            if 1 <= count <= MOST:
+                return [low + i * step for i in range(count)]
+    except (ValueError, ZeroDivisionError, OverflowError):
+        pass
+    raise UsageError(
+        f"{option} {text}",
+        allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
+        do=f"write {option} 20, {option} 10,20 or {option} 5:25:5",
+    )
+
+
+def refuse_many(rows: int) -> None:
+    """UsageError for more rows than memory is meant for."""
+    from tirelog.errors import UsageError
+
+    if rows > MOST_ROWS:
+        raise UsageError(
+            f"{rows} rows",
+            allowed=f"{MOST_ROWS} are allowed in one command",
+            do="ask for fewer --points or conditions at once",
+        )
+
+
+def conditions_given(
+    setup: Setup | None, more: Mapping[str, float | None], **options: str | None
+) -> Conditions:
+    """Each value of each option with each of the others, and what the setup knows besides.
+
+    UsageError: no number, one that no tire is driven under, or more than MOST of them together.
+    """
+    from tirelog.data.recording import Conditions
+    from tirelog.errors import UsageError
+    from tirelog.physics.model.from_setup import known_conditions
+    from tirelog.physics.model.limits import check_conditions
+
+    given = {
+        _FIELDS[name]: values_of(text, f"--{name}")
+        for name, text in options.items()
+        if text is not None
+    }
+    count = math.prod(len(values) for values in given.values())
+    if count > MOST:
+        raise UsageError(
+            f"{count} conditions",
+            allowed=f"{MOST} are allowed in one command",
+            do="ask for fewer values at once",
+        )
+    rows = list(itertools.product(*given.values()))
+    named = {name: [row[i] for row in rows] for i, name in enumerate(given)}
+    other = {name: value for name, value in more.items() if value is not None}
+    known = {k: v for k, v in known_conditions(setup).items() if k not in given}
+    conditions = Conditions.of(len(rows), **named, **other, **known)
+    called = {_FIELDS[name]: f"--{name}" for name in options} | {
+        "time_s": "--time",
+        "temperature_K": "--temperature",
+    }
+    check_conditions(conditions, called)
+    return conditions

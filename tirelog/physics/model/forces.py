@@ -1,0 +1,250 @@
+"""Forces, losses and speeds of a rolling tire as a model has them, one number per revolution.
+
+    Conditions (n,), slip angle and camber --`stages`--> columns (n,)
+
+Power. Steady pressure p(xi) on a tread that passes with c does the work c int p w' dxi per second;
+it is what the carcass dissipates, since kinetic and elastic energy of a steady wave return (P1
+(24), (25)). By modes, with the ring's equivalent load E_n and inward displacement W_n,
+
+    P = 2 pi R Omega sum 2 n Im(conj(W_n) E_n),      rolling resistance P / c, moment P / Omega
+
+so that an undamped tire rolls for nothing. P1 3.2 says the same of the pressure: heavier towards
+the entry edge, it turns the wheel back with this moment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tirelog.data.recording import Conditions
+from tirelog.errors import ModelError
+from tirelog.physics import brush
+from tirelog.physics.carcass import beam
+from tirelog.physics.effects import BY_ID, traction
+from tirelog.physics.model.stages import (
+    Task,
+    hardened,
+    hub_forces,
+    load_on_carcass,
+    loaded_site,
+    pressure,
+    response,
+    structure,
+)
+from tirelog.physics.spectral import MODES, to_grid
+from tirelog.vocabulary.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from tirelog.physics.model.model import Model
+
+#: slip angles and cambers [deg] of the brush: beyond them a tread does not lie on the road as the
+#: brush has it. Doubling it lets a wheel stand across the road.
+WIDEST_DEG = 45.0
+_N = np.arange(MODES, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Section:
+    """The strip of rubber under the grating.
+
+    eta [Pa s], height h [m], width b [m].
+    """
+
+    viscosity_Pa_s: float
+    height_m: float
+    width_m: float
+
+
+def force_columns(
+    model: Model,
+    conditions: Conditions,
+    *,
+    slip_angle_deg: float = 0.0,
+    camber_deg: float = 0.0,
+    section: Section | None = None,
+) -> dict[str, FloatArray]:
+    """Columns of `tirelog model forces`, each (n,); NaN for what this model does not have.
+
+    The brush takes its friction and stiffness from the model's effect `traction`, without it P2's;
+    a lateral force or an aligning moment is there whenever slip angle or camber are not zero. With
+    a `section`, the power that its viscosity takes by P1 (25), bending with w''', and by (27).
+
+    ModelError: as `Model.predict`; an angle at which a tread does not lie on the road.
+    """
+    for name, angle in (("slip angle", slip_angle_deg), ("camber", camber_deg)):
+        if not abs(angle) <= WIDEST_DEG:
+            raise ModelError(
+                f"a {name} of {angle:g} degrees",
+                allowed=f"{-WIDEST_DEG:g} to {WIDEST_DEG:g} degrees is allowed",
+                do="correct it",
+            )
+    pieces = [
+        _of_task(task, rows.stop - rows.start, slip_angle_deg, camber_deg, section)
+        for rows, task in model._tasks(conditions, model.values)
+    ]
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def _of_task(
+    task: Task, n: int, slip_angle_deg: float, camber_deg: float, section: Section | None
+) -> dict[str, FloatArray]:
+    """The columns of one block of revolutions, each (n,)."""
+    site, R, speed = loaded_site(task)[0], task.base["radius_m"], task.drive.speed_m_s
+    slip = _slip(task)
+    power = _power(task)
+    none = np.full((1, 1), np.nan)
+    bending, strip = _section_power(task, section) if section is not None else (none, none)
+    x, y, moment = _brush(task, slip, slip_angle_deg, camber_deg)
+    held = brush.transition(slip, site.half_length_m, _grip(task).stiffness_ratio)
+    rolls = np.where(speed > 0.0, speed, np.nan)
+    hub = hub_forces(task) if task.carcass == "ring" else np.full((2, 1), np.nan)
+    across = bool(slip_angle_deg or camber_deg)
+    found = {
+        "speed_m_s": speed,
+        "load_N": site.load_N,
+        "inflation_pressure_Pa": task.drive.inflation_pressure_Pa,
+        "acceleration_m_s2": task.drive.acceleration_m_s2,
+        "slip": slip,
+        "patch_length_m": 2.0 * site.half_length_m,
+        "deflection_m": to_grid(hardened(task) * response(task).displacement).max(axis=1)[:, None],
+        "speed_ratio": speed / _critical(task),
+        "damping_ratio": _damping(task),
+        "hub_longitudinal_N": hub[0][:, None],
+        "hub_vertical_N": hub[1][:, None],
+        "road_longitudinal_N": x,
+        "road_lateral_N": y if across else none,
+        "aligning_moment_N_m": moment if across else none,
+        "adhesion_share": (held + site.half_length_m) / (2.0 * site.half_length_m),
+        "pressure_centre_m": _centre(task),
+        "dissipated_power_W": power,
+        "rolling_resistance_N": power / rolls,
+        "rolling_resistance_coefficient": power / rolls / site.load_N,
+        "rolling_resistance_moment_N_m": power / rolls * R,
+        "bending_power_W": bending,
+        "strip_power_W": strip,
+    }
+    return {name: np.broadcast_to(column, (n, 1))[:, 0] for name, column in found.items()}
+
+
+def critical_speed(task: Task) -> FloatArray:
+    """c_cr [m/s] of a beam with all effects, (n or 1, 1), P1 (5); NaN of a ring, which has none."""
+    return _critical(task)
+
+
+def _critical(task: Task) -> FloatArray:
+    if task.carcass == "ring":
+        return np.full((1, 1), np.nan)
+    b, s = task.base, structure(task)
+    k = b["foundation_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
+    EJ, mu = b["flexural_stiffness_N_m2"], b["line_mass_kg_m"]
+    return np.atleast_2d(np.sqrt((2.0 * np.sqrt(EJ * k) + s.tension) / mu))
+
+
+def _damping(task: Task) -> FloatArray:
+    """beta of P1 (4), sqrt(mu / k) omega_d."""
+    if task.carcass == "ring":
+        return np.full((1, 1), np.nan)
+    rate = structure(task).damping_rate
+    ratio = task.base["line_mass_kg_m"] / task.base["foundation_stiffness_N_m2"]
+    return np.atleast_2d(np.asarray(rate * np.sqrt(ratio), np.float64))
+
+
+def _power(task: Task) -> FloatArray:
+    """What the road's loads do on the tread per second [W], (n or 1, 1)."""
+    if np.any(response(task).cubic):
+        # the road pushes, not what a hardened foundation leaves of it
+        inward = hardened(task) * response(task).displacement
+    else:
+        inward = load_on_carcass(task) * response(task).displacement
+    work = (np.conj(inward) * load_on_carcass(task)).imag
+    power: FloatArray = (4.0 * np.pi * task.drive.speed_m_s) * (_N * work).sum(
+        axis=1, keepdims=True
+    )
+    return power
+
+
+def _section_power(task: Task, section: Section) -> tuple[FloatArray, FloatArray]:
+    """(eta J c^2 int w'''^2 ds of P1 (25), eta A c^2 int eps'^2 ds of (27)) [W], (n or 1, 1)."""
+    R, lever = task.base["radius_m"], task.base["lever_arm_m"]
+    curved = hardened(task) * response(task).curvature
+    slopes = (_N / R) ** 2 * (curved.real**2 + curved.imag**2)
+    integral = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
+    rate = section.viscosity_Pa_s * task.drive.speed_m_s**2 * integral
+    area = section.height_m * section.width_m
+    return rate * area * section.height_m**2 / 12.0, rate * area * lever**2
+
+
+def _centre(task: Task) -> FloatArray:
+    """int xi p dxi / F [m], (n or 1, 1): negative towards the entry edge; the modes of xi are
+    i R (-1)^n / n.
+    """
+    modes = pressure(task).pressure
+    n = _N[1:]
+    sawtooth = -(1.0 - 2.0 * (n % 2)) / n  # the conjugate, over i R
+    moment = 2.0 * (modes[:, 1:] * 1j * sawtooth).real.sum(axis=1, keepdims=True)
+    return np.asarray(task.base["radius_m"] * moment / modes[:, :1].real, np.float64)
+
+
+def _traction(task: Task) -> dict[str, float]:
+    """The values of the effect `traction`; those that it starts with if the model has none."""
+    for active in task.active:
+        if active.effect.id == "traction":
+            return dict(active.values)
+    return {p.name: p.value for p in BY_ID["traction"].parameters}
+
+
+def _grip(task: Task) -> brush.Grip:
+    v = _traction(task)
+    return brush.Grip(v["static_friction"], v["sliding_friction"], v["slip_stiffness_ratio"])
+
+
+def _slip(task: Task) -> FloatArray:
+    """The slip that the brush has: the measured one, else that of the effect `traction`, else 0."""
+    if any(active.effect.id == "traction" for active in task.active):
+        return traction.slip(_traction(task), task.drive)
+    return np.nan_to_num(task.drive.slip)
+
+
+def _brush(
+    task: Task, slip: FloatArray, slip_angle_deg: float, camber_deg: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(F_x, F_y, M_z) of `brush.forces`, each a column (n or 1, 1)."""
+    site = loaded_site(task)[0]
+    angles = np.radians(slip_angle_deg), np.radians(camber_deg)
+    load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)
+    return brush.forces(load, half, sigma, angles[0], angles[1], site.radius_m, _grip(task))
+
+
+def carcass_facts(model: Model) -> dict[str, tuple[float, str, str]]:
+    """Numbers that follow from a beam's own, by name: (value, unit, what it is); P1 (2)-(5).
+
+    Of a ring there is none: undamped, its steady wave does not know the speed (errata).
+    """
+    if model.carcass != "beam":
+        return {}
+    v = model.values
+    EJ, k, mu = (
+        v[name]
+        for name in (
+            "flexural_stiffness_N_m2", "foundation_stiffness_N_m2", "line_mass_kg_m",
+        )
+    )  # fmt: skip
+    wave = (k / (4.0 * EJ)) ** 0.25
+    speed = beam.critical_speed(EJ, k, mu)
+    facts = {
+        "lambda": (wave, "1/m", "(k / 4 EJ)^(1/4), of the static wave"),
+        "w_0": (
+            v["load_N"] * wave / (2.0 * k),
+            "m",
+            "under a point load, F lambda / 2k",
+        ),
+        "critical_speed": (speed, "m/s", "2 lambda sqrt(EJ / mu), without effects"),
+        "alpha": (1.0 / speed, "s/m", "times the speed: speed over the critical one"),
+    }
+    rate = v.get("viscous_damping.damping_rate_1_s")
+    if rate is not None:
+        facts["beta"] = (rate * (mu / k) ** 0.5, "", "sqrt(mu / k) omega_d, damping ratio")
+    return facts
