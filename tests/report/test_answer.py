@@ -20,6 +20,7 @@ from tests.report.test_page import data, numbers
 from tirelog.cli.history import history_file
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
 from tirelog.report import obstacles
@@ -421,6 +422,20 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
     if asked_for:
         command = "tirelog propose made -o M+proposed.toml --setup s.toml --model M.toml"
         assert story.before_ladder[0].command == command
+
+
+def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise UsageError("no waveform")
+
+    measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)])
+    monkeypatch.setattr("tirelog.api.answers.measure", lambda *_: measured)
+    monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", refused)
+    asked = Asked(("made",), model=Path("M.toml"), propose=True)
+    story = model_story([], MODEL, None, asked, BY_ID, lambda _: None)
+    assert [section.id for section in story.before_ladder] == ["diagnosis"]
+    told = "what is unknown, written down as a formula: no waveform"
+    assert told in [what for what, _ in story.missing]
 
 
 def test_the_demo_s_page_has_the_ladder_that_it_climbed(

@@ -26,6 +26,7 @@ __all__ = ["folder", "tirelog"]
         (["log.csv", "--campaign", "nowhere", "-o", "page.html"], "no campaign's output"),
         (["log.csv", "--ladder", "log.toml", "-o", "page.html"], "is no ladder"),
         (["log.csv", "--ladder", "nowhere.json", "-o", "page.html"], "is no ladder"),
+        (["log.csv", "--propose", "-o", "page.html"], "--propose asks what a model lacks"),
         (["log.csv", "--table", "log.csv", "-o", "page.html"], "is no table of"),
         (["log.csv", "--model", "log.toml", "-o", "page.html"], "log.toml"),
     ],

@@ -85,6 +85,10 @@ def report(
     from tirelog.report.build import build
 
     _possible(logs, output, campaign, format, figures)
+    if propose and model is None:
+        from tirelog.errors import UsageError
+
+        raise UsageError("--propose asks what a model lacks", do="give the model with --model")
     paths = tuple(logs or ())
     asked = Asked(
         paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects, propose

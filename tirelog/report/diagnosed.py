@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Recording
+from tirelog.errors import TirelogError
 from tirelog.report import model_sections, obstacles
 from tirelog.report.answer import Answered, answer
 from tirelog.report.figures import LogColours
@@ -76,21 +77,34 @@ def model_story(
         colours,
         asked.with_options(found.next_command),
     )
-    if logs.obstacles:
-        section = _obstacles(logs, found, command("compare"), progress, colours)
-        story.before_ladder.insert(0, section)
-    if not found.next_command.startswith("tirelog propose"):
-        return story
     better = f"{(asked.model or Path('M.toml')).with_suffix('')}+proposed.toml"
     wanted = asked.command("propose", "-o", better, model=True)
-    if asked.propose:
+
+    def add(what: str, made_by: str, make: Callable[[], Section]) -> None:
+        """A section before all others; if it cannot be made the rest of the story stays."""
+        try:
+            story.before_ladder.insert(0, make())
+        except TirelogError as problem:
+            story.missing.append((f"{what}: {problem}", made_by))
+
+    def write_down() -> Section:
         from tirelog.diagnosis.propose.propose import propose
 
-        section = proposed(propose(logs.stacks, model, effects=own, progress=progress), wanted)
-        story.before_ladder.insert(0, section)
-    else:
-        again = replace(asked, propose=True).report_command()
-        story.missing.append(("what is unknown, written down as a formula (--propose)", again))
+        return proposed(propose(logs.stacks, model, effects=own, progress=progress), wanted)
+
+    if logs.obstacles:
+        compare = command("compare")
+        add("obstacles", compare, lambda: _obstacles(logs, found, compare, progress, colours))
+    unknown = "what is unknown, written down as a formula"
+    if found.next_command.startswith("tirelog propose"):
+        if asked.propose:
+            add(unknown, wanted, write_down)
+        else:
+            again = replace(asked, propose=True).report_command()
+            story.missing.append((f"{unknown} (--propose)", again))
+    elif asked.propose:
+        word = found.verdict.replace("_", " ")
+        story.missing.append((f"{unknown}: the verdict is {word}", wanted))
     return story
 
 

@@ -30,7 +30,7 @@ from tirelog.report.figures import (
     line,
 )
 from tirelog.report.page import PageTable, Section
-from tirelog.vocabulary.observables import drawn
+from tirelog.vocabulary.observables import shown
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
@@ -51,7 +51,7 @@ ANGLE = "angle from the patch centre [deg], entry to exit"
 
 def shown_value(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which the page shows the observable."""
-    factor, unit = drawn(observable, unit)
+    factor, unit = shown(observable, unit)
     return factor, _WRITTEN.get(unit, unit)
 
 
@@ -178,10 +178,11 @@ def where(result: Comparison) -> str:
     regime = max(result.tables["regime"], key=lambda row: row["excess"])
     if angle["excess"] == 0.0:
         return "The first model fails nowhere by more than the floor."
+    there = _ZONES.get(angle["angle"])
     return (
-        f"The first model fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess "
-        f"{angle['excess'] * factor:.3g} {unit}), "
-        f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime "
+        "The first model fails most "
+        + (f"{there} (excess {angle['excess'] * factor:.3g} {unit}), " if there else "")
+        + f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime "
         f"in {regime['regime']} ({regime['excess'] * factor:.3g})."
     )
 
@@ -301,8 +302,10 @@ def residual_map(
         f"{name.split(' [')[0]} from {found.axis.min():.4g} to {found.axis.max():.4g}."
     )
     if phi.size < 2:
-        traces = [dots(found.axis, found.residual[:, 0] * factor, "residual")]
-        return Figure(id, title, alt, traces, layout(name, f"residual [{unit}]"))
+        traces = [dots(found.axis, found.residual[:, 0] * factor, "residual", INK)]
+        ends = None if reach is None else (-1.1 * reach, 1.1 * reach)
+        alt = f"Measured less predicted {result.observable} in {unit} against {name}."
+        return Figure(id, title, alt, traces, layout(name, f"residual [{unit}]", yrange=ends))
     shape = layout(
         ANGLE, name, xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad)
     )
