@@ -20,6 +20,7 @@ from tests.report.test_page import data, numbers
 from tirelog.cli.history import history_file
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
@@ -27,6 +28,7 @@ from tirelog.report import obstacles
 from tirelog.report.asked import Asked
 from tirelog.report.diagnosed import model_story
 from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
+from tirelog.report.model_sections import residual_map
 from tirelog.report.page import Section, render
 from tirelog.report.papers import PAPERS, used_papers
 from tirelog.report.proposed import proposed
@@ -122,6 +124,16 @@ def test_before_and_after_are_drawn_at_one_scale(model_page: Path) -> None:
         np.testing.assert_allclose(
             numbers(measured["y"]) - numbers(trace["y"]), rest, atol=2e-2 * size
         )
+
+
+def test_numbers_per_revolution_are_drawn_at_one_scale_too() -> None:
+    speed, left = np.array([8.0, 12.0, 20.0]), 1e-3 * np.array([[0.5], [-1.0], [0.2]])
+    found = Map(speed, "speed_m_s", np.zeros(1), left, left / 1e-4)
+    result = SimpleNamespace(observable="patch_length", unit="m", half_angle_rad=0.0)
+    figures = [residual_map(name, name, found, result, 10.0) for name in ("before", "after")]
+    assert [figure.layout["yaxis"]["range"] for figure in figures] == [[-11.0, 11.0]] * 2
+    assert figures[0].layout["yaxis"]["title"]["text"] == "residual [mm]"
+    np.testing.assert_allclose(numbers(figures[0].traces[0]["y"]), [0.5, -1.0, 0.2], rtol=1e-6)
 
 
 def test_everything_but_answer_and_switches_is_folded(model_page: Path) -> None:

@@ -78,6 +78,8 @@ def _drawn(figure: Figure) -> Any:
     ):
         described = figure.layout.get(key, {})
         set_label(html.unescape(described.get("title", {}).get("text", "")))
+        if described.get("type") == "log":
+            getattr(axes, f"set_{key[0]}scale")("log")
         if "range" in described:
             set_limits(*described["range"])
     axes.set_title(

@@ -42,7 +42,7 @@ _DISSIPATION = (
     *("dissipation_factor_1_m", "dissipation_factor_mean_1_m"),
     *("strip_power_W", "strip_rolling_resistance_N"),
 )
-_ASIDE = {"size": 4, "opacity": 0.35}
+_ASIDE = {"size": 6, "opacity": 0.4}
 _MEAN = {"size": 7, "opacity": 1.0, "symbol": "square"}
 
 
@@ -134,7 +134,7 @@ def dissipation_section(
         over += _regressions(lines, column, colours)
         alt = (
             f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, "
-            f"{len(steady)} passages (P1 Fig. 11)."
+            f"{len(steady)} passages (P1 Fig. 11). Why a line is doubtful (dashed), the table says."
         )
         figures.append(
             Figure(
@@ -209,18 +209,11 @@ def _regressions(
         colour = colours(str(row["log"])) if max(len(names), len(colours)) > 1 else i
         ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
         y = float(row["intercept"]) + float(row["slope"]) * ends
-        judgement = row.get("judgement")
-        doubt = str(judgement) if isinstance(judgement, str) and judgement else ""
-        style = {"width": 2.5, "dash": "dash"} if doubt else {"width": 2.5}
-        drawn.append(
-            line(
-                ends,
-                y,
-                f"{who}, fitted line" + (f" ({doubt})" if doubt else ""),
-                colour,
-                line=style,
-            )
-        )
+        judged = row.get("judgement")
+        doubtful = isinstance(judged, str) and bool(judged)  # the table says why
+        style = {"width": 2.5, "dash": "dash"} if doubtful else {"width": 2.5}
+        name = f"{who}, {'doubtful ' if doubtful else ''}fitted line"
+        drawn.append(line(ends, y, name, colour, line=style))
     return drawn
 
 
