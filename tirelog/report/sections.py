@@ -136,12 +136,15 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[Group]:
     logs = [str(log) for log in table["log"].unique()]
     names = short_names(logs)
     several = max(len(logs), len(colours)) > 1
+    alone = table["channel"].nunique() == 1  # then the log says it all
     found: list[Group] = []
     drawn: dict[str, int] = {}
     for (log, channel), rows in table.groupby(["log", "channel"], sort=False, observed=True):
         number = drawn.setdefault(str(log), 0)
         drawn[str(log)] += 1
-        name = f"{names[str(log)]}: {channel}" if len(logs) > 1 else str(channel)
+        name = str(channel)
+        if len(logs) > 1:
+            name = names[str(log)] if alone else f"{names[str(log)]}: {channel}"
         colour = colours(str(log)) if several else number
         found.append(Group(name, rows, colour, SYMBOLS[number % len(SYMBOLS)]))
         if len(found) == DRAWN_CHANNELS:
@@ -175,7 +178,7 @@ def ways(
         rows = g.rows.iloc[:: thinning(len(found) * len(g.rows))]  # one figure's worth for all
         for i, (column, words) in enumerate(columns.items()):
             marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside or {}) if i else {})}
-            name = words if one else f"{g.name}, {words}"
+            name = words if one else g.name if len(columns) == 1 else f"{g.name}, {words}"
             colour = i if one else g.colour
             drawn.append(dots(rows[x], rows[column] * factor, name, colour, marker=marker))
     return drawn

@@ -119,11 +119,12 @@ def dissipation_section(
         traces = ways(named, "time_s", {column: "each revolution"})
         for trace in traces:
             trace["marker"] |= {"size": 4, "opacity": 0.4}
-        over_time = ways(averaged, "time_s", {mean: "moving average, constant speed"})
-        traces += [{**trace, "marker": trace["marker"] | _MEAN} for trace in over_time]
+        means = ways(averaged, "time_s", {mean: "moving average"})
+        of = "" if len(averaged) == 1 else ", moving average"
+        traces += [{**t, "name": f"{t['name']}{of}", "marker": t["marker"] | _MEAN} for t in means]
         alt = (
             f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
-            "moving averages (P1 Figs. 9, 10)."
+            "moving averages at constant speed (P1 Figs. 9, 10)."
         )
         figures.append(
             Figure(
