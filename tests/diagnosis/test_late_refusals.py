@@ -42,6 +42,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ("ladder", "--save", "other.toml", "is there and is no model file"),
         ("propose", "-o", "other.toml", "is there and is no model file"),
         ("compare", "--plot-kind", "polr", "nearest: polar"),
+        ("compare", "--plot-kind", "polar", "add --plot FILE"),
     ],
 )
 @pytest.mark.usefixtures("no_work")

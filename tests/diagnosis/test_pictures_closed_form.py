@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from tests.diagnosis.planted import MODEL, stack
 from tirelog.data.recording import Conditions
+from tirelog.diagnosis.compare import compare as compare_logs
 from tirelog.diagnosis.results import Map, Waveforms
 from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
@@ -133,3 +135,17 @@ def test_logs_one_after_the_other_are_parted():
     compare._map(axes.figure, axes, map_, "residual", 1.0, 1.0, "residual", "time [s]", 0.2)
     assert axes.get_ylabel() == "time [s], logs one after the other"
     assert [12.0, 12.0] in [list(line.get_ydata()) for line in axes.lines]
+
+
+def test_what_scatter_alone_leaves_is_about_one_standard_error():
+    made = stack(seed=5)
+    size = 1.0 + 0.01 * np.random.default_rng(6).standard_normal(15)  # each manoeuvre its own
+    told = compare_logs([replace(made, values=size[made.manoeuvre, None] * made.values)], MODEL)
+    patch = np.abs(told.by_speed.phi_rad) < told.half_angle_rad
+    for map_ in (told.by_speed, told.by_time):
+        assert 0.5 < np.sqrt(np.nanmean(map_.whitened[:, patch] ** 2)) < 1.5
+    with_more = replace(
+        made, values=made.values + 3e-4 * np.exp(-((made.phi_mean - 0.3) ** 2) / 0.005)
+    )
+    found = compare_logs([with_more], MODEL)
+    assert np.nanmax(np.abs(found.by_speed.whitened)) > 10.0

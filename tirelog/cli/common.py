@@ -67,6 +67,16 @@ def plot_kind(kinds: Mapping[str, str]) -> Any:
     )
 
 
+def refuse_kind_alone(kind: str, plot: Path | None) -> None:
+    """UsageError: --plot-kind names a picture, and no --plot says where to draw it."""
+    if plot is None and kind != "page":
+        raise UsageError(
+            f"--plot-kind {kind} without --plot",
+            allowed="it says what --plot draws",
+            do="add --plot FILE",
+        )
+
+
 Logs = Annotated[
     list[str], typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)
 ]

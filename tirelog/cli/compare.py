@@ -21,6 +21,7 @@ from tirelog.cli.common import (
     SetupFile,
     keeps_hashes,
     plot_kind,
+    refuse_kind_alone,
 )
 from tirelog.plots.kinds import COMPARE
 
@@ -94,6 +95,7 @@ def compare(
     from tirelog.cli.transients import TABLES
     from tirelog.errors import UsageError, nearest
 
+    refuse_kind_alone(kind, plot)
     tables = ("revolution", "angle", "speed", "regime", "conditions", *TABLES)
     if by is not None and by not in tables:
         raise UsageError(

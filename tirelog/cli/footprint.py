@@ -15,6 +15,7 @@ from tirelog.cli.common import (
     SetupFile,
     keeps_hashes,
     plot_kind,
+    refuse_kind_alone,
 )
 from tirelog.cli.log_table import table_option
 from tirelog.plots.kinds import FOOTPRINT
@@ -34,6 +35,7 @@ def footprint(
 ) -> None:
     """Tell contact length, edges and slip onset at each passage of the patch."""
     one_thread()
+    refuse_kind_alone(kind, plot)
     kept: list[Any] = []
     with (
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,

@@ -312,14 +312,21 @@ def _running_time(base: Base) -> tuple[FloatArray, tuple[float, ...]]:
 
 
 def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
-    """Residual of the cells in the observable's unit, and in standard errors.
+    """Residual of the cells in the observable's unit, and in standard errors of noise and scatter.
 
     (C, m) each, with the shift removed; NaN if empty.
     """
     good = base.plain.weights > 0
     left = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     residual = np.where(good, base.plain(left) / np.where(good, base.plain.weights, 1.0), np.nan)
-    return residual, residual / np.where(good, base.cells.sd, 1.0)
+    return residual, residual / np.where(good, np.sqrt(_floor_square(base)), 1.0)
+
+
+def _floor_square(base: Base) -> FloatArray:
+    """Variance of a cell by its noise and by the scatter between like cells, (C, m)."""
+    between = base.floor.scatter.square(scatter_columns(base.cells, base.fit))
+    both: FloatArray = base.cells.within + between
+    return both
 
 
 def _waveforms(base: Base) -> Waveforms:
@@ -331,7 +338,6 @@ def _waveforms(base: Base) -> Waveforms:
         return_index=False,
     )
     chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
-    between = base.floor.scatter.square(scatter_columns(c, base.fit))
     labels = tuple(
         f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}"
         for i in chosen
@@ -340,7 +346,7 @@ def _waveforms(base: Base) -> Waveforms:
         c.phi[chosen],
         c.values[chosen],
         (base.fit.prediction + base.fit.beside)[chosen],
-        np.sqrt(c.within + between)[chosen],
+        np.sqrt(_floor_square(base))[chosen],
         labels,
         c.conditions.take(chosen),
     )

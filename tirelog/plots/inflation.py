@@ -34,7 +34,7 @@ def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path
                 )
                 if lost:
                     over_time.annotate(
-                        f"−{MICRO * abs(leak):.1f} microstrain",
+                        f"−{MICRO * abs(leak):.1f}",
                         (start, 0.04),
                         xycoords=("data", "axes fraction"),
                         fontsize=8,
@@ -43,7 +43,7 @@ def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path
             over_time,
             "time [s]",
             "strain since the start [microstrain]",
-            f"{Path(recording.log).name}: {found.channel.name}; stops shaded",
+            f"{Path(recording.log).name}: {found.channel.name}; shaded: stops, and what is lost",
         )
         if np.isfinite(s.pressure_Pa).any():
             bar = 1e-5 * s.pressure_Pa
@@ -54,8 +54,10 @@ def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path
                 - s.strain[0]
                 + test.slope_1_Pa[0] * (ends - np.nanmean(s.pressure_Pa))
             )
+            se = 1e11 * test.slope_se_1_Pa[0]
+            error = f" ± {se:.1g}" if np.isfinite(se) else ""
             text = (
-                f"{1e11 * test.slope_1_Pa[0]:.1f} microstrain/bar, straight to "
+                f"{1e11 * test.slope_1_Pa[0]:.1f}{error} microstrain/bar, straight to "
                 f"{100 * test.nonlinearity[0]:.1f} %"
             )
             over_pressure.plot(1e-5 * ends, MICRO * line, color=MARK, lw=1.5, label=text)

@@ -340,8 +340,10 @@ def lengths(sketches: Sequence[TurnsSketch]) -> Figure:
     label(by_speed, "speed [m/s]", "contact length [mm]", ylim=limits)
     label(by_time, "time [s]", "")
     by_speed.legend(loc="best")
+    left = len(sketches) - (len(COLOURS) - 1)
     figure.suptitle(
         "bars two standard errors"
+        + (f"; {left} channels more are not drawn" if left > 0 else "")
         + ("; dotted: static footprint" if any(s.static_length_m for s in sketches) else ""),
         fontsize=12,
     )
