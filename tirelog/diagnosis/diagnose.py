@@ -214,8 +214,9 @@ def conclude(found: Found, stacks: Sequence[Stack] | StacksTogether) -> Diagnosi
     selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
     if (
         found.named and not selected
-    ):  # what was named is not claimed: the description is of what the model as it came leaves
-        left, excess_after = describe(before), excess_before
+    ):  # what was named is not claimed: all that is told is of the model as it came
+        left, floor = describe(before), before.floor
+        excess_after = excess_before = max(before.square_held - floor.square, 0.0)
         if max(excess_before, removed if sure else 0.0) <= LEAST_SHARE_OF_FLOOR * floor.square:
             # what alarmed is gone, once less is taken for scatter, or too small to be missing
             verdict = verdict_of(replace(evidence, named=0, repeats=False))
