@@ -76,7 +76,7 @@ def _together_page(result: Comparison) -> None:
     for part in result.parts:
         factor, unit = shown(part.observable, part.unit)
         errors = [part.rmse * factor, *_held_out(part, factor)]
-        rows.append([f"  {part.observable}", *errors, part.reduced_chi2, unit])
+        rows.append([f"  {part.label}", *errors, part.reduced_chi2, unit])
     out.print(_table(["", "rmse", "held out", "floor", "excess", "chi-square", "unit"], rows))
     out.print(result.agreement)
     known = result.contributions
@@ -87,10 +87,15 @@ def _together_page(result: Comparison) -> None:
     ]
     without = [f"without {k.observable}" for k in known]
     out.print(_table(["parameter", "value", "error", "unit", *without], parameters))
-    out.print("without an observable: the error that the others alone would leave")
+    one = "a grating" if all(part.member for part in result.parts) else "an observable"
+    out.print(f"without {one}: the error that the others alone would leave")
     for part in result.parts:
         out.print("")
         _errors_page(out, part)
+
+
+def _named(result: Comparison) -> str:
+    return f"{result.observable} of {result.member}" if result.member else result.observable
 
 
 def _without(error: float | None) -> float | str | None:
@@ -101,7 +106,7 @@ def _errors_page(out: Console, result: Comparison) -> None:
     """The errors of one observable, and where they are."""
     factor, unit = shown(result.observable, result.unit)
     out.print(
-        f"{result.observable} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} "
+        f"{_named(result)} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} "
         "manoeuvres"
     )
     rows: list[list[Any]] = [

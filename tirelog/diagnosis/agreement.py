@@ -116,7 +116,7 @@ def contributions(base: TogetherBase) -> tuple[Contribution, ...]:
         without = errors_of(others, scale).se
         tail = float(stats.chi2.sf(chi2, freedom)) if freedom else 1.0
         one = Contribution(
-            part.cells.observable,
+            part.cells.label,
             dict(zip(fit.names, without.tolist(), strict=True)),
             chi2,
             freedom,

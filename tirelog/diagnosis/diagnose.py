@@ -440,7 +440,7 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
     before = step.before
     if isinstance(before, TogetherBase):  # the list is searched in the first waveform
         before = max(apart(before), key=lambda part: part.cells.phi.shape[1])
-        seen = before.cells.observable
-        rivals = [(name, model_of(model, seen)) for name, model in rivals]
+        seen, member = before.cells.observable, before.cells.member
+        rivals = [(name, model_of(model, seen, member)) for name, model in rivals]
     rows, more = advise(before, rivals)
     return rows, notes + more

@@ -263,7 +263,10 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
             continue
         of = {}
         if (layout := base.cells.together) is not None:
-            of = {"observable": layout.observables[log // len(layout.logs)]}
+            part = log // len(layout.logs)
+            of = {"observable": layout.observables[part]}
+            if layout.members[part]:
+                of["grating"] = layout.members[part]
             if not normal.gram[log, : len(names), : len(names)].any():
                 continue
         scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.gram[log]), 1e-300))
