@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from tirelog.diagnosis.diagnose import Diagnosis
+    from tirelog.diagnosis.gratings import GratingsFound
     from tirelog.diagnosis.results import Candidate, Comparison
 
 #: letters in a line of a page that no terminal shows
@@ -166,6 +167,8 @@ def diagnosis_page(result: Diagnosis) -> None:
         for c in result.effects
     ]
     out.print(_table(["  effect", "excess removed", "p", "strength"], rows))
+    if result.gratings is not None:
+        out.print(_gratings(result.gratings))
     for group in result.ambiguous_groups:
         out.print(f"cannot be told apart here: {', '.join(group)}")
     for row in result.separating_manoeuvres:
@@ -182,6 +185,26 @@ def diagnosis_page(result: Diagnosis) -> None:
     for effect, reason in result.not_tested.items():
         out.print(f"not tested: {effect}: {reason}")
     out.print(f"next: {result.next_command}")
+
+
+def _gratings(found: GratingsFound) -> Any:
+    """Which grating says what: angle, what it alone shows, each named effect as it has it."""
+    rows: list[list[Any]] = []
+    own = {frame.frame: frame for frame in found.frames}
+    for name, angle in zip(found.names, found.angles_deg, strict=True):
+        frame = own.get(name)
+        row = [f"  {name}", f"{angle:.1f}", f"{frame.size:.3g}" if frame else "-"]
+        for s in found.strengths:
+            if name in found.asked:
+                i = found.asked.index(name)
+                row.append(f"{s.values[i]:.4g} +- {s.errors[i]:.2g}")
+            else:
+                row.append("left out")
+        rows.append(row)
+    return _table(
+        ["  grating", "angle [deg]", "alone [floors^2]", *(s.parameter for s in found.strengths)],
+        rows,
+    )
 
 
 def _strength(candidate: Candidate) -> str:

@@ -162,13 +162,15 @@ def _pulls(
     return tuple(sorted(named, key=lambda pull: -pull.sigmas)[:_NAMED])
 
 
-def agreement_sentence(found: tuple[Contribution, ...], units: Mapping[str, str]) -> str:
-    """Whether the observables agree, in words; `units` of the parameters."""
+def agreement_sentence(
+    found: tuple[Contribution, ...], units: Mapping[str, str], word: str = "observable"
+) -> str:
+    """Whether the observables agree, in words; `units` of the parameters, `word` for one."""
     wrong = [one for one in found if one.contradicts]
     if not wrong:
         sharing = [one for one in found if one.freedom]
         if not sharing:
-            return "No parameter is known by more than one observable: nothing can contradict."
+            return f"No parameter is known by more than one {word}: nothing can contradict."
         told = ", ".join(
             f"{one.observable} against the others {one.chi2:.3g} of {one.freedom}"
             for one in sharing
@@ -180,7 +182,7 @@ def agreement_sentence(found: tuple[Contribution, ...], units: Mapping[str, str]
         )
         alone = [one.observable for one in found if not one.freedom]
         own = f" {' and '.join(alone)} shares no parameter that it can tell." if alone else ""
-        return f"The observables agree on what they share (chi-square of {told}{small}).{own}"
+        return f"The {word}s agree on what they share (chi-square of {told}{small}).{own}"
     said = []
     for one in wrong:
         pulls = "; ".join(

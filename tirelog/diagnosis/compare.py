@@ -141,7 +141,8 @@ def _comparison_of_several(
     )
     known = contributions(base)
     units = {name: p.unit for name, p in base.model.parameters.items()}
-    said = agreement_sentence(known, units)
+    word = "grating" if all(part.member for part in parts) else "observable"
+    said = agreement_sentence(known, units, word)
     cells = base.cells
     assert cells.together is not None
     first = _in_floors(parts[0], cells.together.scales[0])

@@ -18,6 +18,7 @@ import numpy as np
 
 from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.gratings import asked_of_gratings
 from tirelog.diagnosis.locked import untouched
 from tirelog.diagnosis.naming import Step, without_needless
 from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
@@ -28,7 +29,7 @@ from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
-from tirelog.inference.base import Base, settled
+from tirelog.inference.base import Base, TogetherBase, settled
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether
 from tirelog.inference.fit.cells import Problem
@@ -57,7 +58,12 @@ def ladder(
     """
     seen, locked = locked_away(measured_pieces(measured))
     progress("fitting the model")
-    base = start(seen, model)
+    base, said = start(seen, model), []
+    if isinstance(base, TogetherBase) and isinstance(seen, PiecesTogether) and seen.places:
+        seen, base, gratings = asked_of_gratings(seen, model, base)
+        said = gratings.sentences()
+        if isinstance(locked, PiecesTogether):
+            locked = locked.without(gratings.left_out)
     effects = tuple(effects)
     found = search_effects(base, effects, progress)
     after, steps, verdict = found.after, list(_steps(found)), _verdict(found)
@@ -98,6 +104,7 @@ def ladder(
         manoeuvres_locked=kept_back,
         remarks=(
             *remarks_of(found.before),
+            *said,
             *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
             *nuisance_sentences(nuisances_found(after), after),
             *more,

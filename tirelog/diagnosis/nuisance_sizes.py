@@ -202,8 +202,10 @@ def scatter_sentences(base: Base) -> list[str]:
 def _parted_by(nuisance: str, base: Base) -> str:
     """What parts a nuisance from an effect that looks like it."""
     measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
+    layout = base.cells.together
+    another = "a further" if layout is not None and any(layout.members) else "a second"
     return {
-        "wheel": "a second grating at another angle of the wheel",
+        "wheel": f"{another} grating at another angle of the wheel",
         "drift": "the same manoeuvres in another order"
         + ("" if measured else ", or a measured temperature"),
         "rolling": "a measured way, which gives the rolling radius",

@@ -66,6 +66,17 @@ class StacksTogether:
     parts: tuple[Sequence[Stack], ...]
     places: tuple[float, ...] = ()
 
+    def of_channels(self, names: Sequence[str]) -> StacksTogether:
+        """The revolutions of some gratings alone, or of what is none ("")."""
+        kept = [
+            i
+            for i, (part, place) in enumerate(zip(self.parts, self.places, strict=True))
+            if (part[0].channel if np.isfinite(place) else "") in names
+        ]
+        return StacksTogether(
+            tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept)
+        )
+
     def __len__(self) -> int:
         return min(len(part) for part in self.parts)
 
