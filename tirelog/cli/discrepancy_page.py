@@ -80,7 +80,8 @@ def _together_page(result: Comparison) -> None:
         rows.append([f"  {part.label}", *errors, part.reduced_chi2, unit])
     out.print(_table(["", "rmse", "held out", "floor", "excess", "chi-square", "unit"], rows))
     out.print(result.agreement)
-    known = result.contributions
+    gratings = all(part.member for part in result.parts)
+    known = result.contributions if not gratings else ()  # of like sensors each knows the same
     parameters = [
         [n, p["value"], p["se"], p["unit"]] + [_without(k.error_without.get(n)) for k in known]
         for n, p in result.parameters.items()
@@ -88,8 +89,9 @@ def _together_page(result: Comparison) -> None:
     ]
     without = [f"without {k.observable}" for k in known]
     out.print(_table(["parameter", "value", "error", "unit", *without], parameters))
-    one = "a grating" if all(part.member for part in result.parts) else "an observable"
-    out.print(f"without {one}: the error that the others alone would leave")
+    if gratings:
+        return
+    out.print("without an observable: the error that the others alone would leave")
     for part in result.parts:
         out.print("")
         _errors_page(out, part)

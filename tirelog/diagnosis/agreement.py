@@ -183,7 +183,10 @@ def agreement_sentence(
         alone = [one.observable for one in found if not one.freedom]
         own = f" {' and '.join(alone)} shares no parameter that it can tell." if alone else ""
         return f"The {word}s agree on what they share (chi-square of {told}{small}).{own}"
-    said = []
+    said, many = [], len(wrong)
+    if word == "grating" and many > 1:  # a wheel's force variation makes all differ
+        wrong = [max(wrong, key=lambda one: one.size)]
+        said = [f"{many} of {len(found)} gratings differ from the others"]
     for one in wrong:
         pulls = "; ".join(
             f"{pull.parameter} {pull.alone:.4g} ± {pull.alone_se:.2g} alone, {pull.others:.4g} ± "
@@ -194,6 +197,11 @@ def agreement_sentence(
         said.append(
             f"{one.observable} contradicts the others (chi-square {one.chi2:.3g} of "
             f"{one.freedom}){': ' if pulls else ''}{pulls}"
+        )
+    if word == "grating":
+        return (
+            f"{'. '.join(said)}. It may be the wheel's force variation, something missing, or the "
+            "grating: diagnose tells them apart."
         )
     return (
         f"{'. '.join(said)}. Each alone would fit better: something is missing that is not the "

@@ -47,7 +47,7 @@ from tirelog.diagnosis.compare import (
     single_revolutions,
     start_from,
 )
-from tirelog.diagnosis.gratings import GratingsFound, asked_of_gratings, strengths_of
+from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import quiet, removed_by
 from tirelog.diagnosis.nuisance_sizes import (
@@ -76,7 +76,7 @@ from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
-from tirelog.inference.base import TogetherBase, apart
+from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -163,12 +163,15 @@ def diagnose(
     extra = tuple(effects)
     progress("fitting the model")
     pieces = measured_pieces(measured)
-    base, stacks, gratings = start_from(pieces, model), single_revolutions(measured), None
-    if isinstance(base, TogetherBase) and isinstance(pieces, PiecesTogether) and pieces.places:
-        progress("asking which grating says what")
-        pieces, base, gratings = asked_of_gratings(pieces, model, base)
+    stacks, gratings = single_revolutions(measured), None
+    if isinstance(pieces, PiecesTogether) and pieces.places:
+        gratings = gathered(pieces, model)
+        base: Base = gratings.base
+        whole = gratings.searched is gratings.pieces
         if isinstance(stacks, StacksTogether):
-            stacks = stacks.of_channels(pieces.members)
+            stacks = stacks.of_channels(gratings.pieces.members) if whole else ()
+    else:
+        base = start_from(pieces, model)
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
     found = search_effects(base, extra, progress)
     progress("describing what is left")
@@ -176,11 +179,11 @@ def diagnose(
 
 
 def conclude(
-    found: Found, stacks: Sequence[Stack] | StacksTogether, gratings: GratingsFound | None = None
+    found: Found, stacks: Sequence[Stack] | StacksTogether, asked: Gathered | None = None
 ) -> Diagnosis:
     """The verdict and everything that is said with it.
 
-    `gratings`: what several gratings had said before.
+    `asked`: of several gratings what they had said before.
     """
     before, after = found.before, found.after
     floor = after.floor if found.named else before.floor
@@ -245,8 +248,9 @@ def conclude(
     beside, checks = nuisances_found(result), posterior_checks(result)
     suspected = suspects(result) if verdict in ("unknown", "scatter", "partial") else ()
     advice, notes = _advice(found, verdict)
-    if gratings is not None and isinstance(result, TogetherBase):
-        gratings = replace(gratings, strengths=strengths_of(result, selected))
+    gratings = None
+    if asked is not None and isinstance(result, TogetherBase):
+        gratings = asked.with_strengths(result, selected)
         notes += gratings.sentences()
     notes += nuisance_sentences(beside, result)
     notes += scatter_sentences(result)

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import start_from
 from tirelog.diagnosis.free_shapes import hats
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
@@ -28,6 +29,7 @@ from tirelog.diagnosis.sign_flips import Scores, flip_test
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.levers import ratio_of
 from tirelog.inference.cells.together import PiecesTogether
+from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import Plain
 from tirelog.inference.metric.offsets import Offsets
 from tirelog.inference.metric.whitening import Whitener
@@ -35,6 +37,12 @@ from tirelog.inference.nuisances import shared_effects
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
+#: gratings that effects are searched on if there are more: a wheel's three harmonics are parted
+#: from the road by four places; three would take a third less, and five add what all say again
+MOST_SEARCHED = 4
+#: means of like revolutions that a search of them takes, or as many as one grating has: a search
+#: takes 0.2 to 0.4 s for each
+_ENOUGH = 120
 ROAD, WHEEL, _EFFECT = "road", "wheel", " effect"
 #: eigenvalues of the normal equations below this share of the largest are rounding
 _RANK = 1e-10
@@ -89,6 +97,7 @@ class GratingsFound:
     alone      gratings that show what no other does;  left_out: those without which the rest was
                asked
     strengths  of each effect that was named, of the gratings in `asked`
+    searched   those on which effects were searched, if not all that were asked
     """
 
     names: tuple[str, ...]
@@ -96,6 +105,7 @@ class GratingsFound:
     frames: tuple[Frame, ...]
     left_out: tuple[str, ...]
     asked: tuple[str, ...] = ()
+    searched: tuple[str, ...] = ()
     strengths: tuple[Strengths, ...] = ()
 
     @property
@@ -136,6 +146,7 @@ class GratingsFound:
                 }
                 for s in self.strengths
             ],
+            "searched_on": list(self.searched or self.asked),
             "sentence": " ".join(self.sentences()),
         }  # fmt: skip
 
@@ -160,6 +171,11 @@ class GratingsFound:
             said.append(f"What follows is without {'it' if one else ', '.join(self.left_out)}.")
         elif self.alone and len(self.names) == 2:
             said.append("Of two gratings nothing tells which is right; a third would.")
+        if self.searched:
+            said.append(
+                f"Effects are searched on {', '.join(self.searched)}, on some of their revolutions "
+                "each; every grating is asked what it says."
+            )
         for s in self.strengths:
             if s.contradicts:
                 told = ", ".join(
@@ -195,24 +211,111 @@ class _Part:
     wheel: IntArray
 
 
-def asked_of_gratings(
-    pieces: PiecesTogether, model: Model, base: TogetherBase
-) -> tuple[PiecesTogether, TogetherBase, GratingsFound]:
+@dataclass(frozen=True)
+class Gathered:
+    """Several gratings as they are asked: all that agree, and what effects are searched on.
+
+    `base`: the model fitted to what is `searched`, which is all `pieces` if they are few.
+    """
+
+    pieces: PiecesTogether
+    searched: PiecesTogether
+    base: TogetherBase
+    found: GratingsFound
+
+    def with_strengths(self, result: TogetherBase, selected: Sequence[str]) -> GratingsFound:
+        """What was found, and each selected effect's strength as every grating has it."""
+        if not selected:
+            return self.found
+        whole = result if self.searched is self.pieces else held_to(self.pieces, result)
+        return replace(self.found, strengths=strengths_of(whole, selected))
+
+
+def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
     """What is to be asked of several gratings: those that no other contradicts.
 
     A grating that shows what no other does is left out if most remain, two at least.
     """
     names = tuple(name for name in pieces.members if name)
-    places = [np.degrees(p) % 360.0 for p, n in zip(pieces.places, pieces.members) if n]
-    found = GratingsFound(names, tuple(float(p) for p in places), frames_of(base), ())
+    places = [np.degrees(p) % 360.0 for p in pieces.places if np.isfinite(p)]
+    searched, base = _searched(pieces, model)
+    frames = frames_of(base if searched is pieces else held_to(pieces, base))
+    found = GratingsFound(names, tuple(float(p) for p in places), frames, ())
     out = found.alone
     if out and len(names) - len(out) >= max(2, len(out) + 1):
         found = replace(found, left_out=out)
         pieces = pieces.without(out)
-        anew = start_from(pieces, model)
-        assert isinstance(anew, TogetherBase)
-        base = anew
-    return pieces, base, replace(found, asked=tuple(n for n in names if n not in found.left_out))
+        searched, base = _searched(pieces, model)
+    found = replace(
+        found,
+        asked=tuple(name for name in names if name not in found.left_out),
+        searched=() if searched is pieces else searched.members,
+    )
+    return Gathered(pieces, searched, base, found)
+
+
+def _searched(pieces: PiecesTogether, model: Model) -> tuple[PiecesTogether, TogetherBase]:
+    """What effects are searched on, and the model fitted to it."""
+    some = spread_out(pieces)
+    base = start_from(some, model)
+    assert isinstance(base, TogetherBase)
+    return some, base
+
+
+def spread_out(pieces: PiecesTogether) -> PiecesTogether:
+    """The pieces themselves if they are of few gratings; of more those at the most distant angles.
+
+    Of each of these every other piece or so, in turn, so that each manoeuvre is seen by several.
+    """
+    gratings = [i for i, name in enumerate(pieces.members) if name]
+    if len(gratings) < MOST_SEARCHED:
+        return pieces
+    place = np.array(pieces.places)
+    chosen = gratings[:1]
+    while len(chosen) < MOST_SEARCHED:
+        off = np.abs(np.angle(np.exp(1j * (place[gratings][:, None] - place[chosen]))))
+        chosen.append(gratings[int(off.min(axis=1).argmax())])
+    rest = [pieces.members[i] for i in gratings if i not in chosen]
+    some = pieces.without(rest) if rest else pieces
+    total = sum(len(part) for part in some.parts)
+    every = int(np.clip(np.ceil(total / _ENOUGH), 1, MOST_SEARCHED))
+    kept = [(np.arange(len(part)) + i) % every == 0 for i, part in enumerate(some.parts)]
+    return some.take(np.concatenate(kept)) if every > 1 else some
+
+
+def held_to(pieces: PiecesTogether, fitted: TogetherBase) -> TogetherBase:
+    """A fitted model against more gratings: its parameters as they are, their own free.
+
+    Slopes are by all parameters.
+    """
+    model = with_nuisances_on(fitted)
+    held = model.with_parameters({name: p.fixed() for name, p in model.parameters.items()})
+    base = start_from(pieces, held, several=False)
+    assert isinstance(base, TogetherBase)
+    free = {name: p for name, p in model.parameters.items() if p.free}
+    names = (*free, *base.fit.names)
+    anew = base.model.with_parameters(
+        {name: replace(base.model.parameters[name], free=True) for name in free}
+    )
+    (fit,) = finish([Problem(base.cells, base.white)], anew, names, base.fit.settled)
+    return replace(base, fit=fit)
+
+
+@dataclass(frozen=True)
+class _Ground:
+    """Base and blocks beside it, of all gratings, and what they explain of the residual.
+
+    `where` (parts) of each grating its columns among these, `local` (parts) among its own.
+    """
+
+    where: list[IntArray]
+    local: list[IntArray]
+    found: FloatArray
+    inverse: FloatArray
+    left: FloatArray
+    gram: FloatArray
+    size_gram: FloatArray
+    size_left: FloatArray
 
 
 @dataclass(frozen=True)
@@ -231,7 +334,8 @@ def frames_of(base: TogetherBase) -> tuple[Frame, ...]:
     found: list[Frame] = []
     while len(taken) < len(names) + 2:
         frames = [frame for frame in (ROAD, WHEEL, *names) if frame not in taken]
-        asked = [_asked(parts, prior, taken, [frame]) for frame in frames]
+        ground = _ground(parts, prior, taken)
+        asked = [_asked(parts, ground, [frame]) for frame in frames]
         statistic, p = flip_test([one.scores for one in asked], base.cells.manoeuvres)
         rows = [Frame(f, asked[i].size, float(p[i])) for i, f in enumerate(frames)]
         largest = [i for i in np.argsort(-statistic).tolist() if rows[i].matters]
@@ -252,8 +356,8 @@ def strengths_of(base: TogetherBase, effects: Sequence[str]) -> tuple[Strengths,
             continue
         parts, prior = _parts(base, effect=name)
         own = [f"{_EFFECT} {part.name}" for part in parts]
-        each = _asked(parts, prior, [], own).scores
-        differing = _asked(parts, prior, [_EFFECT], own[1:])
+        each = _asked(parts, _ground(parts, prior, []), own).scores
+        differing = _asked(parts, _ground(parts, prior, [_EFFECT]), own[1:])
         root = each.root()
         step = root @ (root.T @ each.scores.sum(axis=0))
         scale = max(1.0, base.fit.reduced_chi2)
@@ -351,45 +455,75 @@ def _local(part: _Part, block: str) -> IntArray:
     return part.road if block in (ROAD, part.name) else part.road[:0]
 
 
-def _asked(
-    parts: Sequence[_Part], prior: FloatArray, beside: Sequence[str], tested: Sequence[str]
-) -> _Asked:
-    """The `tested` blocks, with the base and the blocks `beside` it projected out."""
-    blocks = [*beside, *tested]
+def _layout(parts: Sequence[_Part], blocks: Sequence[str], first: int) -> tuple[Any, Any, int]:
+    """(columns of each grating in `blocks` under each other from `first`, its own, how many)."""
     widths = [max(_local(part, block).size for part in parts) for block in blocks]
-    first = prior.size + np.cumsum([0, *widths])
-    many, total = int(first[-1]), max(part.gram.shape[0] for part in parts)
-    gram, right = np.zeros((total, many, many)), np.zeros((total, many))
-    size_gram, size_right = np.zeros((many, many)), np.zeros(many)
+    begins = first + np.cumsum([0, *widths])
+    where, local = [], []
     for part in parts:
         owns = [_local(part, block) for block in blocks]
-        a = np.concatenate([part.base, *owns])
-        b = np.concatenate(
-            [np.arange(prior.size)]
-            + [np.arange(begin, begin + own.size) for begin, own in zip(first, owns)]
-        )
+        places = [np.arange(b, b + own.size) for b, own in zip(begins, owns, strict=False)]
+        where.append(np.concatenate([np.zeros(0, np.int64), *places]))
+        local.append(np.concatenate([np.zeros(0, np.int64), *owns]))
+    return where, local, int(begins[-1])
+
+
+def _ground(parts: Sequence[_Part], prior: FloatArray, beside: Sequence[str]) -> _Ground:
+    """Base and the blocks `beside` it, as all gratings have them."""
+    where, local, many = _layout(parts, beside, prior.size)
+    where = [np.concatenate([np.arange(prior.size), own]) for own in where]
+    local = [np.concatenate([part.base, own]) for part, own in zip(parts, local, strict=True)]
+    total = max(part.gram.shape[0] for part in parts)
+    gram, right = np.zeros((total, many, many)), np.zeros((total, many))
+    size_gram, size_right = np.zeros((many, many)), np.zeros(many)
+    for part, b, a in zip(parts, where, local, strict=True):
         turns = np.arange(part.gram.shape[0])
         gram[np.ix_(turns, b, b)] += part.gram[np.ix_(turns, a, a)]
         right[np.ix_(turns, b)] += part.right[np.ix_(turns, a)]
         size_gram[np.ix_(b, b)] += part.size_gram[np.ix_(a, a)]
         size_right[b] += part.size_right[a]
-    cut = int(first[len(beside)])
-    n, s = slice(0, cut), slice(cut, many)
-    whole = gram[:, n, n].sum(axis=0)
+    whole = gram.sum(axis=0)
     whole[np.diag_indices(prior.size)] += prior
     inverse = _inverse(whole)
-    turn = inverse @ gram[:, n, s].sum(axis=0)
-    found = inverse @ right[:, n].sum(axis=0)
-    scores = right[:, s] - gram[:, s, n] @ found - (right[:, n] - gram[:, n, n] @ found) @ turn
-    left = (gram[:, s, s] - gram[:, s, n] @ turn).sum(axis=0)
+    found = inverse @ right.sum(axis=0)
+    left = right - gram @ found
+    return _Ground(
+        where, local, found, inverse, left, gram.sum(axis=0), size_gram,
+        size_right - size_gram @ found,
+    )  # fmt: skip
+
+
+def _asked(parts: Sequence[_Part], ground: _Ground, tested: Sequence[str]) -> _Asked:
+    """The `tested` blocks, with the ground projected out."""
+    where, local, many = _layout(parts, tested, 0)
+    total, n = ground.left.shape
+    right, square = np.zeros((total, many)), np.zeros((many, many))
+    cross, size_gram = np.zeros((n, many)), np.zeros((many, many))
+    size_right, size_cross = np.zeros(many), np.zeros((n, many))
+    for part, s, own, b, a in zip(parts, where, local, ground.where, ground.local, strict=True):
+        if not s.size:
+            continue
+        turns = np.arange(part.gram.shape[0])
+        between = part.gram[np.ix_(turns, own, a)]
+        seen = part.right[np.ix_(turns, own)] - between @ ground.found[b]
+        right[np.ix_(turns, s)] += seen
+        square[np.ix_(s, s)] += part.gram[np.ix_(turns, own, own)].sum(axis=0)
+        cross[np.ix_(b, s)] += between.sum(axis=0).T
+        size_gram[np.ix_(s, s)] += part.size_gram[np.ix_(own, own)]
+        size_cross[np.ix_(b, s)] += part.size_gram[np.ix_(a, own)]
+        size_right[s] += part.size_right[own] - part.size_gram[np.ix_(own, a)] @ ground.found[b]
+    turn = ground.inverse @ cross
+    scores = right - ground.left @ turn
+    left = square - cross.T @ turn
     evidence = Scores(scores, 0.5 * (left + left.T))
     root = evidence.root()
     step = root @ (root.T @ scores.sum(axis=0))
-    before = np.concatenate([found, np.zeros(many - cut)])
-    moved = np.concatenate([-turn @ step, step])
-    removed = float(2.0 * moved @ (size_right - size_gram @ before) - moved @ size_gram @ moved)
-    own = [part.weight for part in parts if any(part.name == block for block in tested)]
-    return _Asked(evidence, removed / (sum(own) or sum(part.weight for part in parts)))
+    back = -turn @ step
+    removed = 2.0 * (back @ ground.size_left + step @ size_right) - (
+        back @ ground.size_gram @ back + 2.0 * back @ size_cross @ step + step @ size_gram @ step
+    )
+    own = [part.weight for part in parts if part.name in tested]
+    return _Asked(evidence, float(removed) / (sum(own) or sum(part.weight for part in parts)))
 
 
 def _inverse(whole: FloatArray) -> FloatArray:

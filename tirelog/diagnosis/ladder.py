@@ -18,7 +18,7 @@ import numpy as np
 
 from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
-from tirelog.diagnosis.gratings import asked_of_gratings
+from tirelog.diagnosis.gratings import gathered
 from tirelog.diagnosis.locked import untouched
 from tirelog.diagnosis.naming import Step, without_needless
 from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
@@ -29,7 +29,7 @@ from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
-from tirelog.inference.base import Base, TogetherBase, settled
+from tirelog.inference.base import Base, settled
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether
 from tirelog.inference.fit.cells import Problem
@@ -58,12 +58,15 @@ def ladder(
     """
     seen, locked = locked_away(measured_pieces(measured))
     progress("fitting the model")
-    base, said = start(seen, model), []
-    if isinstance(base, TogetherBase) and isinstance(seen, PiecesTogether) and seen.places:
-        seen, base, gratings = asked_of_gratings(seen, model, base)
-        said = gratings.sentences()
+    said: list[str] = []
+    base: Base
+    if isinstance(seen, PiecesTogether) and seen.places:
+        asked = gathered(seen, model)
+        seen, base, said = asked.searched, asked.base, asked.found.sentences()
         if isinstance(locked, PiecesTogether):
-            locked = locked.without(gratings.left_out)
+            locked = locked.without([n for n in locked.members if n not in seen.members])
+    else:
+        base = start(seen, model)
     effects = tuple(effects)
     found = search_effects(base, effects, progress)
     after, steps, verdict = found.after, list(_steps(found)), _verdict(found)
