@@ -14,26 +14,26 @@ tire's: its bonding, its channel.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import start_from
 from tirelog.diagnosis.free_shapes import hats
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.sign_flips import Scores, flip_test
-from tirelog.inference.base import Base, TogetherBase, apart
-from tirelog.inference.cells.levers import ratio_of
-from tirelog.inference.cells.together import PiecesTogether
+from tirelog.inference.base import Base, FittedChannel, TogetherBase, apart, fit_together
+from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.levers import LEVER, ratio_name, without_ratios
+from tirelog.inference.cells.together import PiecesTogether, model_of
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import Plain
 from tirelog.inference.metric.offsets import Offsets
 from tirelog.inference.metric.whitening import Whitener
-from tirelog.inference.nuisances import shared_effects
+from tirelog.inference.nuisances import shared_by, shared_effects
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -43,7 +43,7 @@ MOST_SEARCHED = 4
 #: means of like revolutions that a search of them takes, or as many as one grating has: a search
 #: takes 0.2 to 0.4 s for each
 _ENOUGH = 120
-ROAD, WHEEL, _EFFECT = "road", "wheel", " effect"
+ROAD, WHEEL, _EFFECT, _LEVER = "road", "wheel", " effect", " lever arm"
 #: eigenvalues of the normal equations below this share of the largest are rounding
 _RANK = 1e-10
 
@@ -195,8 +195,8 @@ class _Part:
     """Normal equations of one grating: by manoeuvre gram (M, P, P), right (M, P).
 
     The first columns are those of `base`, then one of an effect if there is one, then the road's
-    shapes and the wheel's. `size_gram` (P, P), `size_right` (P,): in squared floors, of all.
-    `weight`: the values that a mean square of it is over.
+    shapes and the wheel's, and the grating's lever arm. `size_gram` (P, P), `size_right` (P,): in
+    squared floors, of all manoeuvres. `weight`: the values that a mean square of it is over.
     """
 
     name: str
@@ -209,6 +209,7 @@ class _Part:
     effect: IntArray
     road: IntArray
     wheel: IntArray
+    lever: IntArray
 
 
 @dataclass(frozen=True)
@@ -227,8 +228,10 @@ class Gathered:
         """What was found, and each selected effect's strength as every grating has it."""
         if not selected:
             return self.found
-        whole = result if self.searched is self.pieces else held_to(self.pieces, result)
-        return replace(self.found, strengths=strengths_of(whole, selected))
+        one_fit = self.searched is self.pieces
+        seen = members_of(result) if one_fit else members_held(self.pieces, result)
+        own = strengths_of(seen, result, selected)
+        return replace(self.found, strengths=own)
 
 
 def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
@@ -239,7 +242,7 @@ def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
     names = tuple(name for name in pieces.members if name)
     places = [np.degrees(p) % 360.0 for p in pieces.places if np.isfinite(p)]
     searched, base = _searched(pieces, model)
-    frames = frames_of(base if searched is pieces else held_to(pieces, base))
+    frames = frames_of(members_of(base) if searched is pieces else members_held(pieces, base))
     found = GratingsFound(names, tuple(float(p) for p in places), frames, ())
     out = found.alone
     if out and len(names) - len(out) >= max(2, len(out) + 1):
@@ -283,22 +286,86 @@ def spread_out(pieces: PiecesTogether) -> PiecesTogether:
     return some.take(np.concatenate(kept)) if every > 1 else some
 
 
-def held_to(pieces: PiecesTogether, fitted: TogetherBase) -> TogetherBase:
-    """A fitted model against more gratings: its parameters as they are, their own free.
+@dataclass(frozen=True)
+class Member:
+    """One grating at the parameters of a fit to several.
 
-    Slopes are by all parameters.
+    channel    its cells, metric, floor, and the fit, whose residual is without what is `beside`
+    place_rad  its angle on the wheel;  manoeuvre (C,) of its cells, numbered through all gratings
+    shared     columns (C, m, K) of the random effects that all gratings share, each as large as
+               its standard deviation
+    wheel      does what is beside the model hold the wheel's nuisance?
     """
-    model = with_nuisances_on(fitted)
-    held = model.with_parameters({name: p.fixed() for name, p in model.parameters.items()})
-    base = start_from(pieces, held, several=False)
-    assert isinstance(base, TogetherBase)
-    free = {name: p for name, p in model.parameters.items() if p.free}
-    names = (*free, *base.fit.names)
-    anew = base.model.with_parameters(
-        {name: replace(base.model.parameters[name], free=True) for name in free}
-    )
-    (fit,) = finish([Problem(base.cells, base.white)], anew, names, base.fit.settled)
-    return replace(base, fit=fit)
+
+    name: str
+    channel: FittedChannel
+    place_rad: float
+    manoeuvre: IntArray
+    shared: FloatArray
+    wheel: bool
+
+
+def members_of(base: TogetherBase) -> Iterator[Member]:
+    """The gratings of one fit, one after the other."""
+    cells, shared, layout = base.cells, base.cells.shared, base.cells.together
+    assert layout is not None
+    for i, part in enumerate(apart(base)):
+        if not part.cells.member:
+            continue
+        rows = np.flatnonzero(cells.part == i)
+        columns = np.zeros((*part.cells.phi.shape, 0))
+        if shared is not None:
+            columns = shared.columns[rows][:, : layout.widths[i]] * shared.sd * layout.scales[i]
+        yield Member(
+            part.cells.member,
+            part,
+            part.cells.place_rad,
+            cells.manoeuvre[rows],
+            columns,
+            shared is not None and WHEEL in shared.groups,
+        )
+
+
+def members_held(pieces: PiecesTogether, fitted: TogetherBase) -> Iterator[Member]:
+    """More gratings than were fitted, one after the other, held to what the fit says.
+
+    Its parameters and what its nuisances do are as they are; each grating has its own lever arm.
+    """
+    shared = fitted.cells.shared
+    groups = () if shared is None else shared.groups
+    found = dict(zip(() if shared is None else shared.names, fitted.fit.amplitudes, strict=True))
+    model = without_ratios(fitted.model)
+    model = replace(model, nuisances=tuple(n.used("auto") for n in model.nuisances))
+    free = [name for name in model.free if name != LEVER]
+    held = model.with_parameters({name: model.parameters[name].fixed() for name in free})
+    number = np.unique(pieces.manoeuvre, return_inverse=True)[1]
+    ends = np.cumsum([len(part) for part in pieces.parts])[:-1]
+    for part, place, name, manoeuvre in zip(
+        pieces.parts, pieces.places, pieces.members, np.split(number, ends), strict=True
+    ):
+        if not name:
+            continue
+        cells = replace(cells_of(part), place_rad=place)
+        one = model_of(held, part.observable)
+        (channel,) = fit_together([cells], one, several=False)
+        beside = shared_by(channel.cells, channel.fit, groups)
+        if beside is not None:  # baselines of single gratings are in no other's
+            does = beside.columns @ np.array([found.get(own, 0.0) for own in beside.names])
+            cells = replace(cells, values=cells.values - does)
+            (channel,) = fit_together([cells], one, several=False)
+        anew = channel.model.with_parameters(
+            {n: replace(channel.model.parameters[n], free=True) for n in free}
+        )
+        names = tuple(n for n in (*free, LEVER) if n in anew.parameters)
+        (fit,) = finish([Problem(channel.cells, channel.white)], anew, names, True)
+        yield Member(
+            name,
+            replace(channel, fit=fit, cells=fit.cells),
+            place,
+            manoeuvre,
+            np.zeros((*cells.phi.shape, 0)),
+            WHEEL in groups,
+        )
 
 
 @dataclass(frozen=True)
@@ -326,9 +393,10 @@ class _Asked:
     size: float
 
 
-def frames_of(base: TogetherBase) -> tuple[Frame, ...]:
+def frames_of(members: Iterable[Member]) -> tuple[Frame, ...]:
     """What repeats beside a fitted model, by frame: all that matters, or the largest of nothing."""
-    parts, prior = _parts(base, shapes=True)
+    parts, prior = _parts(members, shapes=True)
+    manoeuvres = max(part.gram.shape[0] for part in parts)
     names = [part.name for part in parts]
     taken: list[str] = []
     found: list[Frame] = []
@@ -336,7 +404,7 @@ def frames_of(base: TogetherBase) -> tuple[Frame, ...]:
         frames = [frame for frame in (ROAD, WHEEL, *names) if frame not in taken]
         ground = _ground(parts, prior, taken)
         asked = [_asked(parts, ground, [frame]) for frame in frames]
-        statistic, p = flip_test([one.scores for one in asked], base.cells.manoeuvres)
+        statistic, p = flip_test([one.scores for one in asked], manoeuvres)
         rows = [Frame(f, asked[i].size, float(p[i])) for i, f in enumerate(frames)]
         largest = [i for i in np.argsort(-statistic).tolist() if rows[i].matters]
         if not largest:
@@ -346,24 +414,26 @@ def frames_of(base: TogetherBase) -> tuple[Frame, ...]:
     return tuple(found)
 
 
-def strengths_of(base: TogetherBase, effects: Sequence[str]) -> tuple[Strengths, ...]:
-    """The first strength of each of these effects of the base's model, grating by grating."""
-    found = []
-    for effect in effects:
-        entry = next((e for e in base.model.effects if e.id == effect), None)
-        name = f"{effect}.{entry.effect.strength[0]}" if entry is not None else ""
-        if name not in base.fit.names:
-            continue
-        parts, prior = _parts(base, effect=name)
+def strengths_of(
+    members: Iterable[Member], fitted: Base, effects: Sequence[str]
+) -> tuple[Strengths, ...]:
+    """The first strength of each of these effects of a fitted model, grating by grating."""
+    entries = {e.id: f"{e.id}.{e.effect.strength[0]}" for e in fitted.model.effects}
+    asked = [entries[e] for e in effects if e in entries and entries[e] in fitted.fit.names]
+    if not asked:
+        return ()
+    seen, found = list(members), []
+    for name in asked:
+        parts, prior = _parts(seen, effect=name)
         own = [f"{_EFFECT} {part.name}" for part in parts]
         each = _asked(parts, _ground(parts, prior, []), own).scores
         differing = _asked(parts, _ground(parts, prior, [_EFFECT]), own[1:])
         root = each.root()
         step = root @ (root.T @ each.scores.sum(axis=0))
-        scale = max(1.0, base.fit.reduced_chi2)
+        scale = max(1.0, fitted.fit.reduced_chi2)
         errors = np.sqrt((root**2).sum(axis=1) * scale)
-        statistic, p = flip_test([differing.scores], base.cells.manoeuvres)
-        parameter = base.model.parameters[name]
+        statistic, p = flip_test([differing.scores], each.scores.shape[0])
+        parameter = fitted.model.parameters[name]
         found.append(
             Strengths(
                 name,
@@ -380,68 +450,67 @@ def strengths_of(base: TogetherBase, effects: Sequence[str]) -> tuple[Strengths,
 
 
 def _parts(
-    base: TogetherBase, *, effect: str = "", shapes: bool = False
+    members: Iterable[Member], *, effect: str = "", shapes: bool = False
 ) -> tuple[list[_Part], FloatArray]:
     """The normal equations of each grating, and the prior precision of the base's columns."""
-    cells, shared = base.cells, base.cells.shared
-    layout = cells.together
-    assert layout is not None
-    kept = [k for k, name in enumerate(base.fit.names) if name != effect]
-    prior = np.concatenate([np.zeros(len(kept)), np.ones(0 if shared is None else len(shared))])
-    held = () if shared is None else shared.groups
-    wheel = shared_effects(cells, base.fit, WHEEL) if shapes and WHEEL not in held else None
-    found = []
-    for i, part in enumerate(apart(base)):
-        if not part.cells.member:
-            continue
-        rows, unit, width = np.flatnonzero(cells.part == i), layout.scales[i], layout.widths[i]
-
-        moving = part.fit.moving
-        blocks: list[list[FloatArray]] = [[moving[..., kept]], [], [], []]
-        if shared is not None:
-            blocks[0].append(shared.columns[rows][:, :width] * shared.sd * unit)
+    found, prior, lever = [], np.zeros(0), 0.0
+    for member in members:
+        fit, cells = member.channel.fit, member.channel.cells
+        moving, of_lever = fit.moving, (LEVER, ratio_name(member.name))
+        kept = [
+            k
+            for k, name in enumerate(fit.names)
+            if name not in (effect, LEVER) and not name.startswith(ratio_name(""))
+        ]
+        prior = np.concatenate([np.zeros(len(kept)), np.ones(member.shared.shape[-1])])
+        own = [k for k, name in enumerate(fit.names) if name in of_lever][:1]
+        blocks: list[list[FloatArray]] = [[moving[..., kept], member.shared], [], [], []]
+        blocks.append([moving[..., own]])
         if effect:
-            blocks[1].append(moving[..., [base.fit.names.index(effect)]])
+            blocks[1].append(moving[..., [fit.names.index(effect)]])
         if shapes:
-            ratio = ratio_of(base.model, part.cells.member)
-            blocks[2].append(ratio * hats(part.cells.phi))
-            blocks[3].append(ratio * hats(part.cells.phi + part.cells.place_rad))
+            ratio = fit.model.values.get(LEVER, 1.0) / (lever or fit.model.values.get(LEVER, 1.0))
+            lever = lever or fit.model.values.get(LEVER, 1.0)
+            blocks[2].append(ratio * hats(cells.phi))
+            blocks[3].append(ratio * hats(cells.phi + member.place_rad))
+            wheel = None if member.wheel else shared_effects(cells, fit, WHEEL)
             if wheel is not None:
-                blocks[3].append(wheel.columns[rows][:, :width] * wheel.sd * unit)
-        found.append(_normal(part, blocks, cells.manoeuvre[rows]))
+                blocks[3].append(wheel.columns * wheel.sd)
+        found.append(_normal(member, blocks))
     return found, prior
 
 
-def _normal(part: Base, blocks: Sequence[Sequence[FloatArray]], manoeuvre: IntArray) -> _Part:
+def _normal(member: Member, blocks: Sequence[Sequence[FloatArray]]) -> _Part:
     """The normal equations of one grating, its logs' offsets taken out."""
-    cells = replace(part.cells, shared=None)
+    channel, manoeuvre = member.channel, member.manoeuvre
+    cells = replace(channel.cells, shared=None)
     good = np.isfinite(cells.values)[..., None]
     columns = np.concatenate([x for block in blocks for x in block], axis=-1)
     columns = np.where(good, columns, 0.0)
-    left = np.where(good[..., 0], cells.values - part.fit.prediction, 0.0)
+    left = np.where(good[..., 0], cells.values - channel.fit.prediction, 0.0)
     many = columns.shape[-1]
 
-    def without_offsets(metric: Whitener | Plain) -> tuple[FloatArray, FloatArray]:
-        offsets = Offsets.of(cells, metric)
-        return offsets.without(metric(columns)), offsets.without(metric(left))
+    def without_own(metric: Whitener | Plain) -> tuple[FloatArray, FloatArray]:
+        own = Offsets.of(cells, metric)
+        return own.without(metric(columns)), own.without(metric(left))
 
-    slopes, residual = without_offsets(part.white)
+    slopes, residual = without_own(channel.white)
     total = int(manoeuvre.max()) + 1
     gram, right = np.zeros((total, many, many)), np.zeros((total, many))
     for number in np.unique(manoeuvre):
         rows = manoeuvre == number
         flat = slopes[rows].reshape(-1, many)
         gram[number], right[number] = flat.T @ flat, flat.T @ residual[rows].ravel()
-    slopes, residual = without_offsets(part.plain)
+    slopes, residual = without_own(channel.plain)
     flat = slopes.reshape(-1, many)
     ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks)])
     return _Part(
-        cells.member,
+        member.name,
         gram,
         right,
-        flat.T @ flat / part.floor.square,
-        flat.T @ residual.ravel() / part.floor.square,
-        part.plain.weight,
+        flat.T @ flat / channel.floor.square,
+        flat.T @ residual.ravel() / channel.floor.square,
+        channel.plain.weight,
         *(np.arange(a, b) for a, b in pairwise(ends)),
     )
 
@@ -450,6 +519,8 @@ def _local(part: _Part, block: str) -> IntArray:
     """The columns of a grating that a block of all is made of; none if it has no part in it."""
     if block.startswith(_EFFECT):
         return part.effect if block in (_EFFECT, f"{_EFFECT} {part.name}") else part.effect[:0]
+    if block.startswith(_LEVER):
+        return part.lever if block == f"{_LEVER} {part.name}" else part.lever[:0]
     if block == WHEEL:
         return part.wheel
     return part.road if block in (ROAD, part.name) else part.road[:0]
@@ -470,7 +541,8 @@ def _layout(parts: Sequence[_Part], blocks: Sequence[str], first: int) -> tuple[
 
 def _ground(parts: Sequence[_Part], prior: FloatArray, beside: Sequence[str]) -> _Ground:
     """Base and the blocks `beside` it, as all gratings have them."""
-    where, local, many = _layout(parts, beside, prior.size)
+    levers = [f"{_LEVER} {part.name}" for part in parts]
+    where, local, many = _layout(parts, [*levers, *beside], prior.size)
     where = [np.concatenate([np.arange(prior.size), own]) for own in where]
     local = [np.concatenate([part.base, own]) for part, own in zip(parts, local, strict=True)]
     total = max(part.gram.shape[0] for part in parts)
