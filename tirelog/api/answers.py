@@ -297,6 +297,8 @@ def ladder(
         Model and revolutions do not fit together.
     """
     found = _known(measured)
+    if propose:
+        _one_grating(found, "propose", "climb without --propose, or measure one channel")
     return LadderOfLogs.of(
         climbing.ladder(
             found.revolutions,

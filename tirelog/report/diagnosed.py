@@ -15,6 +15,7 @@ from tirelog.data.recording import Recording
 from tirelog.report import model_sections
 from tirelog.report.page import Section
 from tirelog.report.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
+from tirelog.vocabulary.observables import STRAIN
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured
@@ -44,7 +45,12 @@ def model_story(
 ) -> Story:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
     from tirelog.diagnosis.diagnose import diagnose
-    from tirelog.inference.measured import measured, measured_together
+    from tirelog.inference.measured import (
+        measured,
+        measured_gratings,
+        measured_together,
+        several_channels,
+    )
     from tirelog.physics.model.user_effects import own_effects
 
     level = not model.ac_coupled
@@ -53,6 +59,8 @@ def model_story(
         stacks = measured_together(
             recordings, model.observables, asked.channel, level=level
         ).revolutions
+    elif (names := several_channels(asked.channel)) and model.observable == STRAIN:
+        stacks = measured_gratings(recordings, names).revolutions
     else:
         stacks = measured(recordings, model.observable, asked.channel, level=level).stacks
     found = diagnose(stacks, model, effects=own_effects(asked.effects), progress=progress)
