@@ -279,7 +279,9 @@ class World:
         if self.scenario.planted("splice") is None:
             return 0.0
         riding = [s for s in self.scenario.channels.values() if s.kind in STRAIN_KINDS]
-        return float(np.radians(sensor.angle_deg - riding[0].angle_deg)) if riding else 0.0
+        if sensor not in riding:  # none of the scenario's stands with the first
+            return 0.0
+        return float(np.radians(sensor.angle_deg - riding[0].angle_deg))
 
     def lever(self, sensor: Sensor) -> float:
         """Signed lever arm [m], positive on the inner surface; shorter with wear."""
