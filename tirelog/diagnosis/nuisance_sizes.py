@@ -202,8 +202,8 @@ def scatter_sentences(base: Base) -> list[str]:
 def _parted_by(nuisance: str, base: Base) -> str:
     """What parts a nuisance from an effect that looks like it."""
     measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
-    layout = base.cells.together
-    another = "a further" if layout is not None and any(layout.members) else "a second"
+    several = isinstance(base, TogetherBase) and any(c.cells.member for c in base.channels)
+    another = "a further" if several else "a second"
     return {
         "wheel": f"{another} grating at another angle of the wheel",
         "drift": "the same manoeuvres in another order"
