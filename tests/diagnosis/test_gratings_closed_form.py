@@ -102,19 +102,19 @@ def fitted(stacks: StacksTogether, model: Model = MODEL) -> TogetherBase:
     return base
 
 
-def bump(at: float, size: float = 8e-6) -> Added:
+def bump(at: float, size: float = 8e-6, width: float = 0.15) -> Added:
     """A bending of the belt at an angle of the road, far from the patch."""
 
     def shape(phi: FloatArray, place: float, ratio: float) -> FloatArray:
         off = np.angle(np.exp(1j * (phi - at)))
-        return np.asarray(ratio * size * np.exp(-0.5 * (off / 0.15) ** 2))
+        return np.asarray(ratio * size * np.exp(-0.5 * (off / width) ** 2))
 
     return shape
 
 
 def splice(phi: FloatArray, place: float, ratio: float) -> FloatArray:
-    """The same fixed to the wheel."""
-    return bump(2.0)(phi + place, 0.0, ratio)
+    """The same fixed to the wheel, and narrower than the nodes of free shapes are apart."""
+    return bump(2.0, 4e-5, 0.1)(phi + place, 0.0, ratio)
 
 
 def run_out(phi: FloatArray, place: float, ratio: float) -> FloatArray:
