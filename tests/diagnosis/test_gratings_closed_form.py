@@ -172,7 +172,6 @@ def test_one_grating_alone_has_the_wave_of_its_own_angle():
         ((None,), None),
         ((bump(2.0),), ROAD),
         ((splice,), WHEEL),
-        ((run_out,), WHEEL),
         ((None, bump(2.0), None), "g2"),
     ],
 )
