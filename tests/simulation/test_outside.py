@@ -86,6 +86,17 @@ def test_splice_keeps_its_angle() -> None:
         assert np.degrees(xi[np.argmax(wave)] / 0.305) == pytest.approx(100.0, abs=0.3)
 
 
+def test_each_grating_sees_the_splice_from_its_own_place() -> None:
+    channels = {f"g{a}": {"kind": "fbg_strain", "angle_deg": a} for a in (70.0, 130.0)}
+    spliced, plain = world(channels=channels, effects=[{"name": "splice"}]), world()
+    seen = []
+    for sensor in spliced.scenario.channels.values():
+        wave = spliced.waveform(spliced.solve(instants(12.0)), sensor)[0]
+        wave = wave - plain.waveform(plain.solve(instants(12.0)), sensor)[0]
+        seen.append(float(np.degrees(spliced.ring.xi_m[np.argmax(wave)] / 0.305)))
+    assert seen == pytest.approx([100.0, 40.0], abs=0.3)
+
+
 def test_nothing_pulls_except_suction() -> None:
     """The rescaled pressure still carries the load with an effect of no catalogue on it."""
     for name in ("pressure_saddle", "exit_suction"):

@@ -27,12 +27,24 @@ from tirelog.diagnosis.obstacles.compare import compare_transients
 from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.diagnosis.propose import propose as proposing
 from tirelog.errors import UsageError, nearest
-from tirelog.inference.measured import MeasuredLogs, measured, measured_together
+from tirelog.inference.measured import (
+    MeasuredLogs,
+    measured,
+    measured_gratings,
+    measured_together,
+    several_channels,
+)
 from tirelog.inference.motion import motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import own_effects
-from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, waveform_of
+from tirelog.vocabulary.observables import (
+    OBSERVABLES,
+    STRAIN,
+    WAVEFORMS,
+    together,
+    waveform_of,
+)
 
 __all__ = [
     "MeasuredLogs",
@@ -67,7 +79,8 @@ def measure(
         ``"radial_acceleration"``, ``"patch_length"``, ``"dissipation_factor"``,
         ``"phase_shift"``, ``"patch_width"``.
     channel : str, optional
-        The channel to take; by default the first of each log that measures the observable.
+        The channel to take; by default the first of each log that measures the observable. Of
+        strain also several gratings for one fit: their names with commas between, or ``"all"``.
     setup : str, os.PathLike or Setup, optional
         The setup of logs given by path; without it the TOML file beside each.
 
@@ -99,6 +112,15 @@ def measure(
             allowed=f"allowed are a model and {', '.join(OBSERVABLES)}",
             do="give one of them",
         )
+    if names := several_channels(channel):
+        asked = model.observables if isinstance(model, Model) else (observable,)
+        if asked != (STRAIN,):
+            raise UsageError(
+                f"several channels ({channel}) of {together(asked)}",
+                allowed="several are allowed of strain: gratings of one tire",
+                do="name one channel, or none",
+            )
+        return measured_gratings(each_log(logs, setup), names)
     level = not (isinstance(model, Model) and model.ac_coupled)
     if isinstance(model, Model) and model.beside:
         return measured_together(each_log(logs, setup), model.observables, channel, level=level)
@@ -148,7 +170,7 @@ def fit(
     """
     channels = [measured] if isinstance(measured, MeasuredLogs) else list(measured)
     for one in channels:
-        _known(one)
+        _one_grating(_known(one), "fit", "fit each, or compare, which fits them too")
     if not channels:
         raise UsageError(
             "nothing measured", allowed="allowed is what `measure` gives", do="give one at least"
@@ -282,6 +304,8 @@ def ladder(
         Model and revolutions do not fit together.
     """
     found = _known(measured)
+    if propose:
+        _one_grating(found, "propose", "climb without --propose, or measure one channel")
     return LadderOfLogs.of(
         climbing.ladder(
             found.revolutions,
@@ -335,6 +359,7 @@ def propose(
         Model and revolutions do not fit together, or the model gives a number per revolution.
     """
     found = _known(measured)
+    _one_grating(found, "propose", "measure one channel; diagnose tells which says what")
     return ProposalOfLogs.of(
         proposing.propose(
             found.stacks,
@@ -355,6 +380,16 @@ def _candidates(model: Model, given: Iterable[Effect]) -> list[Effect]:
 
 def _silent(text: str) -> None:
     """Take a remark that nobody asked to hear."""
+
+
+def _one_grating(found: MeasuredLogs, question: str, do: str) -> None:
+    """UsageError: several gratings were measured for one fit."""
+    if found.places:
+        raise UsageError(
+            f"{len(found.places)} gratings in one",
+            allowed=f"{question} takes one grating at a time; compare, diagnose and ladder several",
+            do=do,
+        )
 
 
 def _known(value: object) -> MeasuredLogs:

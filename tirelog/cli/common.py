@@ -128,7 +128,8 @@ ChannelName = Annotated[
     str | None,
     typer.Option(
         "--channel",
-        help="Channel to compare; the first that fits by default.",
+        help="Channel to compare; the first that fits by default. Of strain several gratings in "
+        "one fit: their names with commas between, or all.",
         show_default=False,
         autocompletion=completion.channels,
     ),

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from tirelog.diagnosis.diagnose import Diagnosis
+    from tirelog.diagnosis.gratings import GratingsFound
     from tirelog.diagnosis.results import Candidate, Comparison
 
 #: letters in a line of a page that no terminal shows
@@ -76,10 +77,11 @@ def _together_page(result: Comparison) -> None:
     for part in result.parts:
         factor, unit = shown(part.observable, part.unit)
         errors = [part.rmse * factor, *_held_out(part, factor)]
-        rows.append([f"  {part.observable}", *errors, part.reduced_chi2, unit])
+        rows.append([f"  {part.label}", *errors, part.reduced_chi2, unit])
     out.print(_table(["", "rmse", "held out", "floor", "excess", "chi-square", "unit"], rows))
     out.print(result.agreement)
-    known = result.contributions
+    gratings = all(part.member for part in result.parts)
+    known = result.contributions if not gratings else ()  # of like sensors each knows the same
     parameters = [
         [n, p["value"], p["se"], p["unit"]] + [_without(k.error_without.get(n)) for k in known]
         for n, p in result.parameters.items()
@@ -87,10 +89,16 @@ def _together_page(result: Comparison) -> None:
     ]
     without = [f"without {k.observable}" for k in known]
     out.print(_table(["parameter", "value", "error", "unit", *without], parameters))
+    if gratings:
+        return
     out.print("without an observable: the error that the others alone would leave")
     for part in result.parts:
         out.print("")
         _errors_page(out, part)
+
+
+def _named(result: Comparison) -> str:
+    return f"{result.observable} of {result.member}" if result.member else result.observable
 
 
 def _without(error: float | None) -> float | str | None:
@@ -101,7 +109,7 @@ def _errors_page(out: Console, result: Comparison) -> None:
     """The errors of one observable, and where they are."""
     factor, unit = shown(result.observable, result.unit)
     out.print(
-        f"{result.observable} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} "
+        f"{_named(result)} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} "
         "manoeuvres"
     )
     rows: list[list[Any]] = [
@@ -161,6 +169,8 @@ def diagnosis_page(result: Diagnosis) -> None:
         for c in result.effects
     ]
     out.print(_table(["  effect", "excess removed", "p", "strength"], rows))
+    if result.gratings is not None:
+        out.print(_gratings(result.gratings))
     for group in result.ambiguous_groups:
         out.print(f"cannot be told apart here: {', '.join(group)}")
     for row in result.separating_manoeuvres:
@@ -177,6 +187,26 @@ def diagnosis_page(result: Diagnosis) -> None:
     for effect, reason in result.not_tested.items():
         out.print(f"not tested: {effect}: {reason}")
     out.print(f"next: {result.next_command}")
+
+
+def _gratings(found: GratingsFound) -> Any:
+    """Which grating says what: angle, what it alone shows, each named effect as it has it."""
+    rows: list[list[Any]] = []
+    own = {frame.frame: frame for frame in found.frames}
+    for name, angle in zip(found.names, found.angles_deg, strict=True):
+        frame = own.get(name)
+        row = [f"  {name}", f"{angle:.1f}", f"{frame.size:.3g}" if frame else "-"]
+        for s in found.strengths:
+            if name in found.asked:
+                i = found.asked.index(name)
+                row.append(f"{s.values[i]:.4g} +- {s.errors[i]:.2g}")
+            else:
+                row.append("left out")
+        rows.append(row)
+    return _table(
+        ["  grating", "angle [deg]", "alone [floors^2]", *(s.parameter for s in found.strengths)],
+        rows,
+    )
 
 
 def _strength(candidate: Candidate) -> str:

@@ -125,6 +125,10 @@ class ChannelSetup:
     surface                       outer (groove): minimum in the patch; inner (liner): maximum
     window_nm                     finds a grating by wavelength among a varying number of peaks
     gauge_length_m                length a grating averages over
+    angle_deg                     of a sensor on the tire: the wheel's angle at which it passes the
+                                  patch's centre, growing in the direction of rolling
+    lateral_m                     of a sensor on the tire: its place across the tread, 0 in the
+                                  middle
     steps                         of a wheel encoder, per turn
     sampling_rate_Hz              the channel's own rate
     """
@@ -142,6 +146,8 @@ class ChannelSetup:
     surface: str | None = None
     window_nm: tuple[float, float] | None = None
     gauge_length_m: float | None = _number(0.0, 1.0)
+    angle_deg: float | None = _number(-360.0, 360.0, above=False)
+    lateral_m: float | None = _number(-1.0, 1.0, above=False)
     steps: int | None = None
     sampling_rate_Hz: float | None = _number(0.0, 1e9)
 

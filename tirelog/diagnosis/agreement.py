@@ -116,7 +116,7 @@ def contributions(base: TogetherBase) -> tuple[Contribution, ...]:
         without = errors_of(others, scale).se
         tail = float(chdtrc(freedom, chi2)) if freedom else 1.0
         one = Contribution(
-            part.cells.observable,
+            part.cells.label,
             dict(zip(fit.names, without.tolist(), strict=True)),
             chi2,
             freedom,
@@ -162,13 +162,15 @@ def _pulls(
     return tuple(sorted(named, key=lambda pull: -pull.sigmas)[:_NAMED])
 
 
-def agreement_sentence(found: tuple[Contribution, ...], units: Mapping[str, str]) -> str:
-    """Whether the observables agree, in words; `units` of the parameters."""
+def agreement_sentence(
+    found: tuple[Contribution, ...], units: Mapping[str, str], word: str = "observable"
+) -> str:
+    """Whether the observables agree, in words; `units` of the parameters, `word` for one."""
     wrong = [one for one in found if one.contradicts]
     if not wrong:
         sharing = [one for one in found if one.freedom]
         if not sharing:
-            return "No parameter is known by more than one observable: nothing can contradict."
+            return f"No parameter is known by more than one {word}: nothing can contradict."
         told = ", ".join(
             f"{one.observable} against the others {one.chi2:.3g} of {one.freedom}"
             for one in sharing
@@ -180,8 +182,11 @@ def agreement_sentence(found: tuple[Contribution, ...], units: Mapping[str, str]
         )
         alone = [one.observable for one in found if not one.freedom]
         own = f" {' and '.join(alone)} shares no parameter that it can tell." if alone else ""
-        return f"The observables agree on what they share (chi-square of {told}{small}).{own}"
-    said = []
+        return f"The {word}s agree on what they share (chi-square of {told}{small}).{own}"
+    said, many = [], len(wrong)
+    if word == "grating" and many > 1:  # a wheel's force variation makes all differ
+        wrong = [max(wrong, key=lambda one: one.size)]
+        said = [f"{many} of {len(found)} gratings differ from the others"]
     for one in wrong:
         pulls = "; ".join(
             f"{pull.parameter} {pull.alone:.4g} ± {pull.alone_se:.2g} alone, {pull.others:.4g} ± "
@@ -192,6 +197,11 @@ def agreement_sentence(found: tuple[Contribution, ...], units: Mapping[str, str]
         said.append(
             f"{one.observable} contradicts the others (chi-square {one.chi2:.3g} of "
             f"{one.freedom}){': ' if pulls else ''}{pulls}"
+        )
+    if word == "grating":
+        return (
+            f"{'. '.join(said)}. It may be the wheel's force variation, something missing, or the "
+            "grating: diagnose tells them apart."
         )
     return (
         f"{'. '.join(said)}. Each alone would fit better: something is missing that is not the "

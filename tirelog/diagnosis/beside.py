@@ -22,6 +22,7 @@ from tirelog.diagnosis.rules import (
 from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
+from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.projection import per_manoeuvre
@@ -198,8 +199,8 @@ def _beside(base: Base, shared: SharedEffects | None, model: Model) -> Base:
 
 
 def with_nuisances_on(base: Base) -> Model:
-    """The base's model, which asks for its nuisances from now on."""
-    model = base.model
+    """The base's model, which asks for its nuisances from now on, as a file has it."""
+    model = without_ratios(base.model)
     for group in groups_of(base):
         model = model.with_nuisance(group, "on")
     return model

@@ -56,7 +56,7 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     """
     if isinstance(base, TogetherBase):
         return tuple(
-            replace(check, name=f"{check.name} of {part.cells.observable}")
+            replace(check, name=f"{check.name} of {part.cells.label}")
             for part in apart(base)
             for check in posterior_checks(part, seed)
         )

@@ -32,6 +32,7 @@ from tirelog.inference.base import (
 )
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.gathering import MOST_PIECES, pieces_of_logs
+from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
 from tirelog.inference.floor import Plain
@@ -62,7 +63,8 @@ def measured_pieces(measured: Measured) -> Pieces | PiecesTogether:
         )
     if isinstance(measured, StacksTogether):
         room = MOST_PIECES // len(measured.parts)
-        return PiecesTogether.of([pieces_of_logs(part, room) for part in measured.parts])
+        parts = [pieces_of_logs(part, room) for part in measured.parts]
+        return PiecesTogether.of(parts, measured.places)
     return measured if isinstance(measured, Pieces | PiecesTogether) else pieces_of_logs(measured)
 
 
@@ -86,6 +88,11 @@ def start_from(pieces: Pieces | PiecesTogether, model: Model, *, several: bool =
     model = without_motion_parameters(model)
     if isinstance(pieces, PiecesTogether):
         cells = [cells_of(part) for part in pieces.parts]
+        if pieces.places:
+            cells = [
+                replace(own, member=name, place_rad=place)
+                for own, name, place in zip(cells, pieces.members, pieces.places, strict=True)
+            ]
         drive = [part.manoeuvre for part in pieces.parts]
         return prepare_together(cells, drive, model, several=several)
     return prepare(cells_of(pieces), model, several=several)
@@ -134,7 +141,8 @@ def _comparison_of_several(
     )
     known = contributions(base)
     units = {name: p.unit for name, p in base.model.parameters.items()}
-    said = agreement_sentence(known, units)
+    word = "grating" if all(part.member for part in parts) else "observable"
+    said = agreement_sentence(known, units, word)
     cells = base.cells
     assert cells.together is not None
     first = _in_floors(parts[0], cells.together.scales[0])
@@ -143,7 +151,8 @@ def _comparison_of_several(
         first,
         observable=cells.observable,
         unit=FLOORS,
-        model=base.model,
+        member="",
+        model=without_ratios(base.model),
         **_errors(base, spread),
         revolutions=int(cells.revolutions.sum()),
         manoeuvres=cells.manoeuvres,
@@ -199,7 +208,8 @@ def _tables_of_several(parts: Sequence[Comparison]) -> ErrorTables:
     """The tables of each observable under each other, each row with its name and unit."""
 
     def named(part: Comparison, rows: Rows) -> Rows:
-        return [{"observable": part.observable, "unit": part.unit} | row for row in rows]
+        whose = {"observable": part.observable} | ({"grating": part.member} if part.member else {})
+        return [whose | {"unit": part.unit} | row for row in rows]
 
     def by_revolution() -> Iterator[Rows]:
         for part in parts:
@@ -225,7 +235,8 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
     return Comparison(
         observable=base.model.observable,
         unit=OBSERVABLES[base.model.observable].unit,
-        model=base.model,
+        member=base.cells.member,
+        model=without_ratios(base.model),
         **_errors(base, spread),
         revolutions=int(base.cells.revolutions.sum()),
         manoeuvres=base.cells.manoeuvres,
@@ -250,7 +261,7 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 def remarks_of(base: FittedChannel) -> list[str]:
     """What a person should know of the fit before believing it."""
     if isinstance(base, TogetherBase):
-        each = [(part.cells.observable, remarks_of(part)) for part in apart(base)]
+        each = [(part.cells.label, remarks_of(part)) for part in apart(base)]
         counted = Counter(remark for _, remarks in each for remark in dict.fromkeys(remarks))
         return list(
             dict.fromkeys(
@@ -292,7 +303,7 @@ def remarks_of(base: FittedChannel) -> list[str]:
 def of_rounding(base: FittedChannel) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
     if isinstance(base, TogetherBase):
-        return [f"{p.cells.observable}: {said}" for p in apart(base) for said in of_rounding(p)]
+        return [f"{p.cells.label}: {said}" for p in apart(base) for said in of_rounding(p)]
     if isinstance(base, Base) and base.cells.manoeuvres > 1:
         held = base.square_held
     else:
@@ -489,7 +500,7 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     cell = np.maximum(cell, 0)
     model = base.model
     if model.beside:
-        model = model_of(model, stack.observable)
+        model = model_of(model, stack.observable, base.cells.member)
     predicted = (
         model.predict(stack.conditions, surface=stack.surface, **angles) + base.fit.beside[cell]
     )

@@ -42,10 +42,12 @@ from tirelog.diagnosis.checks import (
 from tirelog.diagnosis.compare import (
     Measured,
     comparison_of,
+    measured_pieces,
     of_rounding,
     single_revolutions,
-    start,
+    start_from,
 )
+from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import quiet, removed_by
 from tirelog.diagnosis.nuisance_sizes import (
@@ -74,8 +76,8 @@ from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
-from tirelog.inference.base import TogetherBase, apart
-from tirelog.inference.cells.together import StacksTogether, model_of
+from tirelog.inference.base import Base, TogetherBase, apart
+from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
@@ -110,6 +112,7 @@ class Diagnosis:
     next_command: str
     found: Found
     stacks: Sequence[Stack] | StacksTogether
+    gratings: GratingsFound | None = None
 
     @property
     def model(self) -> Model:
@@ -125,7 +128,10 @@ class Diagnosis:
         return comparison_of(self.found.after, self.stacks) if self.selected else self.before
 
     def to_json(self) -> dict[str, Any]:
-        apart = ("effects", "notes", "found", "stacks", "nuisances", "checks", "suspects")
+        apart = (
+            *("effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"),
+            "gratings",
+        )
         names = [name for name in self.__dataclass_fields__ if name not in apart]
         rows = [
             {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
@@ -138,6 +144,7 @@ class Diagnosis:
             | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
             | {"suspects": [asdict(s) for s in self.suspects]}
+            | ({} if self.gratings is None else {"gratings": self.gratings.to_json()})
         )
         return told
 
@@ -155,15 +162,29 @@ def diagnose(
     """
     extra = tuple(effects)
     progress("fitting the model")
-    base = start(measured, model)
+    pieces = measured_pieces(measured)
+    stacks, gratings = single_revolutions(measured), None
+    if isinstance(pieces, PiecesTogether) and pieces.places:
+        gratings = gathered(pieces, model)
+        base: Base = gratings.base
+        whole = gratings.searched is gratings.pieces
+        if isinstance(stacks, StacksTogether):
+            stacks = stacks.of_channels(gratings.pieces.members) if whole else ()
+    else:
+        base = start_from(pieces, model)
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
     found = search_effects(base, extra, progress)
     progress("describing what is left")
-    return conclude(found, single_revolutions(measured))
+    return conclude(found, stacks, gratings)
 
 
-def conclude(found: Found, stacks: Sequence[Stack] | StacksTogether) -> Diagnosis:
-    """The verdict and everything that is said with it."""
+def conclude(
+    found: Found, stacks: Sequence[Stack] | StacksTogether, asked: Gathered | None = None
+) -> Diagnosis:
+    """The verdict and everything that is said with it.
+
+    `asked`: of several gratings what they had said before.
+    """
     before, after = found.before, found.after
     floor = after.floor if found.named else before.floor
     excess_before = max(before.square_held - floor.square, 0.0)
@@ -228,6 +249,10 @@ def conclude(found: Found, stacks: Sequence[Stack] | StacksTogether) -> Diagnosi
     beside, checks = nuisances_found(result), posterior_checks(result)
     suspected = suspects(result) if verdict in ("unknown", "scatter", "partial") else ()
     advice, notes = _advice(found, verdict)
+    gratings = None
+    if asked is not None and isinstance(result, TogetherBase):
+        gratings = asked.with_strengths(result, selected)
+        notes += gratings.sentences()
     notes += nuisance_sentences(beside, result)
     notes += scatter_sentences(result)
     stayed = [n.nuisance for n in beside if n.stayed]
@@ -309,6 +334,7 @@ def conclude(found: Found, stacks: Sequence[Stack] | StacksTogether) -> Diagnosi
         ),
         found=found,
         stacks=stacks,
+        gratings=gratings,
     )
 
 
@@ -441,7 +467,7 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
     before = step.before
     if isinstance(before, TogetherBase):  # the list is searched in the first waveform
         before = max(apart(before), key=lambda part: part.cells.phi.shape[1])
-        seen = before.cells.observable
-        rivals = [(name, model_of(model, seen)) for name, model in rivals]
+        seen, member = before.cells.observable, before.cells.member
+        rivals = [(name, model_of(model, seen, member)) for name, model in rivals]
     rows, more = advise(before, rivals)
     return rows, notes + more

@@ -50,6 +50,8 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
             for i, part in enumerate(apart(base))
             if _acts_in(part, effect_id)
         ]
+        if all(part.cells.member for part in apart(base)):  # the tire's shape is one to all
+            return np.asarray(sum(each), dtype=np.float64)
         return np.concatenate(each, axis=-1)
     problem = Problem(base.cells, base.white)
     others = tuple(e for e in base.model.effects if e.id != effect_id)

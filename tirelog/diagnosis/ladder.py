@@ -18,6 +18,7 @@ import numpy as np
 
 from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.gratings import gathered
 from tirelog.diagnosis.locked import untouched
 from tirelog.diagnosis.naming import Step, without_needless
 from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
@@ -57,7 +58,15 @@ def ladder(
     """
     seen, locked = locked_away(measured_pieces(measured))
     progress("fitting the model")
-    base = start(seen, model)
+    said: list[str] = []
+    base: Base
+    if isinstance(seen, PiecesTogether) and seen.places:
+        asked = gathered(seen, model)
+        seen, base, said = asked.searched, asked.base, asked.found.sentences()
+        if isinstance(locked, PiecesTogether):
+            locked = locked.without([n for n in locked.members if n not in seen.members])
+    else:
+        base = start(seen, model)
     effects = tuple(effects)
     found = search_effects(base, effects, progress)
     after, steps, verdict = found.after, list(_steps(found)), _verdict(found)
@@ -98,6 +107,7 @@ def ladder(
         manoeuvres_locked=kept_back,
         remarks=(
             *remarks_of(found.before),
+            *said,
             *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
             *nuisance_sentences(nuisances_found(after), after),
             *more,
@@ -263,7 +273,10 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
             continue
         of = {}
         if (layout := base.cells.together) is not None:
-            of = {"observable": layout.observables[log // len(layout.logs)]}
+            part = log // len(layout.logs)
+            of = {"observable": layout.observables[part]}
+            if layout.members[part]:
+                of["grating"] = layout.members[part]
             if not normal.gram[log, : len(names), : len(names)].any():
                 continue
         scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.gram[log]), 1e-300))

@@ -138,13 +138,13 @@ def _describe_several(base: TogetherBase) -> Leftover:
     if told:
         most = max(told, key=lambda i: sizes[i])
         return replace(
-            found[most], size=sum(sizes[i] for i in told), observable=parts[most].cells.observable
+            found[most], size=sum(sizes[i] for i in told), observable=parts[most].cells.label
         )
     against = max(contributions(base), key=lambda one: one.size * one.contradicts)
     most = int(np.argmax(sizes))
     if not against.contradicts:
         return replace(found[most], size=sizes[most])
-    at = [part.cells.observable for part in parts].index(against.observable)
+    at = [part.cells.label for part in parts].index(against.observable)
     return replace(
         found[at],
         significant=True,
@@ -419,7 +419,7 @@ def half_angle(base: Base) -> float:
     """L / R [rad] of the model's patch, mean over cells."""
     model, conditions = base.model, base.cells.conditions
     if model.beside:
-        model = model_of(model, base.cells.observable)
+        model = model_of(model, base.cells.observable, base.cells.member)
     return float(np.mean(model.half_length_m(conditions))) / model.values["radius_m"]
 
 

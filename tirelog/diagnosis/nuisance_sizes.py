@@ -22,7 +22,7 @@ from tirelog.inference.nuisances import frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, shown
+from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown
 
 #: parts below so many of their standard errors are not spoken of; nor those below this share of
 #: the largest
@@ -171,6 +171,8 @@ def _plain(name: str) -> str:
 def observed(base: Base, name: str = "") -> tuple[str, str]:
     """What a base is of, and its unit; of several observables that of a part by its name."""
     own = name.rpartition(": ")[0] or base.cells.observable
+    if name and own not in OBSERVABLES and base.cells.together is not None:
+        own = STRAIN  # a grating's, or all gratings'
     return own, OBSERVABLES[own].unit if own in OBSERVABLES else FLOORS
 
 
@@ -182,7 +184,7 @@ def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
 def scatter_sentences(base: Base) -> list[str]:
     """What the noise floor mostly is, if that is what loads that scatter would do; else nothing."""
     if isinstance(base, TogetherBase):
-        each = [(part.cells.observable, scatter_sentences(part)) for part in apart(base)]
+        each = [(part.cells.label, scatter_sentences(part)) for part in apart(base)]
         return [f"Of {name}: {said}" for name, sentences in each for said in sentences]
     scatter = base.floor.scatter
     columns = scatter_columns(base.cells, base.fit)
@@ -200,8 +202,10 @@ def scatter_sentences(base: Base) -> list[str]:
 def _parted_by(nuisance: str, base: Base) -> str:
     """What parts a nuisance from an effect that looks like it."""
     measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
+    several = isinstance(base, TogetherBase) and any(c.cells.member for c in base.channels)
+    another = "a further" if several else "a second"
     return {
-        "wheel": "a second grating at another angle of the wheel",
+        "wheel": f"{another} grating at another angle of the wheel",
         "drift": "the same manoeuvres in another order"
         + ("" if measured else ", or a measured temperature"),
         "rolling": "a measured way, which gives the rolling radius",

@@ -98,9 +98,9 @@ class Comparison:
     `tables`: rows by revolution, angle, speed, regime, conditions. `half_angle_rad` is the patch's
     half length as an angle.
 
-    Of several observables fitted together errors are in their noise floors, `parts` has the
-    comparison of each in its own unit, `contributions` what each knows, and `agreement` says
-    whether they contradict each other; waveforms and maps are those of the first.
+    Of several observables or gratings (`member`) fitted together errors are in their noise floors,
+    `parts` has the comparison of each in its own unit, `contributions` what each knows, and
+    `agreement` says whether they contradict each other; waveforms and maps are those of the first.
     """
 
     observable: str
@@ -122,9 +122,15 @@ class Comparison:
     by_time: Map
     half_angle_rad: float
     remarks: tuple[str, ...] = ()
+    member: str = ""
     parts: tuple[Comparison, ...] = ()
     contributions: tuple[Contribution, ...] = ()
     agreement: str = ""
+
+    @property
+    def label(self) -> str:
+        """What it is called beside others: the grating, else the observable."""
+        return self.member or self.observable
 
     @property
     def excess(self) -> float:
@@ -138,7 +144,7 @@ class Comparison:
     def to_json(self) -> dict[str, Any]:
         apart = (
             *("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks"),
-            *("parts", "contributions", "agreement"),
+            *("member", "parts", "contributions", "agreement"),
         )
         names = [name for name in self.__dataclass_fields__ if name not in apart] + [
             "excess",
@@ -148,11 +154,10 @@ class Comparison:
             {name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)}
         )
         if self.parts:
-            told["observables"] = {part.observable: part.to_json() for part in self.parts}
+            key = "gratings" if all(part.member for part in self.parts) else "observables"
+            told[key] = {part.label: part.to_json() for part in self.parts}
             for known in self.contributions:
-                told["observables"][known.observable]["contribution"] = plain_values(
-                    known.to_json()
-                )
+                told[key][known.observable]["contribution"] = plain_values(known.to_json())
             told["agreement"] = self.agreement
         return told
 

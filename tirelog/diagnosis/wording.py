@@ -286,8 +286,8 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
         return f"What remains {_SHAPELESS}."
     if facts.get("contradicts"):
         return (
-            f"What remains repeats: {facts['observable']} contradicts the other observables on "
-            "what they share."
+            f"What remains repeats: {facts['observable']} contradicts the others on what they "
+            "share."
         )
     parts = [f"in {facts['observable']}"] if facts.get("observable") else []
     if facts["where"]:

@@ -24,6 +24,7 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.inference.bends import bends
 from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.levers import with_ratios
 from tirelog.inference.cells.together import in_bins, joined_cells, parts_of
 from tirelog.inference.fit.apart import fits_apart
 from tirelog.inference.fit.cells import (
@@ -177,7 +178,7 @@ def prepare_together(
     ModelError if it cannot be computed at these speeds.
     """
     conditions = Conditions.concatenate([own.conditions for own in cells])
-    model = model.resolved(conditions)
+    model = with_ratios(model.resolved(conditions), cells)
     channels, raw = _fitted(cells, model, several)
     scales = [float(np.sqrt(channel.floor.square)) for channel in channels]
     made = _joined(channels, raw, scales, drive)
@@ -194,8 +195,12 @@ def _joined(
     fits = [channel.fit for channel in channels]
     cells = joined_cells([channel.cells for channel in channels], scales, drive)
     white = whiteners_joined([channel.white for channel in channels], cells)
+    if cells.shared is None or not any(channel.cells.member for channel in channels):
+        (fit,) = finish([Problem(cells, white)], fits[0].model, fits[0].names, fits[0].settled)
+    else:  # each grating had amplitudes of its own so far, of what is one to all
+        fit = fit_model(cells, white, fits[0].model, several=False)
+        cells = fit.cells
     plain = Plain.of(cells)
-    (fit,) = finish([Problem(cells, white)], fits[0].model, fits[0].names, fits[0].settled)
     floor = _floor_of_all(channels, scales, plain, cells.part)
     missed = sum(
         channel.discrepancy / scale**2 * len(channel.cells)

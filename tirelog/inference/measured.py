@@ -24,27 +24,33 @@ from tirelog.inference.cells.together import StacksTogether
 from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, transient_log
 from tirelog.inference.stacks.cut import STRETCH, observe_channel, stacks_from_logs, stretches_of
 from tirelog.inference.stacks.outward import outward
+from tirelog.inference.stacks.places import Places, places_of
 from tirelog.inference.stacks.spooled import Stacks, joined
 from tirelog.tables.html import document, table
-from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, waveform_of
+from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.observables import OBSERVABLES, STRAIN, WAVEFORMS, waveform_of
 
 
 @dataclass(frozen=True)
 class MeasuredLogs:
     """Steady revolutions of all logs; beside them the logs that met an obstacle.
 
-    `beside`: those of further observables, which are fitted together with the first. `notes`: what
-    a reader must know of them.
+    `beside`: those of further observables, or gratings, which are fitted together with the first;
+    `places`: of gratings the angle of each on the wheel [rad]. `notes`: what a reader must know of
+    them.
     """
 
     stacks: Stacks
     obstacles: tuple[TransientLog, ...] = ()
     beside: tuple[Stacks, ...] = ()
+    places: tuple[float, ...] = ()
 
     @property
     def revolutions(self) -> Stacks | StacksTogether:
         """What a question is asked of: the stacks, of several observables those of each."""
-        return StacksTogether((self.stacks, *self.beside)) if self.beside else self.stacks
+        if not self.beside:
+            return self.stacks
+        return StacksTogether((self.stacks, *self.beside), self.places)
 
     def __repr__(self) -> str:
         found = ", ".join(
@@ -73,6 +79,76 @@ class MeasuredLogs:
     def notes(self) -> tuple[str, ...]:
         said = [note for stacks in (self.stacks, *self.beside) for note in stacks.notes]
         return tuple(dict.fromkeys(said))
+
+
+#: the word for every grating that all logs have
+ALL_CHANNELS = "all"
+
+
+def several_channels(channel: str | None) -> tuple[str, ...]:
+    """The channels that a --channel names if it names several, or all; none if it names one."""
+    names = tuple(dict.fromkeys(name.strip() for name in (channel or "").split(",")))
+    return names if len(names) > 1 or names == (ALL_CHANNELS,) else ()
+
+
+def measured_gratings(
+    recordings: Iterable[Recording], names: Sequence[str], *, most: int = STRETCH
+) -> MeasuredLogs:
+    """The revolutions of several gratings of one tire, and where each stands on the wheel.
+
+    names       of the channels, or ALL_CHANNELS
+    UsageError  as `measured`, and if a log lacks one, they are on both surfaces, or fewer than two
+                are left
+    """
+    found: dict[str, Stacks] = {}
+    places: dict[str, Places] = {}
+    surfaces: dict[str, str] = {}
+    for number, recording in enumerate(recordings):
+        own = [channel.name for channel in recording.of_kind(*STRAIN_KINDS)]
+        asked = list(names)
+        if names == (ALL_CHANNELS,):
+            asked = own if number == 0 else list(found)
+        lacking = [name for name in asked if name not in own]
+        if lacking or len(asked) < 2:
+            raise UsageError(
+                f"no grating {', '.join(lacking)}" if lacking else "one grating only",
+                allowed=f"the log's gratings are {', '.join(own) or 'none'}; several are needed, "
+                "the same in all logs",
+                do="name those that all logs have, or one alone" if lacking else "name it",
+                file=recording.log,
+            )
+        _refuse_obstacle(recording)
+        for name in asked:
+            one = measured([recording], STRAIN, name, most=most)
+            stacks = found.setdefault(name, Stacks())
+            stacks.add(recording.log, one.stacks.of_log(0))
+            for note in one.notes:
+                stacks.note(note)
+            places.setdefault(name, Places(name)).add(recording, number, stacks, found[asked[0]])
+            surfaces[name] = recording.channels[name].surface
+    if len(set(surfaces.values())) > 1:
+        raise UsageError(
+            "gratings on both surfaces: "
+            + ", ".join(f"{name} {surface}" for name, surface in surfaces.items()),
+            allowed="one fit takes gratings of one surface",
+            do="name those of one",
+        )
+    first, *others = found.values()
+    angles, said = places_of(list(places.values()))
+    for sentence in said:
+        first.note(sentence)
+    return MeasuredLogs(first, (), tuple(others), angles)
+
+
+def _refuse_obstacle(recording: Recording) -> None:
+    """UsageError: the log met an obstacle, which several gratings do not answer for together."""
+    if recording.setup.road.kind != "flat":
+        raise UsageError(
+            "a log with a [road] and several gratings",
+            allowed="an obstacle is compared with one grating",
+            do="name one channel, or leave the log out",
+            file=recording.log,
+        )
 
 
 def measured_together(

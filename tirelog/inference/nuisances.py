@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.levers import at_lever
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.cells.together import joined_effects, model_of, parts_of
 from tirelog.inference.fit.apart import fits_apart
@@ -74,7 +75,10 @@ _DRIFTING = {
 
 def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
     """Run-out and force variation at the first harmonics of the wheel's angle."""
-    phi = np.nan_to_num(cells.phi)[..., None] * np.array(_HARMONICS)
+    angle = np.nan_to_num(cells.phi)
+    if np.isfinite(cells.place_rad):  # one wave, which each grating sees from its place
+        angle = angle + cells.place_rad
+    phi = angle[..., None] * np.array(_HARMONICS)
     waves = np.concatenate([np.cos(phi), np.sin(phi)], axis=-1)
     load = load_derivative(cells, fit)
     strain = cells.observable == STRAIN
@@ -230,7 +234,7 @@ def shared_effects(
     """
     if cells.together is not None:
         fits = [
-            replace(f, model=model_of(f.model, f.cells.observable))
+            replace(f, model=model_of(f.model, f.cells.observable, f.cells.member))
             for f in fits_apart(replace(fit, cells=cells))
         ]
         known_from = [f.cells for f in fits] if whole is None else parts_of(whole)
@@ -238,6 +242,8 @@ def shared_effects(
             shared_effects(f.cells, f, name, w) for f, w in zip(fits, known_from, strict=True)
         ]
         return joined_effects(cells, found_by)
+    if cells.member:
+        fit = replace(fit, model=at_lever(fit.model, cells.member))
     known = next((n for n in fit.model.nuisances if n.name == name), None)
     if known is None or cells.phi.shape[1] == 1:
         return None
@@ -279,7 +285,7 @@ def moved_prediction(cells: Cells, model: Model, factors: Mapping[str, float]) -
 
     A pressure is a condition too, and so is a speed: it is an angle times the radius.
     """
-    conditions = cells.conditions
+    conditions, model = cells.conditions, at_lever(model, cells.member)
     return model.with_values({name: model.values[name] * x for name, x in factors.items()}).predict(
         replace(
             conditions,

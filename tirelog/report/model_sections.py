@@ -78,9 +78,9 @@ def comparisons(
     found = [_together(result, command)]
     for part in result.parts:
         own = comparison(part, command, colours)
-        figures = [replace(f, id=f"{f.id}-{part.observable}") for f in own.figures]
-        named = f"{own.title}: {part.observable.replace('_', ' ')}"
-        found.append(replace(own, id=f"{own.id}-{part.observable}", title=named, figures=figures))
+        figures = [replace(f, id=f"{f.id}-{part.label}") for f in own.figures]
+        named = f"{own.title}: {part.label if part.member else part.label.replace('_', ' ')}"
+        found.append(replace(own, id=f"{own.id}-{part.label}", title=named, figures=figures))
     return found
 
 
@@ -93,7 +93,7 @@ def _together(result: Comparison, command: str) -> Section:
         factor, unit = shown_value(one.observable, one.unit)
         rows.append(
             [
-                one.observable if one is not result else "all",
+                one.label if one is not result else "all",
                 unit,
                 f"{one.rmse * factor:.3g}",
                 in_unit(one.rmse_heldout, factor),

@@ -49,12 +49,16 @@ _RANDOM = ("amplitude", "width", "offset")
 
 @dataclass(frozen=True)
 class Together:
-    """Whose the rows are in cells of several observables (`cells.together`), n of them.
+    """Whose the rows are in cells of several members (`cells.together`), n of them.
+
+    A member is an observable, or one grating of several.
 
     observables, surfaces, scales (n,)  name, surface and what its values are divided by [its unit]
     widths         (n,)  its angles, 1 for a number per revolution
     logs           names of all logs;  own_logs (n,) those of each observable
     free           (n,)  what is taken out of each of its cells
+    members, places (n,)  the grating's name and its angle on the wheel [rad]; "" and NaN for what
+                          is none of several
     """
 
     observables: tuple[str, ...]
@@ -64,6 +68,13 @@ class Together:
     logs: tuple[str, ...]
     own_logs: tuple[tuple[str, ...], ...]
     free: tuple[tuple[str, ...], ...]
+    members: tuple[str, ...]
+    places: tuple[float, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each member is called, (n,): the grating, else the observable."""
+        return tuple(m or o for m, o in zip(self.members, self.observables, strict=True))
 
 
 @dataclass(frozen=True)
@@ -95,6 +106,7 @@ class Cells:
     free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
     part           (C,) the observable of each row, and `together`, if they are of several
+    member         the grating, if they are of one of several; place_rad its angle on the wheel
     """
 
     observable: str
@@ -125,6 +137,13 @@ class Cells:
     shared: SharedEffects | None = None
     part: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     together: Together | None = None
+    member: str = ""
+    place_rad: float = np.nan
+
+    @property
+    def label(self) -> str:
+        """What they are called: the grating, if it is one of several, else the observable."""
+        return self.member or self.observable
 
     @property
     def level(self) -> FloatArray:

@@ -1,5 +1,8 @@
 """Cells of several observables of one tire under each other, so that one fit sees them all.
 
+Several gratings are members of one fit like several observables, each with a lever arm of its own
+(`levers`).
+
     Cells of each observable, its scale (its noise floor) --joined_cells--> Cells (C, m)
         rows     those of one observable after the other; `part` says whose a row is
         angles   as many as the observable with most; the others' last bins are empty
@@ -9,11 +12,14 @@
 What is one in physics is one here: the parameters, and the manoeuvre. A stretch of driving is one
 replicate however many sensors saw it: leaving it out, or flipping its sign, is done to all of them
 at once (`one_drive`). What is each observable's own stays so: noise, floor, metric, scatter, the
-offset of each log (`log` numbers the logs of each observable apart), and the nuisances.
+offset of each log (`log` numbers the logs of each observable apart), and the nuisances: but what a
+nuisance does to the tire or the wheel is one to all gratings of it, and only their baselines are
+their own.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,6 +29,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.cells.cells import Cells, Together
+from tirelog.inference.cells.levers import LEVER, at_lever, own_values, ratio_name, ratio_of
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.physics.effects import Effect
@@ -45,13 +52,30 @@ _BINS: Mapping[str, tuple[float, int]] = {
     "speed_angle": (0.0, 0),
 }
 _ROWS = ("random_cov", "revolutions", "regime", "moved")
+#: amplitudes whose names begin so are a grating's own; all others are the tire's or the wheel's
+_OF_GRATING = "baseline"
 
 
 @dataclass(frozen=True)
 class StacksTogether:
-    """The revolutions of several observables, in the order of the model's."""
+    """The revolutions of several observables, in the order of the model's.
+
+    `places` (n,): of several gratings the angle of each on the wheel [rad], NaN for what is none.
+    """
 
     parts: tuple[Sequence[Stack], ...]
+    places: tuple[float, ...] = ()
+
+    def of_channels(self, names: Sequence[str]) -> StacksTogether:
+        """The revolutions of some gratings alone, or of what is none ("")."""
+        kept = [
+            i
+            for i, (part, place) in enumerate(zip(self.parts, self.places, strict=True))
+            if (part[0].channel if np.isfinite(place) else "") in names
+        ]
+        return StacksTogether(
+            tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept)
+        )
 
     def __len__(self) -> int:
         return min(len(part) for part in self.parts)
@@ -59,17 +83,38 @@ class StacksTogether:
 
 @dataclass(frozen=True)
 class PiecesTogether:
-    """The pieces of several observables, which have their manoeuvres in common."""
+    """The pieces of several observables, which have their manoeuvres in common.
+
+    `places` as of `StacksTogether`.
+    """
 
     parts: tuple[Pieces, ...]
+    places: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, parts: Sequence[Pieces]) -> PiecesTogether:
-        return cls(tuple(one_drive(parts)))
+    def of(cls, parts: Sequence[Pieces], places: tuple[float, ...] = ()) -> PiecesTogether:
+        return cls(tuple(one_drive(parts)), places)
 
     @property
     def observables(self) -> tuple[str, ...]:
-        return tuple(part.observable for part in self.parts)
+        """What was measured, each once."""
+        return tuple(dict.fromkeys(part.observable for part in self.parts))
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Of several gratings the name of each, "" for what is none."""
+        places = self.places or (np.nan,) * len(self.parts)
+        return tuple(
+            part.channel if np.isfinite(place) else ""
+            for part, place in zip(self.parts, places, strict=True)
+        )
+
+    def without(self, members: Sequence[str]) -> PiecesTogether:
+        """The pieces without those of some gratings."""
+        kept = [i for i, name in enumerate(self.members) if name not in members]
+        return PiecesTogether(
+            tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept)
+        )
 
     @property
     def logs(self) -> tuple[str, ...]:
@@ -84,7 +129,7 @@ class PiecesTogether:
         """Some of the pieces, (P,) of all observables."""
         ends = np.cumsum([len(part) for part in self.parts])[:-1]
         kept = zip(self.parts, np.split(which, ends), strict=True)
-        return PiecesTogether(tuple(part.take(mine) for part, mine in kept))
+        return PiecesTogether(tuple(part.take(mine) for part, mine in kept), self.places)
 
     def __len__(self) -> int:
         return min(len(part) for part in self.parts)
@@ -141,6 +186,8 @@ def joined_cells(
         names,
         tuple(part.logs for part in parts),
         tuple(part.free for part in parts),
+        tuple(part.member for part in parts),
+        tuple(part.place_rad for part in parts),
     )
     bins: dict[str, Any] = {
         name: np.concatenate(
@@ -161,7 +208,7 @@ def joined_cells(
     logs = [np.array([names.index(log) for log in part.logs]) for part in parts]
     return replace(
         parts[0],
-        observable=together(layout.observables),
+        observable=_of_all(layout.observables),
         conditions=Conditions.concatenate([part.conditions for part in parts]),
         log=np.concatenate(
             [i * len(names) + own[part.log] for i, (part, own) in enumerate(zip(parts, logs))]
@@ -170,12 +217,20 @@ def joined_cells(
         cell=np.zeros(0, np.int64),
         logs=names * len(parts),
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
-        shared=_joined_effects([part.shared for part in parts], parts, scales, width),
+        shared=_joined_effects([part.shared for part in parts], parts, layout, width),
         part=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
         together=layout,
+        member="",
+        place_rad=np.nan,
         **bins,
         **rows,
     )
+
+
+def _of_all(observables: Sequence[str]) -> str:
+    """The name of what is fitted together."""
+    count = Counter(observables)
+    return together(f"{name} of {n} gratings" if n > 1 else name for name, n in count.items())
 
 
 def parts_of(cells: Cells) -> tuple[Cells, ...]:
@@ -212,6 +267,8 @@ def parts_of(cells: Cells) -> tuple[Cells, ...]:
                 shared=None if cells.shared is None else _own_effects(cells.shared, cells, i),
                 part=np.zeros(0, np.int64),
                 together=None,
+                member=layout.members[i],
+                place_rad=layout.places[i],
                 **bins,
                 **own,
             )
@@ -238,36 +295,71 @@ def embedded(cells: Cells, part: int, x: FloatArray, empty: float = 0.0) -> Floa
 
 
 def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> SharedEffects | None:
-    """The shared effects of each observable's cells as those of all, each with its own sizes."""
+    """The shared effects of each member's cells as those of all, each with its own sizes."""
     assert cells.together is not None
-    named = [
-        None if own is None else replace(own, names=tuple(f"{o}: {name}" for name in own.names))
-        for own, o in zip(effects, cells.together.observables, strict=True)
-    ]
-    placed = [
-        replace(own, columns=embedded(cells, i, own.columns))
-        for i, own in enumerate(named)
-        if own is not None
-    ]
-    return SharedEffects.joined(placed) if placed else None
+    layout = cells.together
+    return _tied(
+        [
+            replace(own, columns=embedded(cells, i, own.columns), names=_names(own, layout, i))
+            for i, own in enumerate(effects)
+            if own is not None
+        ]
+    )
 
 
 def _joined_effects(
     effects: Sequence[SharedEffects | None],
     parts: Sequence[Cells],
-    scales: Sequence[float],
+    layout: Together,
     width: int,
 ) -> SharedEffects | None:
-    """Those of parts that were one before, whose names say the observable already."""
+    """Those of parts as they stand, for their cells under each other."""
     first = np.cumsum([0, *map(len, parts)])
     placed = []
     for i, own in enumerate(effects):
         if own is None:
             continue
         columns = np.zeros((int(first[-1]), width, len(own)))
-        columns[first[i] : first[i + 1], : own.columns.shape[1]] = own.columns / scales[i]
-        placed.append(replace(own, columns=columns))
-    return SharedEffects.joined(placed) if placed else None
+        columns[first[i] : first[i + 1], : own.columns.shape[1]] = own.columns / layout.scales[i]
+        placed.append(replace(own, columns=columns, names=_names(own, layout, i)))
+    return _tied(placed)
+
+
+def _names(own: SharedEffects, layout: Together, part: int) -> tuple[str, ...]:
+    """The names of a member's shared effects among all: whose they are, unless all gratings'."""
+    beside = len(set(layout.observables)) > 1
+    of_all = f"{layout.observables[part]}: " if beside else ""
+    mine = f"{layout.labels[part]}: "
+
+    def named(name: str) -> str:
+        if ": " in name:
+            return name
+        shared = layout.members[part] and not name.startswith(_OF_GRATING)
+        return f"{of_all if shared else mine}{name}"
+
+    return tuple(named(name) for name in own.names)
+
+
+def _tied(placed: Sequence[SharedEffects]) -> SharedEffects | None:
+    """All of them, those of one name as one amplitude."""
+    if not placed:
+        return None
+    joined = SharedEffects.joined(placed)
+    first = {name: i for i, name in reversed(list(enumerate(joined.names)))}
+    kept = sorted(first.values())
+    if len(kept) == len(joined):
+        return joined
+    columns = joined.columns[..., kept]
+    place = {joined.names[i]: k for k, i in enumerate(kept)}
+    for i, name in enumerate(joined.names):
+        if first[name] != i:
+            columns[..., place[name]] += joined.columns[..., i]
+    return SharedEffects(
+        columns,
+        joined.sd[kept],
+        tuple(joined.names[i] for i in kept),
+        tuple(joined.group[i] for i in kept),
+    )
 
 
 def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffects | None:
@@ -287,10 +379,11 @@ def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffect
 
 
 def own_amplitudes(shared: SharedEffects, cells: Cells, part: int) -> IntArray:
-    """Which of the shared effects are of one observable."""
-    assert cells.together is not None
-    begins = f"{cells.together.observables[part]}: "
-    return np.flatnonzero([name.startswith(begins) for name in shared.names])
+    """Which of the shared effects one member has, its own and those of all gratings."""
+    layout = cells.together
+    assert layout is not None
+    begins = (f"{layout.labels[part]}: ", f"{layout.observables[part]}: ")
+    return np.flatnonzero([name.startswith(begins) or ": " not in name for name in shared.names])
 
 
 # ---- what a model says of them -------------------------------------------------------------------
@@ -305,7 +398,7 @@ def predicted(
 ) -> FloatArray:
     """What a model predicts of the cells, (C, m), under their conditions or others."""
     conditions = cells.conditions if conditions is None else conditions
-    if cells.together is None and not model.beside:
+    if cells.together is None and not model.beside and not cells.member:
         return model.predict(
             conditions,
             surface=cells.surface,
@@ -314,8 +407,8 @@ def predicted(
             **cells.angles,
         )
     result = np.full(cells.phi.shape, np.nan)
-    for i, rows, one, where in _each(model, cells):
-        own = {k: v for k, v in (values or {}).items() if k in one.parameters}
+    for i, rows, one, member, where in _each(model, cells):
+        own = _own(model, one, member, values)
         there = one.predict(conditions.take(rows), values=own, **where)
         result[rows, : there.shape[1]] = there / _scale(cells, i)
     return result
@@ -325,7 +418,7 @@ def linearised(
     model: Model, cells: Cells, names: Sequence[str], values: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Prediction (C, m) and Jacobian (C, m, p)."""
-    if cells.together is None and not model.beside:
+    if cells.together is None and not model.beside and not cells.member:
         prediction, slopes = model.linearised(
             cells.conditions,
             names=names,
@@ -337,12 +430,13 @@ def linearised(
         return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
     prediction = np.full(cells.phi.shape, np.nan)
     jacobian = np.zeros((*cells.phi.shape, len(names)))
-    for i, rows, one, where in _each(model, cells):
-        own = {k: v for k, v in values.items() if k in one.parameters}
-        at = [k for k, name in enumerate(names) if name in one.parameters]
+    for i, rows, one, member, where in _each(model, cells):
+        own = _own(model, one, member, values)
+        at, asked, factors = _slopes_asked(model, one, member, names, values)
         there, slopes = one.linearised(
-            cells.conditions.take(rows), names=[names[k] for k in at], values=own, **where
+            cells.conditions.take(rows), names=asked, values=own, **where
         )
+        slopes *= np.array(factors)[:, None, None]
         scale, width = _scale(cells, i), there.shape[1]
         prediction[rows, :width] = there / scale
         jacobian[rows[:, None, None], np.arange(width)[None, :, None], np.array(at, int)] = (
@@ -351,12 +445,40 @@ def linearised(
     return prediction, jacobian
 
 
+def _own(
+    model: Model, one: Model, member: str, values: Mapping[str, float] | None
+) -> dict[str, float]:
+    """Values by name for the model of one member, of those for the model of all."""
+    given = own_values(model, member, values) or {}
+    return {k: v for k, v in given.items() if k in one.parameters}
+
+
+def _slopes_asked(
+    model: Model, one: Model, member: str, names: Sequence[str], values: Mapping[str, float]
+) -> tuple[list[int], list[str], list[float]]:
+    """Which of the names move one member, by which of its own parameters, and by what factor."""
+    ratio, mine = ratio_of(model, member, values), ratio_name(member)
+    lever = values.get(LEVER, model.values.get(LEVER, 0.0))
+    at: list[int] = []
+    asked: list[str] = []
+    factors: list[float] = []
+    for k, name in enumerate(names):
+        if member and name.startswith(ratio_name("")):
+            if name == mine:
+                at, asked, factors = [*at, k], [*asked, LEVER], [*factors, lever]
+        elif name in one.parameters:
+            at, asked = [*at, k], [*asked, name]
+            factors = [*factors, ratio if name == LEVER else 1.0]
+    return at, asked, factors
+
+
 def _each(model: Model, cells: Cells) -> Any:
-    """(number, rows, the model of this observable alone, arguments of its prediction) of each."""
+    """(number, rows, its own model, its grating, arguments of its prediction) of each member."""
     layout = cells.together
     if layout is None:
         where: dict[str, Any] = {"surface": cells.surface, "observable": cells.observable}
-        yield 0, np.arange(len(cells)), model_of(model, cells.observable), where | cells.angles
+        one = model_of(model, cells.observable, cells.member)
+        yield 0, np.arange(len(cells)), one, cells.member, where | cells.angles
         return
     for i, observable in enumerate(layout.observables):
         rows = np.flatnonzero(cells.part == i)
@@ -369,7 +491,8 @@ def _each(model: Model, cells: Cells) -> Any:
                 "phi_rad": cells.phi[rows, bins],
                 "phi_variance": cells.phi_variance[rows, bins],
             }
-        yield i, rows, model_of(model, observable), where
+        member = layout.members[i]
+        yield i, rows, model_of(model, observable, member), member, where
 
 
 def _scale(cells: Cells, part: int) -> float:
@@ -394,10 +517,11 @@ def _held(model: Model) -> list[Effect]:
     return [entry.effect for entry in model.effects]
 
 
-def model_of(model: Model, observable: str) -> Model:
+def model_of(model: Model, observable: str, member: str = "") -> Model:
     """The model as one observable sees it: without the effects that do nothing to it.
 
-    What such an effect needs to be known of a log, this observable's logs need not know.
+    What such an effect needs to be known of a log, this observable's logs need not know. Of several
+    gratings `member` is the one whose lever arm it has.
     """
     kept = tuple(e for e in model.effects if e.effect.acts_in(observable, _held(model)))
-    return replace(model, observable=observable, beside=(), effects=kept)
+    return at_lever(replace(model, observable=observable, beside=(), effects=kept), member)

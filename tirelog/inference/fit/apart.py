@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.levers import at_lever
 from tirelog.inference.cells.together import own_amplitudes, parts_of
 from tirelog.inference.fit.cells import Fit
 
@@ -31,7 +32,10 @@ def fits_apart(fit: Fit) -> tuple[Fit, ...]:
         found.append(
             replace(
                 fit,
-                model=replace(fit.model, observable=own.observable, beside=_others(fit, own)),
+                model=at_lever(
+                    replace(fit.model, observable=own.observable, beside=_others(fit, own)),
+                    own.member,
+                ),
                 chi2=float((residual**2).sum()),
                 freedom=fit.freedom * residual.size / max(fit.residual.size, 1),
                 residual=residual,

@@ -17,7 +17,7 @@ from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor, T
 from tirelog.simulation.sensors.sampling import PER_SI
 from tirelog.simulation.simulate import Simulated
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.kinds import KINDS
+from tirelog.vocabulary.kinds import KINDS, STRAIN_KINDS
 
 #: keys of a channel's setup that are the simulator's own, by kind
 _CHANNEL_KEYS = {
@@ -85,8 +85,11 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
             "[road]",
             *(f"{key} = {_toml(value)}" for key, value in road.items() if value is not None),
         ]
+    several = sum(sensor.kind in STRAIN_KINDS for sensor in scenario.channels.values()) > 1
     for name, sensor in scenario.channels.items():
         lines += ["", f"[channels.{name}]", *_channel_lines(sensor, sources[name])]
+        if several and sensor.kind in STRAIN_KINDS:  # of one nobody asks where it stands
+            lines.append(f"angle_deg = {sensor.angle_deg!r}")
     if time is not None:
         rate = next(iter(scenario.channels.values())).sampling_rate_Hz
         lines += ["", "[log]", f"sampling_rate_Hz = {rate!r}", f'time = "{time}"']

@@ -150,7 +150,7 @@ def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArr
             here = np.flatnonzero((trace.moment_s >= span.start_s) & (trace.moment_s < span.end_s))
             if not here.size:
                 continue
-            key = family(trace.sensor)
+            key = (*family(trace.sensor), world.behind_first(trace.sensor))
             if key not in tables:
                 tables[key] = _parabola(
                     [world.waveform(solution, trace.sensor) for solution in chunk.solutions]

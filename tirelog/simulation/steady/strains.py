@@ -40,13 +40,13 @@ def _faded(ring: Ring, exit_m: FloatArray) -> FloatArray:
     return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 0.6) / 0.3, 0.0, 1.0))
 
 
-def _splice(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
-    """The carcass's splice, once a turn at a fixed angle from the sensor."""
-    off = np.angle(
-        np.exp(
-            1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - np.radians(effect["angle_deg"]))
-        )
-    )
+def _splice(effect: Planted, ring: Ring, behind_rad: float) -> FloatArray:
+    """The carcass's splice, once a turn at a fixed angle from the first sensor.
+
+    A sensor that stands `behind_rad` behind the first sees it so much earlier.
+    """
+    place = np.radians(effect["angle_deg"]) - behind_rad
+    off = np.angle(np.exp(1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - place)))
     bump: FloatArray = np.exp(-0.5 * (off / np.radians(effect["width_deg"])) ** 2)[None, :]
     return bump
 
@@ -72,9 +72,10 @@ def _even_bulge(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -
     return (u**2 * np.exp(1.0 - u**2))[None, :]
 
 
+#: what is fixed to the tire, so that each sensor sees it from its own place
+_OF_TIRE = "splice"
 _EXTRA = {
     "ring_down": _ring_down,
-    "splice": _splice,
     "torsion": _torsion,
     "standing_wave": _standing_wave,
     "even_bulge": _even_bulge,
@@ -82,20 +83,25 @@ _EXTRA = {
 
 
 def extra_strain(
-    ring: Ring, scenario: Scenario, at: Instants, exit_m: FloatArray
+    ring: Ring, scenario: Scenario, at: Instants, exit_m: FloatArray, behind_rad: float = 0.0
 ) -> FloatArray | None:
     """The sum of the planted strains (b, points), each amplitude (v/20)^n.
 
-    None if none is planted.
+    None if none is planted. `behind_rad`: the sensor's place behind the first sensor's.
     """
     total: FloatArray | None = None
     for effect in scenario.effects:
-        if effect.name in _EXTRA:
+        if effect.name in _EXTRA or effect.name == _OF_TIRE:
             size = (
                 effect["amplitude"]
                 * (np.maximum(at.speed, 1e-6) / REFERENCE_SPEED_M_S) ** effect["speed_exponent"]
             )
-            shape = size[:, None] * _EXTRA[effect.name](effect, ring, at, exit_m)
+            form = (
+                _splice(effect, ring, behind_rad)
+                if effect.name == _OF_TIRE
+                else _EXTRA[effect.name](effect, ring, at, exit_m)
+            )
+            shape = size[:, None] * form
             total = shape if total is None else total + shape
     return total
 

@@ -25,6 +25,7 @@ from tirelog.simulation.steady.loads import Friction, Instants, friction, parabo
 from tirelog.simulation.steady.operators import ComplexArray, Ring
 from tirelog.simulation.steady.strains import extra_strain, seen_by
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 #: the gravity in the catalogue's forms of load transfer and slip
 CATALOGUE_GRAVITY_M_S2 = 9.81
@@ -265,9 +266,22 @@ class World:
         if solution.at.stretches:
             bent = bent / stretch[:, None] ** 2
         exit_m = solution.exit_m / stretch
-        extra = extra_strain(self.ring, self.scenario, solution.at, exit_m)
+        behind = self.behind_first(sensor)
+        extra = extra_strain(self.ring, self.scenario, solution.at, exit_m, behind)
         lever = self.lever(sensor)
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
+
+    def behind_first(self, sensor: Sensor) -> float:
+        """By how much a sensor stands behind the first on the tire [rad].
+
+        Zero unless something is fixed to the tire.
+        """
+        if self.scenario.planted("splice") is None:
+            return 0.0
+        riding = [s for s in self.scenario.channels.values() if s.kind in STRAIN_KINDS]
+        if sensor not in riding:  # none of the scenario's stands with the first
+            return 0.0
+        return float(np.radians(sensor.angle_deg - riding[0].angle_deg))
 
     def lever(self, sensor: Sensor) -> float:
         """Signed lever arm [m], positive on the inner surface; shorter with wear."""

@@ -1,0 +1,364 @@
+"""Closed form: several gratings of one tire in one fit.
+
+The waveforms are the model's own, with noise: what is asked is the arithmetic of a fit to several
+gratings, and whose a shape is.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
+from tirelog.data.setup import parse_setup
+from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
+from tirelog.diagnosis.gratings import (
+    MOST_SEARCHED,
+    ROAD,
+    WHEEL,
+    frames_of,
+    gathered,
+    members_held,
+    members_of,
+    spread_out,
+    strengths_of,
+)
+from tirelog.errors import UsageError
+from tirelog.inference.base import TogetherBase
+from tirelog.inference.cells.levers import ratio_name, ratio_of
+from tirelog.inference.cells.together import StacksTogether
+from tirelog.inference.measured import measured_gratings, several_channels
+from tirelog.inference.nuisances import shared_effects
+from tirelog.inference.stacks.places import Places, places_of
+from tirelog.inference.stacks.spooled import Stacks
+from tirelog.physics import Model
+from tirelog.simulation import scenario_of, simulate, to_recording
+from tirelog.vocabulary.arrays import FloatArray
+
+R, F, M, NOISE = 0.3126, 3600.0, 96, 2e-6
+PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi
+SPEEDS = np.array([9.0, 13.0, 17.0, 21.0, 24.0, 11.0, 19.0, 15.0, 10.0, 22.0])
+PLACES = np.radians([10.0, 107.0, 232.0])
+RATIOS = (1.0, 1.3, 0.8)
+TRUTH = Model.new("beam", radius_m=R, load_N=F).with_values(
+    {"patch_half_length_m": 0.061, "lever_arm_m": 4.2e-4}
+)
+MODEL = TRUTH.with_parameters(
+    {
+        name: TRUTH.parameters[name].fixed()
+        for name in ("flexural_stiffness_N_m2", "foundation_stiffness_N_m2")
+    }
+).with_values({"lever_arm_m": 4.0e-4})
+#: strain at angles of the road [rad], of a grating at a place, with a lever arm of that ratio
+Added = Callable[[FloatArray, float, float], FloatArray]
+
+
+def grating(number: int, truth: Model = TRUTH, added: Added | None = None, place: float = 0.0):
+    """Ten manoeuvres at a speed each; `added` strain of the road's and of the wheel's angle."""
+    rng = np.random.default_rng([5, number])
+    which = np.repeat(np.arange(SPEEDS.size), 5)
+    n = which.size
+    conditions = Conditions.of(
+        n, speed_m_s=SPEEDS[which], acceleration_m_s2=0.0, time_s=np.arange(n) * 0.1, load_N=F
+    )
+    lever = truth.values["lever_arm_m"] * RATIOS[number % 3]
+    values = truth.with_values({"lever_arm_m": lever}).predict(conditions, PHI)
+    if added is not None:
+        values = values + added(PHI, place, RATIOS[number % 3])
+    return Stack(
+        observable="strain",
+        channel=f"g{number + 1}",
+        surface="outer",
+        radius_m=R,
+        values=values + NOISE * rng.standard_normal((n, M)),
+        phi_rad=PHI,
+        phi_mean=np.tile(PHI, (n, 1)),
+        phi_variance=np.zeros((n, M)),
+        count=np.ones((n, M), int),
+        noise=np.full(n, NOISE),
+        conditions=conditions,
+        log=np.zeros(n, int),
+        manoeuvre=which,
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=("a.csv",),
+    )
+
+
+def three(*added: Added | None, truths: tuple[Model, ...] = (TRUTH,) * 3) -> StacksTogether:
+    """Three gratings; what is added to each, or one thing to all."""
+    each = added * 3 if len(added) == 1 else added or (None,) * 3
+    parts = tuple(
+        [grating(i, truth, more, place)]
+        for i, (truth, more, place) in enumerate(zip(truths, each, PLACES, strict=True))
+    )
+    return StacksTogether(parts, tuple(PLACES.tolist()))
+
+
+def fitted(stacks: StacksTogether, model: Model = MODEL) -> TogetherBase:
+    base = start_from(measured_pieces(stacks), model, several=False)
+    assert isinstance(base, TogetherBase)
+    return base
+
+
+def bump(at: float, size: float = 8e-6, width: float = 0.15) -> Added:
+    """A bending of the belt at an angle of the road, far from the patch."""
+
+    def shape(phi: FloatArray, place: float, ratio: float) -> FloatArray:
+        off = np.angle(np.exp(1j * (phi - at)))
+        return np.asarray(ratio * size * np.exp(-0.5 * (off / width) ** 2))
+
+    return shape
+
+
+def splice(phi: FloatArray, place: float, ratio: float) -> FloatArray:
+    """The same fixed to the wheel, and narrower than the nodes of free shapes are apart."""
+    return bump(2.0, 4e-5, 0.1)(phi + place, 0.0, ratio)
+
+
+def run_out(phi: FloatArray, place: float, ratio: float) -> FloatArray:
+    return 2e-5 * np.cos(phi + place - 0.7)
+
+
+def test_each_grating_has_its_own_lever_arm():
+    stacks = three()
+    base = fitted(stacks)
+    assert base.reduced_chi2 < 1.15
+    values, se = base.model.values, {n: p.se for n, p in base.model.parameters.items()}
+    for number, ratio in enumerate(RATIOS[1:], start=2):
+        name = ratio_name(f"g{number}")
+        assert abs(values[name] - ratio) < 4.0 * se[name] < 0.01
+    assert abs(values["lever_arm_m"] - 4.2e-4) < 4.0 * se["lever_arm_m"]
+    shown = comparison_of(base, stacks)
+    assert [part.label for part in shown.parts] == ["g1", "g2", "g3"]
+    levers = [part.model.values["lever_arm_m"] for part in shown.parts]
+    np.testing.assert_allclose(levers, 4.2e-4 * np.array(RATIOS), rtol=2e-3)
+    assert set(shown.model.parameters) == set(MODEL.parameters)  # a file knows of no ratio
+    assert "grating" in shown.agreement
+    assert list(shown.to_json()["gratings"]) == ["g1", "g2", "g3"]
+
+
+def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
+    on = MODEL.with_nuisance("wheel", "on")
+    base = fitted(three(run_out), on)
+    shared = base.cells.shared
+    assert shared is not None
+    assert len(shared) == 12  # and not as many for each grating
+    found = dict(zip(shared.names, base.fit.amplitudes, strict=True))
+    wave = found["run-out cos 1"] - 1j * found["run-out sin 1"]
+    assert wave == pytest.approx(2e-5 * np.exp(-0.7j), rel=0.05)
+    assert base.reduced_chi2 < 1.2
+    turned = replace(
+        measured_pieces(three(run_out)), places=tuple((PLACES[::-1]).tolist())
+    )  # gratings that stand elsewhere see no one wave
+    other = start_from(turned, on, several=False)
+    assert other.reduced_chi2 > 3.0 * base.reduced_chi2
+
+
+def test_one_grating_alone_has_the_wave_of_its_own_angle():
+    from tirelog.inference.base import prepare
+    from tirelog.inference.cells.cells import make_cells
+
+    base = prepare(make_cells(grating(0)), MODEL, several=False)
+    plain = shared_effects(base.cells, base.fit, "wheel")
+    assert plain is not None
+    np.testing.assert_array_equal(plain.columns[..., 0], np.cos(base.cells.phi))
+
+
+@pytest.mark.parametrize(
+    ("added", "frame"),
+    [
+        ((None,), None),
+        ((bump(2.0),), ROAD),
+        ((splice,), WHEEL),
+        ((None, bump(2.0), None), "g2"),
+    ],
+)
+def test_a_shape_belongs_to_road_wheel_or_one_grating(added, frame):
+    found = frames_of(members_of(fitted(three(*added))))
+    if frame is None:
+        assert not any(one.matters for one in found)
+        return
+    assert [one.frame for one in found if one.matters] == [frame]
+    if frame == "g2":  # its mean square about its mean over that of the noise
+        shape = bump(2.0)(PHI, 0.0, RATIOS[1])
+        assert found[0].size == pytest.approx(float(np.var(shape)) / NOISE**2, rel=0.15)
+
+
+def test_a_grating_that_no_other_agrees_with_is_left_out():
+    asked = gathered(measured_pieces(three(None, bump(-1.5), None)), MODEL)
+    assert asked.found.left_out == ("g2",)
+    assert asked.found.asked == ("g1", "g3") == asked.pieces.members
+    assert asked.base.reduced_chi2 < 1.2
+    said = " ".join(asked.found.sentences())
+    assert "g2 alone shows" in said
+    assert "not the tire" in said
+    told = asked.found.to_json()["gratings"]
+    assert [told[name]["contradicts"] for name in ("g1", "g2", "g3")] == [False, True, False]
+
+
+def test_of_two_gratings_none_is_left_out():
+    two = measured_pieces(three(None, bump(-1.5), None)).without(["g3"])
+    asked = gathered(two, MODEL)
+    assert asked.found.left_out == ()
+    assert "nothing tells which is right" in " ".join(asked.found.sentences())
+
+
+def test_strengths_by_grating_and_whether_they_differ():
+    name = "pressure_offset"
+    model = MODEL.with_effect(name, offset=0.05)
+    alike = (TRUTH.with_effect(name, offset=0.1),) * 3
+    base = fitted(three(truths=alike), model)
+    (same,) = strengths_of(members_of(base), base, [name])
+    assert same.parameter == f"{name}.offset"
+    for value, error in zip(same.values, same.errors, strict=True):
+        assert abs(value - 0.1) < 4.0 * error < 0.01
+    assert same.freedom == 2
+    assert not same.contradicts
+    apart = (*alike[:2], TRUTH.with_effect(name, offset=0.16))
+    other = fitted(three(truths=apart), model)
+    (differ,) = strengths_of(members_of(other), other, [name])
+    assert differ.contradicts
+    assert differ.q > 10.0 * max(same.q, 1.0)
+    assert differ.values[2] - differ.values[0] == pytest.approx(0.06, abs=0.02)
+    # gratings that took no part in the fit say the same of what it found
+    pieces = measured_pieces(three(truths=alike))
+    (held,) = strengths_of(members_held(pieces, base), base, [name])
+    np.testing.assert_allclose(held.values, same.values, atol=4.0 * max(same.errors))
+
+
+def test_of_many_gratings_those_at_the_most_distant_angles_are_searched():
+    angles = np.radians(np.arange(8) * 45.0)
+    parts = tuple([grating(i)] for i in range(8))
+    pieces = measured_pieces(StacksTogether(parts, tuple(angles.tolist())))
+    some = spread_out(pieces)
+    assert some.members == ("g1", "g3", "g5", "g7")
+    assert len(some.members) == MOST_SEARCHED
+    seen = [set(part.manoeuvre.tolist()) for part in some.parts]
+    assert set().union(*seen) == set(range(SPEEDS.size))
+    few = measured_pieces(three())
+    assert spread_out(few) is few
+
+
+# ---- where they stand ---------------------------------------------------------------------------
+
+
+def passages(name: str, behind_rad: float, seed: int) -> Stacks:
+    """Revolutions of a wheel that speeds up, with 0.3 degrees of scatter in each passage."""
+    turn = np.arange(80)
+    random = np.random.default_rng(seed)
+    angle = 2 * np.pi * turn + behind_rad + np.radians(0.3) * random.standard_normal(turn.size)
+    time = (-20.0 + np.sqrt(20.0**2 + 2.0 * 8.0 * angle)) / 8.0  # 20 rad/s, 8 rad/s^2
+    one = grating(0)
+    n = turn.size
+    stack = Stack(
+        **{
+            **{name: getattr(one, name) for name in ("observable", "surface", "radius_m")},
+            "channel": name,
+            "values": np.zeros((n, 1)),
+            "phi_rad": np.zeros(1),
+            "phi_mean": np.zeros((n, 1)),
+            "phi_variance": np.zeros((n, 1)),
+            "count": np.ones((n, 1), int),
+            "noise": np.zeros(n),
+            "conditions": Conditions.of(
+                n, speed_m_s=R * (20.0 + 8.0 * time), acceleration_m_s2=0.0, time_s=time
+            ),
+            "log": np.zeros(n, int),
+            "manoeuvre": np.zeros(n, int),
+            "revolution": turn,
+            "regime": np.full(n, "drive"),
+            "logs": ("a.csv",),
+        }
+    )
+    stacks = Stacks()
+    stacks.add("a.csv", [stack])
+    return stacks
+
+
+def recording(**angles: float | None) -> Recording:
+    """A log with gratings, whose setup tells some of their angles."""
+    text = "[tire]\nrolling_radius_m = 0.3\n"
+    for name, angle in angles.items():
+        text += f'[channels.{name}]\nkind = "strain"\nsource = "{name}"\n'
+        text += "" if angle is None else f"angle_deg = {angle}\n"
+    axis = TimeAxis.uniform(4, 1000.0, 0.0)
+    channels = {
+        name: Channel.of_array(name, "strain", np.zeros(4), axis, unit="1", surface="outer")
+        for name in angles
+    }
+    return Recording("a.csv", channels, parse_setup(text, "a.toml"))
+
+
+def placed(given: dict[str, float | None], behind: dict[str, float]) -> list[Places]:
+    stacks = {name: passages(name, np.radians(b), k) for k, (name, b) in enumerate(behind.items())}
+    log, first = recording(**given), next(iter(stacks.values()))
+    found = []
+    for name, own in stacks.items():
+        found.append(Places(name))
+        found[-1].add(log, 0, own, first)
+    return found
+
+
+def test_passages_tell_where_gratings_stand():
+    behind = {"g1": 0.0, "g2": 97.3, "g3": 341.9}
+    angles, said = places_of(placed(dict.fromkeys(behind), behind))
+    np.testing.assert_allclose(np.degrees(angles), [0.0, 97.3, 341.9], atol=0.1)
+    assert len(said) == 2
+    assert said[0].startswith("g2 stands 97.")
+
+
+def test_the_setup_goes_before_the_passages_and_is_doubted():
+    behind = {"g1": 0.0, "g2": 97.3, "g3": 200.0}
+    angles, said = places_of(placed({"g1": 30.0, "g2": 127.0, "g3": None}, behind))
+    np.testing.assert_allclose(np.degrees(angles), [30.0, 127.0, 230.0], atol=0.1)
+    assert [s.split()[0] for s in said] == ["g3"]
+    _, doubted = places_of(placed({"g1": 30.0, "g2": 217.0, "g3": 230.0}, behind))
+    (one,) = doubted
+    assert one.startswith("g2 stands 97.")
+    assert "187.0" in one
+
+
+def test_a_grating_whose_place_nothing_tells_is_refused():
+    alone = Places("g2")
+    with pytest.raises(UsageError, match=r"no passage tells where g2 stands.*angle_deg"):
+        places_of([Places("g1"), alone])
+
+
+def test_gratings_that_a_log_lacks_or_that_are_on_both_surfaces_are_refused():
+    log = recording(g1=0.0, g2=90.0)
+    with pytest.raises(UsageError, match=r"no grating g7.*g1, g2"):
+        measured_gratings([log], ("g1", "g7"))
+    with pytest.raises(UsageError, match="one grating only"):
+        measured_gratings([recording(g1=0.0)], ("all",))
+
+
+def test_channels_as_they_are_typed():
+    assert several_channels("g1, g2,g1") == ("g1", "g2")
+    assert several_channels("all") == ("all",)
+    assert several_channels("g1") == several_channels(None) == ()
+
+
+def test_simulated_gratings_stand_where_they_were_put():
+    channels = {
+        f"g{i + 1}": {
+            "kind": "strain", "sampling_rate_Hz": 1000.0, "angle_deg": angle, "noise": 1.0,
+        }
+        for i, angle in enumerate((20.0, 150.5))
+    }  # fmt: skip
+    plan = [{"duration_s": 3.0, "speed_m_s": 14.0}, {"duration_s": 2.0, "speed_m_s": 18.0}]
+    log = to_recording(simulate(scenario_of({"seed": 3, "manoeuvres": plan, "channels": channels})))
+    assert log.setup.channels["g2"].angle_deg == 150.5
+    bare = {n: replace(c, angle_deg=None) for n, c in log.setup.channels.items()}
+    unknown = replace(log, setup=replace(log.setup, channels=bare))
+    found = measured_gratings([unknown], ("all",))
+    assert np.degrees(found.places[1] - found.places[0]) == pytest.approx(130.5, abs=0.1)
+    assert any(note.startswith("g2 stands") for note in found.notes)
+    told = measured_gratings([log], ("g1", "g2"))
+    np.testing.assert_allclose(np.degrees(told.places), [20.0, 150.5])
+
+
+def test_a_ratio_is_none_of_an_accelerometer():
+    assert ratio_of(MODEL, "") == 1.0
+    assert "." not in ratio_name("belt.1")
