@@ -80,6 +80,8 @@ class ComparisonOfLogs(Comparison):
         aside: tuple[str, ...] = (),
     ) -> ComparisonOfLogs:
         """The comparison with what was said of obstacles."""
+        if isinstance(comparison, cls):  # a diagnosis that names nothing has one for both
+            return comparison
         return _filled(cls, comparison, obstacles=obstacles, aside=aside)
 
     @property
