@@ -131,6 +131,15 @@ def test_numbers_per_revolution_go_the_same_way(folder, capfd):
     )  # its pulses have an effect of no tire's form
 
 
+def test_strengths_by_log_of_a_ladder_that_added_nothing_are_an_empty_table(folder, capfd):
+    model, setup = folder / "lengths.toml", str(folder / "log_0.toml")
+    new = ["model", "new", "--observable", "patch_length", "--setup", setup, "-o", str(model)]
+    assert run([*new, "--quiet"]) == 0
+    log = str(folder / "log_0.csv")
+    assert run(["ladder", log, "--model", str(model), "--by-log", "--quiet"]) == 0
+    assert capfd.readouterr().out == "log,parameter,unit,value,se,distance_km,load_N\n"
+
+
 def test_an_unknown_table_is_refused(folder, capfd):
     assert command(folder, "compare", "--by", "regimes") == 2
     assert "nearest: regime" in capfd.readouterr().err

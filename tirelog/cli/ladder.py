@@ -96,8 +96,12 @@ def ladder(
             write_json(result.to_json(), output)
             return
         rows = [dict(row) for row in result.strengths_by_log] if by_log else result.rows()
-        with session.table("ladder", output, format) as table:
-            table.write(columns_of(rows))
+        with session.table("ladder", output, format) as table:  # nothing added: names, no rows
+            table.write(columns_of(rows) or {name: [] for name in _BY_LOG})
+
+
+#: columns of --by-log
+_BY_LOG = ("log", "parameter", "unit", "value", "se", "distance_km", "load_N")
 
 
 def _bars(result: Ladder) -> None:
