@@ -180,6 +180,9 @@ def test_bends_and_columns_together_are_the_model_with_its_parameters_moved(whee
             replace(cells.conditions, speed_m_s=faster), surface=cells.surface, **cells.angles
         )
         np.testing.assert_allclose(together[c], whole[c], rtol=1e-9, atol=1e-12)
+    of_one = replace(shared, names=tuple(f"strain: {name}" for name in shared.names))
+    cells_of_one = replace(cells, shared=of_one)  # an observable's cells out of several
+    np.testing.assert_array_equal(bends(cells_of_one, fit), bends(cells, fit))
 
 
 def test_a_tire_that_drifts_far_on_a_wrong_radius_is_found_as_it_drifted(wheel_null):

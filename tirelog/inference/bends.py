@@ -33,7 +33,7 @@ def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
         return bent
     own = [
         i
-        for i, (name, group) in enumerate(zip(shared.names, shared.group, strict=True))
+        for i, (name, group) in enumerate(zip(shared.plain_names, shared.group, strict=True))
         if group in _BENDING and not name.startswith("baseline")
     ]
     linear = shared.columns[..., own] @ fit.amplitudes[own]

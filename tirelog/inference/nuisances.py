@@ -264,7 +264,7 @@ def relative_changes(cells: Cells, fit: Fit, whole: Cells | None = None) -> dict
     """
     if cells.shared is None or fit.amplitudes.size != len(cells.shared):
         return {}
-    amplitudes = dict(zip(cells.shared.names, fit.amplitudes.tolist(), strict=True))
+    amplitudes = dict(zip(cells.shared.plain_names, fit.amplitudes.tolist(), strict=True))
     changes: dict[str, FloatArray] = {}
     whole = cells if whole is None else whole
     if "drift" in cells.shared.groups:

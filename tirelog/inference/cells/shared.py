@@ -45,6 +45,11 @@ class SharedEffects:
         """The nuisances that these effects make up, each once."""
         return tuple(dict.fromkeys(self.group))
 
+    @property
+    def plain_names(self) -> tuple[str, ...]:
+        """The names without whose they are: of several observables each has its own."""
+        return tuple(name.rpartition(": ")[2] for name in self.names)
+
     def of_groups(self, groups: Sequence[str]) -> SharedEffects:
         """The effects of some nuisances alone."""
         kept = [i for i, group in enumerate(self.group) if group in groups]
