@@ -188,7 +188,7 @@ def test_a_shape_belongs_to_road_wheel_or_one_grating(added, frame):
 
 def test_a_grating_that_no_other_agrees_with_is_left_out():
     asked = gathered(measured_pieces(three(None, bump(-1.5), None)), MODEL)
-    assert asked.found.left_out == ("g2",)
+    assert asked.found.set_apart == ("g2",)
     assert asked.found.asked == ("g1", "g3") == asked.pieces.members
     assert asked.base.reduced_chi2 < 1.2
     said = " ".join(asked.found.sentences())
@@ -201,7 +201,7 @@ def test_a_grating_that_no_other_agrees_with_is_left_out():
 def test_of_two_gratings_none_is_left_out():
     two = measured_pieces(three(None, bump(-1.5), None)).without(["g3"])
     asked = gathered(two, MODEL)
-    assert asked.found.left_out == ()
+    assert asked.found.set_apart == ()
     assert "nothing tells which is right" in " ".join(asked.found.sentences())
 
 

@@ -224,12 +224,13 @@ def test_without_a_proposal_no_file_is_written_and_the_old_one_stays(
     tirelog: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers(monkeypatch, propose([stack(manoeuvres=3, m=64)], MODEL))
-    Path("better.toml").write_text("mine")
+    save_model(MODEL, Path("better.toml"))
+    mine = Path("better.toml").read_text()
     result = tirelog(*COMMAND, "-o", "better.toml", "--plot", "p.png")
     assert result.status == 0
     assert result.out.startswith("NOTHING.  Nothing to propose: 3 manoeuvres are too few")
     assert "better.toml and p.png not written" in result.err
-    assert Path("better.toml").read_text() == "mine"
+    assert Path("better.toml").read_text() == mine
     assert not Path("p.png").exists()
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from tests.strain.strain_truth import Beam
 from tirelog.cli import run
+from tirelog.plots import style
 
 SETUP = """[tire]
 rolling_radius_m = 0.305
@@ -141,6 +142,7 @@ def test_a_picture_without_matplotlib(command, rolling, monkeypatch):
             raise ImportError(name)
         return real(name, *more, **kwargs)
 
+    style._page.cache_clear()  # a page of another test has it
     monkeypatch.setattr(builtins, "__import__", without)
     status, _, err = command(rolling, "footprint", "--plot", "page.png")
     assert status == 2

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from tirelog.report import sections, table_sections
+from tirelog.report.figures import LogColours
 from tirelog.tables.check import differences
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import (
@@ -197,7 +198,9 @@ def test_an_unknown_word_of_a_foreign_table_is_kept() -> None:
     )  # fmt: skip
     counts = sections.quality(table, "footprint").rows
     assert sorted(counts) == [["gap;wobbly", "1"], ["ok", "2"], ["wobbly", "1"]]
-    section = table_sections.footprint_section(table, "tirelog footprint a.csv", [])
+    section = table_sections.footprint_section(
+        table, "tirelog footprint a.csv", [], LogColours(["a.csv"])
+    )
     assert any("2 passages without a mark" in text for text in section.text)
     assert not len(differences(table, table.copy(), {}))
     moved = table.assign(quality=["ok", "ok", "ok", "gap;wobbly"])

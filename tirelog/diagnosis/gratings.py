@@ -103,7 +103,7 @@ class GratingsFound:
     """Which grating says what.
 
     names, angles_deg (n,)  of all gratings;  frames: what repeats, by frame, the largest first
-    alone      gratings that show what no other does;  left_out: those without which the rest was
+    alone      gratings that show what no other does;  set_apart: those without which the rest was
                asked
     strengths  of each effect that was named, of the gratings in `asked`
     searched   those on which effects were searched, if not all that were asked
@@ -112,7 +112,7 @@ class GratingsFound:
     names: tuple[str, ...]
     angles_deg: tuple[float, ...]
     frames: tuple[Frame, ...]
-    left_out: tuple[str, ...]
+    set_apart: tuple[str, ...]
     asked: tuple[str, ...] = ()
     searched: tuple[str, ...] = ()
     strengths: tuple[Strengths, ...] = ()
@@ -131,7 +131,7 @@ class GratingsFound:
                 "alone_size": own.size if own else 0.0,
                 "alone_p": own.p if own else None,
                 "contradicts": name in self.alone,
-                "left_out": name in self.left_out,
+                "set_apart": name in self.set_apart,
                 "strengths": {
                     s.parameter: {"value": s.values[i], "se": s.errors[i], "unit": s.unit}
                     for s in self.strengths
@@ -175,9 +175,9 @@ class GratingsFound:
                     f"{frame.frame} alone shows {size} that no other grating does: its bonding, "
                     "its channel or its place across the tread, not the tire."
                 )
-        if self.left_out:
-            one = len(self.left_out) == 1
-            said.append(f"What follows is without {'it' if one else ', '.join(self.left_out)}.")
+        if self.set_apart:
+            one = len(self.set_apart) == 1
+            said.append(f"What follows is without {'it' if one else ', '.join(self.set_apart)}.")
         elif self.alone and len(self.names) == 2:
             said.append("Of two gratings nothing tells which is right; a third would.")
         if self.searched:
@@ -255,12 +255,12 @@ def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
     found = GratingsFound(names, tuple(float(p) for p in places), frames, ())
     out = found.alone
     if out and len(names) - len(out) >= max(2, len(out) + 1):
-        found = replace(found, left_out=out)
+        found = replace(found, set_apart=out)
         pieces = pieces.without(out)
         searched, base = _searched(pieces, model)
     found = replace(
         found,
-        asked=tuple(name for name in names if name not in found.left_out),
+        asked=tuple(name for name in names if name not in found.set_apart),
         searched=() if searched is pieces else searched.members,
     )
     return Gathered(pieces, searched, base, found)
