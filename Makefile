@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test test-extras test-versions coverage bench lint hidden nuisances fuzz docs reference outputs gallery
+.PHONY: demo test test-slow test-extras test-versions coverage bench lint hidden nuisances fuzz docs reference outputs gallery
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -25,7 +25,11 @@ demo: .venv/.compiled
 	$(BIN)/python sample_data/demo.py
 
 test: .venv/.dev
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
+
+# the six tests that take a quarter of a minute and more each; CI runs them too
+test-slow: .venv/.dev
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow
 
 # the quick families on each Python that pyproject.toml allows and this machine has, each in its own
 # .venv-VERSION; a version that is not there is said, and is no failure

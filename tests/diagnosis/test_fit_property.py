@@ -112,6 +112,7 @@ def pulls(result):
     return (result.values - [TRUTH[name] for name in result.names]) / result.se
 
 
+@pytest.mark.slow
 def test_the_truth_lies_within_two_standard_errors_in_95_percent_of_40_seeds(waves):
     found, chi2 = [], []
     for seed in range(1000, 1040):

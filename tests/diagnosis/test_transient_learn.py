@@ -18,6 +18,7 @@ def freed(*names):
     )
 
 
+@pytest.mark.slow
 def test_a_line_mass_that_is_off_is_found():
     start = freed("line_mass_kg_m").with_values(
         {"line_mass_kg_m": 1.08 * MODEL.values["line_mass_kg_m"]}

@@ -84,6 +84,7 @@ def noiseless(hit_s: float, phase: float = 0.7) -> TransientLog:
     return replace(flat, values=values, calm=calm)
 
 
+@pytest.mark.slow
 def test_a_hit_that_was_put_in_is_found_with_the_error_that_is_said():
     misses = []
     for seed in range(3):

@@ -68,6 +68,7 @@ def world(made: Simulated) -> RolledWorld:
     return made.world
 
 
+@pytest.mark.slow
 def test_truth_is_plain_and_one_value_a_passage(tmp_path: Path) -> None:
     made = cleats()
     path = write_log(made, tmp_path / "log.csv")[1]
