@@ -27,7 +27,7 @@ demo: .venv/.compiled
 test: .venv/.dev
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
 
-# the six tests that take a quarter of a minute and more each; CI runs them too
+# the tests that take longest, some ten seconds and more each; CI runs them too
 test-slow: .venv/.dev
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow
 

@@ -84,6 +84,7 @@ def test_one_worker_or_two_give_the_same_bytes(manifest: Path, tmp_path: Path) -
     assert dataset(tmp_path / "results") == want
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     """The same folder, undisturbed and killed at random moments: the same dataset, bit for bit."""
     manifest = make_campaign(tmp_path, logs=10)

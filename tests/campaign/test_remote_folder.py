@@ -97,6 +97,7 @@ def _status(manifest: Path) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.slow
 def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None:
     _, manifest, results = far
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0

@@ -59,6 +59,7 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     assert set(keys.split()) <= set(answer)
 
 
+@pytest.mark.slow
 def test_what_no_catalogue_has_stays_unknown_and_is_described(model):
     result = diagnose(stacks(("splice",), 104), model)
     assert result.verdict == "unknown"

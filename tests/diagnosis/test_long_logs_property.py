@@ -228,6 +228,7 @@ def test_pieces_of_several_campaign_logs_are_numbered_through():
     np.testing.assert_array_equal(np.unique(both.manoeuvre), np.arange(6))
 
 
+@pytest.mark.slow
 def test_an_obstacle_is_found_in_a_log_of_several_stretches():
     met = to_recording(simulate(scenario()), "cleat.csv")
     answers = []

@@ -130,6 +130,7 @@ def test_a_radius_that_is_wrong_and_grows_is_no_effect():
     assert abs(grows.value - 0.02) < 0.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "microstrain",
     [
@@ -238,6 +239,7 @@ def test_loads_that_scatter_by_3_percent_leave_a_null_at_its_floor():
     assert quiet(base, base.floor.square)
 
 
+@pytest.mark.slow
 def test_another_patch_law_is_fitted_and_told():
     logs = [
         replace(log, tire=replace(log.tire, patch_load_exponent=0.8))

@@ -113,6 +113,7 @@ def test_what_the_model_covers_and_the_floor():
     assert worse["covered"] < row["covered"] - 0.2
 
 
+@pytest.mark.slow
 def test_another_event_is_said_to_be_unlike():
     log = made(1.55, 4)
     rng = np.random.default_rng(5)

@@ -15,6 +15,7 @@ from tirelog.physics.moving.road import FlatRoad, SineRoad, cleat, step
 LOAD, SPEED, CLEAT = 1000.0, 20.0, cleat(0.5, 0.01, 0.03)
 
 
+@pytest.mark.slow
 def test_energy_stays_for_ten_seconds_without_damping():
     """A rolling tire that bounces, twists and whirls, its load a weight: kinetic, elastic and
     potential energy together.

@@ -163,6 +163,7 @@ def test_steady_rolling_is_the_steady_ring() -> None:
     assert motion.exit_m.mean() == pytest.approx(solution.exit_m[0], abs=3e-4)
 
 
+@pytest.mark.slow
 def test_a_cleat_answers_alike_at_half_the_step_and_more_elements() -> None:
     fine, base, coarse, shorter = (
         rolled(e, CLEAT, 0.05, h)

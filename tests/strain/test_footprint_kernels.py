@@ -233,6 +233,7 @@ def test_the_gain_of_a_traction():
         assert found[row] == pytest.approx(best, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_form_and_traction_together():
     """From one start: the onset of least chi-square there, and the best of three where that
     solution puts the form, with its neighbours.
