@@ -4,18 +4,20 @@
 
 Top: fronts in the acceleration over wheel angle (Fig. 7), maps of shift and width over speed (Fig.
 9). Below, a column for each of the first accelerometers: speed, shift and width over time, raw
-(Fig. 8), detrended (Fig. 10), corrected (Figs. 11 to 13).
+(Fig. 8), detrended (Fig. 10), corrected (Figs. 11 to 13). Error bars are two standard errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from tirelog.plots.style import COLOURS, figure_page, write
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes
 
@@ -76,8 +78,10 @@ def _fronts(axes: Axes, logs: Sequence[EdgeTimes]) -> None:
 def _map(axes: Axes, logs: Sequence[EdgeTimes], calibration: Calibration | None, what: str) -> None:
     """P4 Fig. 9: all passages over speed, and the calibration's map with its range."""
     for number, p in enumerate(logs):
-        values = p.shift_deg if what == "shift" else p.width_deg
-        axes.plot(p.speed_m_s[p.good], values[p.good], ".", ms=2, color=f"C{number}", alpha=0.5)
+        values, se = (
+            (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
+        )
+        _passages(axes, p.speed_m_s[p.good], values[p.good], se[p.good], f"C{number}", alpha=0.5)
     if calibration is not None:
         one = calibration.shift if what == "shift" else calibration.width
         speed = np.linspace(one.low_m_s, one.high_m_s, 200)
@@ -98,6 +102,14 @@ def _map(axes: Axes, logs: Sequence[EdgeTimes], calibration: Calibration | None,
     )
 
 
+def _passages(
+    axes: Axes, x: FloatArray, y: FloatArray, se: FloatArray, colour: str, **more: Any
+) -> None:
+    """A point per passage with two standard errors, if it has one."""
+    error = 2.0 * np.where(np.isfinite(se), se, 0.0)
+    axes.errorbar(x, y, error, fmt=".", ms=3, elinewidth=0.6, color=colour, **more)
+
+
 def _times(panels: Sequence[Axes], p: EdgeTimes, cleaned: Cleaned | None) -> None:
     """P4 Figs. 8, 10 to 13: speed, shift and width over time."""
     speed, shift, width = panels
@@ -107,28 +119,19 @@ def _times(panels: Sequence[Axes], p: EdgeTimes, cleaned: Cleaned | None) -> Non
     detrended_shift, detrended_width = (
         (cleaned.shift_deg, cleaned.width_deg) if cleaned is not None else (None, None)
     )
-    for axes, raw, detrended in (
-        (shift, p.shift_deg, detrended_shift),
-        (width, p.width_deg, detrended_width),
+    for axes, raw, se, detrended in (
+        (shift, p.shift_deg, p.shift_se_deg, detrended_shift),
+        (width, p.width_deg, p.width_se_deg, detrended_width),
     ):
-        axes.plot(p.time_s[p.good], raw[p.good], ".", ms=3, color=RAW, label="measured (Fig. 8)")
+        time, error = p.time_s[p.good], se[p.good]
+        _passages(axes, time, raw[p.good], error, RAW, label="measured (Fig. 8)")
         if detrended is not None:
-            axes.plot(
-                p.time_s[p.good],
-                detrended[p.good],
-                ".",
-                ms=3,
-                color=DETRENDED,
-                label="detrended (Fig. 10)",
-            )
+            _passages(axes, time, detrended[p.good], error, DETRENDED, label="detrended (Fig. 10)")
     if cleaned is not None and np.isfinite(cleaned.corrected_deg).any():
-        shift.plot(
-            p.time_s[p.good],
-            cleaned.corrected_deg[p.good],
-            ".",
-            ms=3,
-            color=CORRECTED,
-            label="corrected (Figs. 11-13)",
+        corrected = cleaned.corrected_deg[p.good]
+        error = p.shift_se_deg[p.good]
+        _passages(
+            shift, p.time_s[p.good], corrected, error, CORRECTED, label="corrected (Figs. 11-13)"
         )
     shift.axhline(0.0, color="0.8", lw=0.8, zorder=0)
     shift.set(ylabel="phase shift [deg]")
