@@ -42,6 +42,7 @@ def left_over(output: Path) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_a_full_disk_and_room_again(small_disk: Path, tmp_path: Path) -> None:
     manifest = make_campaign(tmp_path, logs=4, seconds=20.0)
     assert subprocess.run([*TIRELOG, str(manifest), "--quiet"], check=False).returncode == 0
