@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = pytest.mark.xdist_group("notebook")  # one worker runs it
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("notebook")]  # one worker runs it
 
 ROOT = Path(__file__).parents[2]
 TOOL = runpy.run_path(str(ROOT / "docs" / "notebook" / "run.py"))

@@ -100,6 +100,7 @@ def test_a_lost_peak_inside_the_patch(made, radius_m):
     assert len(passages) == made.time_s.size
 
 
+@pytest.mark.slow
 def test_a_mode_hop_inside_the_patch(made, radius_m):
     hit = made.time_s[[25]]
     channel = damaged(
