@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("notebook")]  # one worker runs it
+pytestmark = pytest.mark.xdist_group("notebook")  # one worker runs it
 
 ROOT = Path(__file__).parents[2]
 TOOL = runpy.run_path(str(ROOT / "docs" / "notebook" / "run.py"))
@@ -56,6 +56,7 @@ def test_it_tells_the_whole_story_and_runs_most_of_it() -> None:
     assert "tirelog.diagnose(" in "".join(line for cell in RUN for line in cell["source"])
 
 
+@pytest.mark.slow
 def test_the_cells_give_what_is_stored(session: Any) -> None:
     for cell, made in zip(RUN, session[0], strict=True):
         stored = cell["outputs"]
@@ -67,6 +68,7 @@ def test_the_cells_give_what_is_stored(session: Any) -> None:
             assert [float(n) for n in NUMBER.findall(now)] == pytest.approx(numbers, rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_it_finds_is_the_truth_of_its_logs(session: Any) -> None:
     names = session[1]
     assert names["found"].selected == ("water_film",)
