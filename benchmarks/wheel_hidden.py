@@ -13,16 +13,13 @@ for reporting.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import sys
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.case_rows import run_or_sum_up
 from benchmarks.hidden import wilson
 from benchmarks.wheel_cases import TORSIONAL_STIFFNESS_N_M2, Instruments, wheel_channels
 from tirelog.diagnosis.diagnose import diagnose
@@ -172,32 +169,5 @@ def summary(rows: Iterable[dict[str, str]]) -> Iterator[str]:
         yield f"CPU {seconds[len(seconds) // 2]:.1f} s each (median), {seconds[-1]:.1f} s at most"
 
 
-def main() -> None:
-    """Run cases, or sum up what has run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kinds", default=",".join(KINDS))
-    parser.add_argument("--seeds", default="1000:1004", help="first:last+1")
-    parser.add_argument("-o", "--output", type=Path)
-    parser.add_argument("--summary", type=Path)
-    options = parser.parse_args()
-    if options.summary:
-        with options.summary.open(newline="") as stream:
-            print("\n".join(summary(csv.DictReader(stream))))
-        return
-    first, last = (int(x) for x in options.seeds.split(":"))
-    rows = []
-    stream = options.output.open("a", newline="") if options.output else sys.stdout
-    writer = csv.DictWriter(stream, list(Row.__dataclass_fields__))
-    if not options.output or stream.tell() == 0:
-        writer.writeheader()
-    for seed in range(first, last):
-        for kind in options.kinds.split(","):
-            row = asdict(run(kind, seed))
-            rows.append({k: str(v) for k, v in row.items()})
-            writer.writerow(row)
-            stream.flush()
-    print("\n".join(summary(rows)))
-
-
 if __name__ == "__main__":
-    main()
+    run_or_sum_up(__doc__, KINDS, "1000:1004", Row, run, summary)
