@@ -1,0 +1,334 @@
+"""`tirelog model predict | forces | modes`: what a model says by itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tirelog.cli.common import (
+    ChannelName,
+    EffectsFile,
+    Format,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    say,
+)
+
+if TYPE_CHECKING:
+    from tirelog.data.recording import Conditions
+    from tirelog.data.setup import Setup
+    from tirelog.physics.model.model import Model
+
+Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
+
+
+def setup_of(path: Path | None) -> Setup | None:
+    """The setup in a file, None if none is given."""
+    from tirelog.data.setup import load_setup
+
+    return None if path is None else load_setup(path)
+
+
+#: one value, several with commas, or FROM:TO:STEP
+_SEVERAL = "; several with commas, or FROM:TO:STEP"
+Speeds = Annotated[str, typer.Option(help=f"Speed [m/s]{_SEVERAL}.")]
+Loads = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Load [N]{_SEVERAL}; default the setup's, else the model's.", show_default=False
+    ),
+]
+Pressures = Annotated[
+    str | None,
+    typer.Option(help=f"Inflation pressure [Pa]{_SEVERAL}.", show_default=False),
+]
+Accelerations = Annotated[str, typer.Option(help=f"Longitudinal acceleration [m/s^2]{_SEVERAL}.")]
+Slips = Annotated[
+    str | None,
+    typer.Option(help=f"Longitudinal slip, positive in braking{_SEVERAL}.", show_default=False),
+]
+
+
+def predict(
+    model: Model_,
+    speed: Speeds,
+    setup: SetupFile = None,
+    load: Loads = None,
+    pressure: Pressures = None,
+    acceleration: Accelerations = "0",
+    time: Annotated[float, typer.Option(help="Time since the start [s].")] = 0.0,
+    temperature: Annotated[
+        float | None, typer.Option(help="Temperature change [K].", show_default=False)
+    ] = None,
+    slip: Slips = None,
+    surface: Annotated[
+        str | None,
+        typer.Option(
+            help="outer or inner; default the setup's strain channel, else outer.",
+            show_default=False,
+        ),
+    ] = None,
+    points: Annotated[
+        int, typer.Option(min=8, max=100_000, help="Angles over the revolution.")
+    ] = 1024,
+    modes: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=1023,
+            help="Waves round the circumference, the last of them; default all (P3's n_mode).",
+            show_default=False,
+        ),
+    ] = None,
+    everything: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help="Also strain's slope and curvature, a ring's v, and the conditions; always if "
+            "several are given.",
+        ),
+    ] = False,
+    road: Annotated[
+        str | None,
+        typer.Option(
+            help="Drive a coupled_ring over it: KIND,KEY=VALUE,... (step, cleat, sine, profile; "
+            "keys as in a setup's [road]) or setup.",
+            show_default=False,
+        ),
+    ] = None,
+    load_step: Annotated[
+        list[str],
+        typer.Option(
+            metavar="TIME:LOAD", help="The load [N] steps at that time [s]; several times."
+        ),
+    ] = [],  # noqa: B006
+    speed_ramp: Annotated[
+        list[str],
+        typer.Option(
+            metavar="FROM:TO:SPEED",
+            help="The speed [m/s] goes to that between two times; several times.",
+        ),
+    ] = [],  # noqa: B006
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            help="Time driven [s]; default half a second past the last event.", show_default=False
+        ),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            help="Step of the motion [s]; default the longest good one.", show_default=False
+        ),
+    ] = None,
+    sensor: Annotated[
+        list[float],
+        typer.Option(help="Sensor's angle on the belt [deg] at the start, 0 under the wheel."),
+    ] = [],  # noqa: B006
+    effects: EffectsFile = None,
+    output: Output = None,
+    format: Format = None,
+) -> None:
+    """One revolution as the model sees it, from half a turn before the patch centre to half a turn
+    after.
+
+    Of several speeds, loads, pressures, accelerations or slips each with each. With --road,
+    --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle and what
+    sensors read.
+    """
+    from tirelog.api.models import load_model, revolution, revolutions
+    from tirelog.cli.ranges import conditions_given, refuse_many
+    from tirelog.errors import UsageError
+    from tirelog.physics.model.from_setup import known_surface
+    from tirelog.physics.model.limits import check_model
+
+    read, given = load_model(model, effects=effects), setup_of(setup)
+    conditions = conditions_given(
+        given,
+        {"time_s": time, "temperature_K": temperature},
+        speed=speed,
+        load=load,
+        pressure=pressure,
+        acceleration=acceleration,
+        slip=slip,
+    )
+    check_model(read)
+    refuse_many(len(conditions) * points)
+    side = surface or known_surface(given) or "outer"
+    if road is None and not load_step and not speed_ramp:
+        if everything or modes is not None or len(conditions) > 1:
+            rows = revolutions(read, conditions, points=points, surface=side, modes=modes)
+            with Session(None).table("predict-all", output, format) as table:
+                table.write(rows)
+            return
+        columns: dict[str, Any] = dict(revolution(read, conditions, points=points, surface=side))
+        with Session(None).table("predict", output, format) as table:
+            table.write(columns)
+        return
+    if len(conditions) > 1 or everything or modes is not None:
+        raise UsageError(
+            "--road, --load-step or --speed-ramp with several conditions, --all or --modes",
+            allowed="one drive from one speed and load is allowed",
+            do="leave them out",
+        )
+    folder = setup.parent if setup is not None and road == "setup" else None
+    session = Session(None)
+    with session.working() as line:
+        line.say("driving")
+        driven_rows = _passage(
+            read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor,
+            side,
+        )  # fmt: skip
+    with session.table("passage", output, format) as table:
+        table.write(driven_rows)
+
+
+def forces(
+    model: Model_,
+    speed: Speeds,
+    setup: SetupFile = None,
+    load: Loads = None,
+    pressure: Pressures = None,
+    acceleration: Accelerations = "0",
+    slip: Slips = None,
+    slip_angle: Annotated[
+        float, typer.Option(help="Slip angle [deg] of the brush, for the lateral force.")
+    ] = 0.0,
+    camber: Annotated[float, typer.Option(help="Camber [deg] of the wheel, likewise.")] = 0.0,
+    effects: EffectsFile = None,
+    output: Output = None,
+    format: Format = None,
+) -> None:
+    """Forces at hub and road, patch, rolling resistance and losses as the model has them, a row
+    per condition.
+
+    Of several speeds, loads, pressures, accelerations or slips each with each. Empty is what this
+    model does not have: a beam has no hub, a ring no critical speed.
+    """
+    from tirelog.api import models
+    from tirelog.cli.ranges import conditions_given
+
+    read, given = models.load_model(model, effects=effects), setup_of(setup)
+    conditions = conditions_given(
+        given,
+        {"time_s": 0.0},
+        speed=speed,
+        load=load,
+        pressure=pressure,
+        acceleration=acceleration,
+        slip=slip,
+    )
+    rows = models.forces(
+        read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
+    )
+    with Session(None).table("forces", output, format) as table:
+        table.write(rows)
+
+
+def _passage(
+    model: Model,
+    conditions: Conditions,
+    setup: Setup | None,
+    folder: Path | None,
+    road: str | None,
+    load_step: list[str],
+    speed_ramp: list[str],
+    duration: float | None,
+    step: float | None,
+    sensor: list[float],
+    surface: str,
+) -> dict[str, Any]:
+    """The columns of a drive over the road, under the loads and at the speeds of the options."""
+    from tirelog.cli.passage import load_steps, road_words, speed_ramps
+    from tirelog.physics.moving.course import course_of, passage_columns
+    from tirelog.physics.moving.transient import driven
+
+    known_load = conditions.known("load_N")
+    course = course_of(
+        road_words(road or "flat", setup),
+        folder,
+        float(conditions.speed_m_s[0]),
+        float(conditions.load_N[0]) if known_load else model.values["load_N"],
+        load_steps(load_step),
+        speed_ramps(speed_ramp),
+        duration,
+    )
+    passage = driven(model, conditions, course, step_s=step)
+    for remark in passage.remarks:
+        say(f"note: {remark}")
+    return passage_columns(passage, sensor or [180.0], surface)
+
+
+def modes(
+    model: Model_,
+    speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,
+    load: Annotated[
+        float | None,
+        typer.Option(help="Load [N] on the road; default the model's.", show_default=False),
+    ] = None,
+    hub_mass: Annotated[
+        float | None,
+        typer.Option(
+            help="Mass m_h [kg] of hub and rim; default the model's, else 20.", show_default=False
+        ),
+    ] = None,
+    hub_inertia: Annotated[
+        float | None,
+        typer.Option(
+            help="Moment of inertia J_h [kg m^2] about the axle; default the model's, else 0.8.",
+            show_default=False,
+        ),
+    ] = None,
+    to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,
+    effects: EffectsFile = None,
+    output: Output = None,
+    format: Format = None,
+    plot: Plot = None,
+    log: Annotated[
+        list[str],
+        typer.Option("--log", help="With --plot: a log whose order map is drawn below; twice."),
+    ] = [],  # noqa: B006
+    setup: SetupFile = None,
+    channel: ChannelName = None,
+    quiet: Quiet = False,
+) -> None:
+    """Natural frequencies, damping and shapes of a ring model, in the air and (with contact =
+    "flat_road") on the road.
+
+    The ring moves on the sidewall of a hub with the mass given; the model's effects are not in it.
+    --plot draws their shapes; with --log the modes over the log's order map, as the turning belt
+    feels them.
+    """
+    from dataclasses import asdict
+
+    from tirelog.api.models import load_model
+    from tirelog.errors import UsageError
+    from tirelog.physics.moving.modes import modes_of_model
+    from tirelog.vocabulary.columns import TABLES
+
+    if log and plot is None:
+        raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
+    read = load_model(model, effects=effects)
+    hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
+    session = Session(setup, quiet)
+    with session.working() as line:
+        line.say("looking for modes")
+        found = modes_of_model(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
+    rows = [{"support": support, "speed_m_s": speed, **asdict(mode)} for support, mode in found]
+    columns = {name: [row[name] for row in rows] for name in TABLES["modes"]}
+    with session, session.table("modes", output, format) as table:
+        if plot is not None and log:
+            from tirelog.plots.orders import map_of_log, modes_over_orders
+
+            maps = [(each.log, map_of_log(each, channel)) for each in session.recordings(log)]
+            modes_over_orders(read, maps, plot, highest_Hz=to_frequency, **hub)
+        elif plot is not None:
+            from tirelog.plots.modes import modes_picture
+
+            modes_picture(columns, plot)
+        table.write(columns)
