@@ -13,17 +13,10 @@ import pytest
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
-from tirelog.diagnosis.gratings import (
-    MOST_SEARCHED,
-    ROAD,
-    WHEEL,
-    frames_of,
-    gathered,
-    members_held,
-    members_of,
-    spread_out,
-    strengths_of,
-)
+from tirelog.diagnosis.gratings.evidence import frames_of, strengths_of
+from tirelog.diagnosis.gratings.found import ROAD, WHEEL
+from tirelog.diagnosis.gratings.gather import MOST_SEARCHED, gathered, spread_out
+from tirelog.diagnosis.gratings.members import members_held, members_of
 from tirelog.errors import UsageError
 from tirelog.inference.base import TogetherBase
 from tirelog.inference.cells.levers import ratio_name, ratio_of

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from tirelog.diagnosis.diagnose import Diagnosis
-    from tirelog.diagnosis.gratings import GratingsFound
+    from tirelog.diagnosis.gratings.found import GratingsFound
     from tirelog.diagnosis.results import Candidate, Comparison
 
 #: letters in a line of a page that no terminal shows

@@ -47,7 +47,8 @@ from tirelog.diagnosis.compare import (
     single_revolutions,
     start_from,
 )
-from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
+from tirelog.diagnosis.gratings.found import GratingsFound
+from tirelog.diagnosis.gratings.gather import Gathered, gathered
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import quiet, removed_by
 from tirelog.diagnosis.nuisance_sizes import (

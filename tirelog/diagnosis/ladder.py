@@ -18,7 +18,7 @@ import numpy as np
 
 from tirelog.diagnosis.beside import with_nuisances_on
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
-from tirelog.diagnosis.gratings import gathered
+from tirelog.diagnosis.gratings.gather import gathered
 from tirelog.diagnosis.locked import untouched
 from tirelog.diagnosis.naming import Step, without_needless
 from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
