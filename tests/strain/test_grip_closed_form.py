@@ -12,7 +12,7 @@ from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
 from tirelog.physics.brush import traction, transition
-from tirelog.strain.grip import friction_used, grip_columns, refuse_frictions
+from tirelog.strain.grip import EXPONENT_SD, friction_used, grip_columns, refuse_frictions
 from tirelog.strain.strain_shift import strain_shift_of
 from tirelog.wheel.angle_table import wheel_angle_of
 
@@ -57,6 +57,12 @@ def test_an_onset_tells_slip_friction_and_what_is_left():
     assert np.isnan([told[n][0] for n in ("adhesion_share", "friction_used", "grip_left")]).all()
     # the error of the share: 1 mm of 100, the length's share small beside it
     assert told["adhesion_share_se"][1] == pytest.approx(0.01, rel=0.01)
+    # noise 1e-4 / 0.1 through 1 / 0.5; 1 % of length through an exponent known to 0.15
+    noise, law = 2e-3, np.log(1.01) * EXPONENT_SD / 0.5**2
+    assert told["vertical_force_se_N"][1] == pytest.approx(3924.0 * noise)
+    assert told["vertical_force_se_N"][2] == pytest.approx(
+        3924.0 * 1.01**2 * np.hypot(noise / 1.01, law)
+    )
     stiffer = grip_columns(footprint(0.035, 0.1), 0.8, 0.6, 10.0, 0.5, None)
     assert stiffer["brush_slip"][1] == pytest.approx(0.015)
     assert "vertical_force_N" not in stiffer

@@ -30,6 +30,9 @@ from tirelog.vocabulary.quality import OK
 #: L ~ F^0.5, as model files start with (`patch_load_exponent`): a patch that is 1 % longer carries
 #: 2 % more; an exponent twice as large halves that
 LOAD_EXPONENT = 0.5
+#: standard error of that exponent: tires have some 0.35 to 0.8; twice as much doubles the error of
+#: a force away from the usual one
+EXPONENT_SD = 0.15
 _COPIED = ("log", "channel", "revolution", "time_s", "speed_m_s", "slip_onset_reason", "quality")
 
 
@@ -67,6 +70,11 @@ def grip_of(
         ]
         if load is None:
             remarks.append("no forces: the setup's [conditions] has no load_N")
+        else:
+            remarks.append(
+                f"forces take the passage of median length to carry {load:g} N, and the length to "
+                f"grow as load^{load_exponent:g}"
+            )
         yield GripOfChannel(columns, (*found.remarks, *remarks))
 
 
@@ -142,7 +150,10 @@ def grip_columns(
     usual = float(np.median(length[good])) if good.any() else np.nan
     force = load_N * (length / usual) ** (1.0 / load_exponent)
     columns["vertical_force_N"] = force
-    columns["vertical_force_se_N"] = force * length_se / length / load_exponent
+    by_exponent = np.abs(np.log(length / usual)) * EXPONENT_SD / load_exponent**2
+    columns["vertical_force_se_N"] = force * np.hypot(
+        length_se / length / load_exponent, by_exponent
+    )
     columns["longitudinal_force_N"] = used * force
     columns["longitudinal_force_se_N"] = np.hypot(
         columns["friction_used_se"] * force, used * columns["vertical_force_se_N"]
