@@ -101,7 +101,7 @@ def test_the_rungs_are_the_ladder_s(model_page: Path) -> None:
     assert len(rungs) == len(taken) >= 2
     for rung, step in zip(rungs, taken, strict=True):
         said = (f"{1e6 * step[name]:.3g}" for name in ("rmse_heldout", "noise_floor"))
-        assert "{} µm/m, noise floor {}".format(*said) in words(rung)
+        assert "{} microstrain, noise floor {}".format(*said) in words(rung)
     lengths = [float(width) for width in re.findall(r"width:([\d.]+)%", "".join(rungs))]
     errors = np.array([step["rmse_heldout"] for step in taken])
     np.testing.assert_allclose(lengths, 100.0 * errors / errors.max(), atol=0.06)
@@ -385,7 +385,7 @@ def test_obstacles_are_told_hit_by_hit() -> None:
     section = obstacles.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
     assert "5 hits on an obstacle" in section.text[0]
     assert "the model covers 98 %" in section.text[0]
-    assert "20 µm/m added, 3 missed, at a floor of 1" in section.text[0]
+    assert "20 microstrain added, 3 missed, at a floor of 1" in section.text[0]
     assert "mind." in section.text
     assert "The first 3 hits are drawn" in section.text[-1]
     assert len(section.figures) == 9

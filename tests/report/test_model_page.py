@@ -148,7 +148,7 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
         )
     )
     assert without[0] != before[0]
-    assert re.search(r"held-out error [\d.]+ µm/m", without[0])
+    assert re.search(r"held-out error [\d.]+ microstrain", without[0])
     assert without[1] > 2 * before[1]
     assert without[2] != before[2]
     assert without[3] > 2 * before[3]

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.results import Comparison, Map, Waveforms
 
-#: units as the page writes them
-_WRITTEN = {"microstrain": "µm/m", "m/s^2": "m/s²"}
+#: units that the page writes otherwise than the tables
+_WRITTEN = {"m/s^2": "m/s²"}
 #: half lengths of the patch that a waveform or map shows at first
 _REACH = 6.0
 _ZONES = {

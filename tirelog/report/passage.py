@@ -151,17 +151,17 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage, own: int) -> lis
     figures = []
     raw, smooth = 1e3 * p.raw.xi_m[0], 1e3 * p.smooth.xi_m[0]
     for name, title, label, curves in (
-        ("strain", "Strain", "strain [µm/m]", ((raw, 1e6 * turned * p.strain),)),
+        ("strain", "Strain", "strain [microstrain]", ((raw, 1e6 * turned * p.strain),)),
         (
             "first",
             "First derivative of the strain",
-            "dε/dξ [µm/m per mm]",
+            "dε/dξ [microstrain/mm]",
             ((raw, 1e3 * turned * p.raw.first[0]), (smooth, 1e3 * turned * p.smooth.first[0])),
         ),
         (
             "second",
             "Second derivative of the strain",
-            "d²ε/dξ² [µm/m per mm²]",
+            "d²ε/dξ² [microstrain/mm²]",
             ((raw, turned * p.raw.second[0]), (smooth, turned * p.smooth.second[0])),
         ),
     ):

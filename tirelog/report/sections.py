@@ -257,13 +257,13 @@ def drive_section(
 
 
 def _signals(recording: Recording, number: int, log: str, colour: int) -> list[Figure]:
-    """Recorded strain [µm/m] or acceleration over time, decimated so that no peak vanishes.
+    """Recorded strain [microstrain] or acceleration over time, decimated so that no peak vanishes.
 
     In the log's colour, if it is one channel.
     """
     figures = []
     for kinds, label, factor in (
-        (STRAIN_KINDS, "strain [µm/m]", 1e6),
+        (STRAIN_KINDS, "strain [microstrain]", 1e6),
         (ACCELERATION_KINDS, "radial acceleration [m/s²]", 1.0),
     ):
         channels = recording.of_kind(*kinds)[:DRAWN_CHANNELS]
