@@ -571,6 +571,12 @@ the standard deviation of an amplitude before anything is measured, and can be g
 `wheel = {{ use = "auto", force = 0.02 }}`.
 
 {table(("nuisance", "what it is", "ordinary sizes"), nuisances)}
+
+Hum of the supply (50 or 60 Hz and multiples) keeps its own frequency, so it does not average out
+where the wheel turns at a whole fraction of it, and then looks like a shape that one manoeuvre has.
+It is measured in the differences of neighbouring revolutions, in which whatever repeats with the
+wheel cancels, taken out of the waveforms before anything is compared, and told in a remark with its
+size. Other lines, as of an inverter or a pump, stay and can end in the verdict `scatter`.
 """
 
 

@@ -70,6 +70,11 @@ class PassageAngle:
             theta[beyond] += (time_s[beyond] - inside[beyond]) * self.spline(inside[beyond], 1)
         return theta
 
+    def time_s(self, theta: FloatArray) -> FloatArray:
+        """The time [s] of angles [rad], any shape, to some microseconds."""
+        turns = 2.0 * np.pi * np.arange(self.centre_s.size)
+        return np.asarray(CubicSpline(turns, self.centre_s, bc_type="natural")(theta))
+
     def speed_rad_s(self, time_s: FloatArray) -> FloatArray:
         rate: FloatArray = self.spline(np.clip(time_s, self.centre_s[0], self.centre_s[-1]), 1)
         return rate

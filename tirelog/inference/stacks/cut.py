@@ -30,6 +30,7 @@ from tirelog.data.recording import Channel, Recording, Stack
 from tirelog.errors import UsageError
 from tirelog.inference.stacks.align import PassageAngle, refine_passages, turned
 from tirelog.inference.stacks.conditions import conditions_of
+from tirelog.inference.stacks.hum import Line, lines_said, without_hum
 from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
 from tirelog.inference.stacks.numbers import scalar_stack
 from tirelog.inference.stacks.outward import outward, with_level
@@ -38,6 +39,7 @@ from tirelog.inference.stacks.spooled import Stacks
 from tirelog.runs.in_memory import in_memory
 from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
+from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
 #: bins of the angle over a revolution
@@ -120,8 +122,13 @@ def stacks_from_logs(
             stacks.add(recording.log, [stack])
         else:
             source, said = outward(source)
-            stretches = stretches_of(recording, source, observable, angles=angles, most=most)
+            heard: list[Line] = []
+            stretches = stretches_of(
+                recording, source, observable, angles=angles, most=most, heard=heard
+            )
             stacks.add(recording.log, with_level(stretches, recording.log) if level else stretches)
+            if heard:
+                stacks.note(f"{recording.log}: {lines_said(heard, observable)}")
         if said:
             stacks.note(f"{recording.log}: {said}")
     return stacks
@@ -134,10 +141,12 @@ def stretches_of(
     *,
     angles: int = ANGLES,
     most: int = STRETCH,
+    heard: list[Line] | None = None,
 ) -> Iterator[Stack]:
     """The stacks of one channel of one recording, at most `most` revolutions each.
 
-    Manoeuvres and conditions are those of the whole log.
+    Manoeuvres and conditions are those of the whole log. Hum of the supply is taken out; its lines
+    are added to what was `heard`.
     """
     radius = recording.setup.tire.radius_m
     channel = in_memory(channel)
@@ -157,7 +166,11 @@ def stretches_of(
         )
     course = _course(recording, channel, observable, runs, passages.noise, angles)
     for rows in _cuts(course.manoeuvre, most):
-        yield replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
+        stack = replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
+        values, lines = without_hum(stack, _times(runs, rows, stack.phi_mean))
+        if heard is not None:
+            heard += lines
+        yield replace(stack, values=values)
 
 
 def _course(
@@ -257,6 +270,19 @@ def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> 
             )
         before += len(run)
     return {"values": values, "phi_mean": phi_mean, "phi_variance": phi_variance, "count": count}
+
+
+def _times(runs: Sequence[Turns], rows: slice, phi: FloatArray) -> FloatArray:
+    """The times [s] of angles phi (k, m) of the k revolutions `rows` of a log."""
+    times, before = [], 0
+    for run in runs:
+        first, stop = max(rows.start - before, 0), min(rows.stop - before, len(run))
+        if first < stop:
+            here = slice(before + first - rows.start, before + stop - rows.start)
+            turn = 2.0 * np.pi * np.arange(first + 1, stop + 1)
+            times.append(run.angle.time_s(turn[:, None] + phi[here]))
+        before += len(run)
+    return np.concatenate(times)
 
 
 def _binned(

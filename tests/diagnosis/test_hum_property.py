@@ -1,0 +1,105 @@
+"""Hum of the supply goes, what repeats with the wheel stays, and nothing else is taken.
+
+The waveform, its speeds and the hum are made here, revolution by revolution, without the package's
+simulator.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tirelog.data.recording import Conditions, Stack
+from tirelog.inference.stacks.hum import Line, lines_said, without_hum
+
+RADIUS, BINS, NOISE = 0.3, 64, 1e-6
+
+
+def a_stack(
+    hum: float = 0.0, frequency: float = 50.0, wander: float = 0.0, seed: int = 1
+) -> tuple[Stack, Any, Any]:
+    """(stack, times (n, m), waveforms without hum): 12 s at 10 turns a second, then faster."""
+    random = np.random.default_rng(seed)
+    rate = np.concatenate([np.full(120, 10.0), np.linspace(10.0, 13.0, 150), np.full(80, 13.07)])
+    start = np.concatenate([[0.0], np.cumsum(1.0 / rate)])
+    phi = (np.arange(BINS) + 0.5) * 2.0 * np.pi / BINS - np.pi
+    time_s = start[:-1, None] + (phi + np.pi) / (2.0 * np.pi) / rate[:, None]
+    wave = 3e-4 * np.exp(-((phi / 0.3) ** 2)) * (rate[:, None] / 10.0)
+    turn = 2.0 * np.pi * frequency * time_s + wander * np.sin(2.0 * np.pi * time_s / 40.0)
+    clean = wave + NOISE * random.standard_normal(wave.shape)
+    n = len(rate)
+    nothing = np.full(n, np.nan)
+    columns = {name: nothing for name in Conditions.__dataclass_fields__ if name != "speed_m_s"}
+    stack = Stack(
+        observable="strain", channel="g1", surface="inner", radius_m=RADIUS,
+        values=clean + hum * np.sin(turn), phi_rad=phi,
+        phi_mean=np.tile(phi, (n, 1)), phi_variance=np.zeros((n, BINS)),
+        count=np.ones((n, BINS), np.int64), noise=np.full(n, NOISE),
+        conditions=Conditions(speed_m_s=2.0 * np.pi * RADIUS * rate, **columns),
+        log=np.zeros(n, np.int64),
+        manoeuvre=np.repeat([0, 1, 2], [120, 150, 80]), revolution=np.arange(n),
+        regime=np.full(n, "cruise"), logs=("a.csv",),
+    )  # fmt: skip
+    return stack, time_s, clean
+
+
+@pytest.mark.parametrize(
+    ("frequency", "wander"), [(50.0, 0.0), (49.93, 0.0), (60.02, 0.0), (50.0, 0.6)]
+)
+def test_a_line_of_the_supply_goes_also_at_a_whole_fraction_of_it(frequency, wander):
+    stack, time_s, clean = a_stack(hum=2.0 * NOISE, frequency=frequency, wander=wander)
+    values, lines = without_hum(stack, time_s)
+    assert [line.frequency_Hz for line in lines] == pytest.approx([frequency], abs=0.05)
+    assert lines[0].amplitude == pytest.approx(2.0 * NOISE, rel=0.1)
+    assert (values - clean)[120:].std() < 0.2 * NOISE
+    # at 10 turns a second the mean over the manoeuvre holds hum of 50 Hz as large as it is; a grid
+    # that wanders meanwhile is followed from outside of the manoeuvre alone
+    before, after = ((x - clean)[:120].mean(axis=0).std() for x in (stack.values, values))
+    assert before > NOISE or frequency != 50.0
+    assert after < (0.25 if not wander else 0.8) * max(before, NOISE)
+
+
+def test_a_log_without_hum_stays_as_it_is():
+    for seed in range(20):
+        stack, time_s, _ = a_stack(seed=seed)
+        values, lines = without_hum(stack, time_s)
+        assert not lines
+        assert values is stack.values
+
+
+def test_what_rings_with_the_wheel_is_not_hum():
+    """50 Hz after each passage, anew in each revolution: the tire, at any speed."""
+    stack, time_s, _ = a_stack()
+    since = time_s - time_s[:, :1]
+    ringing = 2e-5 * np.exp(-since / 0.05) * np.sin(2.0 * np.pi * 50.0 * since)
+    stack.values[:] += ringing
+    values, lines = without_hum(stack, time_s)
+    assert not lines
+    assert values is stack.values
+
+
+def test_the_second_multiple_goes_with_the_first():
+    stack, time_s, clean = a_stack(hum=2.0 * NOISE)
+    stack.values[:] += NOISE * np.sin(2.0 * np.pi * 100.0 * time_s)
+    values, lines = without_hum(stack, time_s)
+    assert [round(line.frequency_Hz) for line in lines] == [50, 100]
+    assert (values - clean).std() < 0.2 * NOISE
+    said = lines_said([Line(50.0, 2e-6), Line(100.02, 1e-6), Line(50.0, 1e-9)], "strain")
+    assert (
+        said
+        == "hum of 50 Hz (2 microstrain) and 100 Hz (1 microstrain) is taken out of the waveforms"
+    )
+
+
+def test_few_revolutions_and_bins_without_samples_are_no_obstacle():
+    stack, time_s, clean = a_stack(hum=2.0 * NOISE)
+    stack.values[::7, 5] = np.nan
+    time_s[::7, 5] = np.nan
+    values, lines = without_hum(stack, time_s)
+    assert len(lines) == 1
+    assert np.array_equal(np.isnan(values), np.isnan(stack.values))
+    assert np.nanstd(values - clean) < 0.2 * NOISE
+    values, lines = without_hum(stack.take(slice(0, 10)), time_s[:10])
+    assert not lines
