@@ -167,6 +167,9 @@ def test_a_diagnosis_ends_with_the_command_that_goes_on(
     assert said.startswith(begins)
     number = Model.new("beam", "patch_length")
     assert "propose" not in next_command(verdict, selected, model=number, logs=["a.csv"])
+    several = Model.new("beam", observable=("strain", "phase_shift"), radius_m=0.3)
+    said = next_command(verdict, selected, model=several, logs=["a.csv"], large_rest=large_rest)
+    assert "propose" not in said
 
 
 def test_nothing_is_proposed_if_nothing_is_missing() -> None:

@@ -343,7 +343,9 @@ def next_command(
     stem = file.removesuffix(".toml")
     file = shlex.quote(file)
     given = shlex.join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
-    if (verdict == "unknown" or large_rest) and model.observable in WAVEFORMS:
+    # a shape is sought in one waveform: `propose` refuses a model of several observables
+    one_waveform = model.observable in WAVEFORMS and len(model.observables) == 1
+    if (verdict == "unknown" or large_rest) and one_waveform:
         return f"tirelog propose {given} --model {file} -o {shlex.quote(f'{stem}+proposed.toml')}"
     if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
