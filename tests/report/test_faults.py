@@ -37,6 +37,7 @@ def test_unusable_input_ends_with_status_2(
     outcome = tirelog("report", *arguments)
     assert outcome.status == 2
     assert said in outcome.err
+    assert "making the tables" not in outcome.err
     assert not (folder / "page.html").exists()
     assert not (folder / "slides").exists()
 

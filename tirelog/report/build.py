@@ -20,6 +20,7 @@ import pandas as pd
 from tirelog.data.recording import Recording
 from tirelog.errors import TirelogError, UsageError
 from tirelog.physics.model.file import load_model
+from tirelog.physics.model.model import Model
 from tirelog.report import model_sections, sections, table_sections
 from tirelog.report.answer import NO_MODEL, without_a_model
 from tirelog.report.asked import Asked
@@ -61,6 +62,8 @@ def build(
     """
     tables = given_tables(asked.tables, asked.campaign)
     climbed = read_ladder(asked.ladder) if asked.ladder else None
+    # before the tables, which may take minutes: a model that cannot be read is told at once
+    model = load_model(asked.model, effects=asked.effects) if asked.model else None
     report = Report(_title(recordings, asked))
     colours = LogColours(recording.log for recording in recordings)
     if recordings:
@@ -84,7 +87,7 @@ def build(
         told += made
         report.missing += missing
     if not pages or climbed is not None:
-        told += _models(report, recordings, climbed, asked, progress, colours, seen)
+        told += _models(report, recordings, climbed, asked, model, progress, colours, seen)
     answers = [section for section in told if section.card is not None]
     if not answers:
         answers = [without_a_model(seen, asked, "What is known of a model stands below.")]
@@ -227,6 +230,7 @@ def _models(
     recordings: Sequence[Recording],
     climbed: Any,
     asked: Asked,
+    model: Model | None,
     progress: Progress,
     colours: LogColours,
     seen: Sequence[tuple[str, str]],
@@ -242,14 +246,13 @@ def _models(
                 asked.command("ladder", model=True),
             )
         )
-    if asked.model is None:
+    if model is None:
         what = "the model against the measurement, the diagnosis, switches for effects"
         report.missing.append((f"{what} (then --model M)", asked.make_model()))
         return [without_a_model(seen, asked, NO_MODEL), *ladder]
     from tirelog.physics.model.user_effects import catalogue_with
     from tirelog.report.diagnosed import model_story
 
-    model = load_model(asked.model, effects=asked.effects)
     catalogue = catalogue_with(model.effects_file, asked=False)
     try:
         if not recordings:
