@@ -32,7 +32,8 @@ from tirelog.vocabulary.arrays import FloatArray
 #: a direction of which an observable knows less than this share, or the others do, is no matter of
 #: agreement: one of the two is thirty times as far off there.  Doubling it changes nothing seen
 _BOTH_KNOW = 1e-3
-#: standard errors by which a parameter differs that is named, and how many are at most
+#: standard errors by which a parameter differs that is named, and how many are at most; with twice
+#: as many, contradictions are told without the parameter that makes them
 _NAMED_SIGMAS = 3.0
 _NAMED = 3
 

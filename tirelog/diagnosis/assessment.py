@@ -23,7 +23,8 @@ from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
 
 #: a projected signature with less than this share of its norm left shows nothing of its own: the
-#: effect would have to be a thousand times as large as what is seen of it
+#: effect would have to be a thousand times as large as what is seen of it; twice as much refuses
+#: effects that are seen to a five hundredth
 _INVISIBLE = 1e-3
 
 

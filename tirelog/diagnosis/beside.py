@@ -29,7 +29,8 @@ from tirelog.inference.metric.projection import per_manoeuvre
 from tirelog.inference.nuisances import freed, frees, is_drift, shared_by, shared_effects
 from tirelog.physics.model.model import Model
 
-#: alarming nuisances that are fitted in full, the best first
+#: alarming nuisances that are fitted in full, the best first; twice as many take twice as many
+#: fits of the whole model
 _MOST_REFITTED = 2
 
 

@@ -24,12 +24,15 @@ from tirelog.inference.nuisances import condition_slopes
 from tirelog.vocabulary.arrays import FloatArray
 
 #: residuals that are drawn, and the standard deviations about their mean that make the range: one
-#: of the five leaves it by chance in a log in two hundred
+#: of the five leaves it by chance in a log in two hundred; twice as many tell the ranges to 3.5
+#: instead of 5 %, in twice the time; with a range twice as wide only what is twice as far off
+#: fails
 _DRAWN = 200
 _WITHIN = 3.3
 #: a direction shrunk by so much is free, and no residual has a part in it
 _FREE = 0.99
-#: a suspect is said from this share of the excess on, that it would remove
+#: a suspect is said from this share of the excess on, that it would remove; twice as much names
+#: only what removes more than half of it
 _SUSPECT = 0.3
 
 

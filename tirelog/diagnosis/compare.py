@@ -45,7 +45,8 @@ from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, together
 from tirelog.vocabulary.quality import Quality, quality_text
 
-#: cells whose waveforms are shown, and rows of the residual's map, at most
+#: cells whose waveforms are shown, and rows of the residual's map, at most; only pictures and the
+#: JSON depend on them
 _SHOWN = 4
 _MAP_ROWS = 24
 

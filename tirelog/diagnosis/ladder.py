@@ -40,6 +40,7 @@ from tirelog.physics.model.model import Model
 #: every so many manoeuvres one is locked away, if at least so many remain: these leave sign flips a
 #: least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single one
 _LOCK_EVERY = 7
+#: with twice as many, logs of fewer than 27 manoeuvres have none locked
 _LOCK_LEAST = 12
 
 

@@ -57,12 +57,15 @@ _NEAR = 3.5
 _WAKE = 6.0
 #: cells that a ring-down is looked for in: the time goes with their number
 _SOME_CELLS = 24
-#: share of what both sides explain that one side alone must, and its ratio to the other side's
+#: share of what both sides explain that one side alone must, and its ratio to the other side's;
+#: half as much would call a shape of both sides one-sided if one of them is the larger
 _ONE_SIDED = 0.93
 _MORE = 1.03
-#: single logs that a remainder may follow: each is one more factor that may fit by chance
+#: single logs that a remainder may follow: each is one more factor that may fit by chance; the
+#: family-wise p counts them all, so that twice as many ask more of each
 MOST_LOGS = 4
-#: a quantity is named in place of a log from this share of its statistic on
+#: a quantity is named in place of a log from this share of its statistic on; half as much would
+#: name a quantity that explains half of what the log does
 _NAMED_FIRST = 0.95
 #: two quantities that move together beyond this correlation are not told apart: a fifth of the one
 #: in size is its own then; at 0.96 it would be 28 %

@@ -67,7 +67,8 @@ _TRIAL_STEPS = 12
 #: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
 #: nothing seen
 SAME_CHI2 = 1e-3
-#: share of such a direction that makes a strength undetermined
+#: share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
+#: strength be told of which a fifth cannot be seen
 _UNDETERMINED = 0.1
 
 

@@ -25,7 +25,8 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown
 
 #: parts below so many of their standard errors are not spoken of; nor those below this share of
-#: the largest
+#: the largest; only the sentence depends on them: with twice as much of either it names fewer
+#: parts, and always the largest
 _SPOKEN_SIGMAS = 3.0
 _SPOKEN_SHARE = 0.2
 #: a force variation [of the load] and a run-out [strain] beyond which a wheel wants work: twice

@@ -25,7 +25,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: centres over L, width over L, height over the mean pressure
 _CENTRES = np.linspace(-1.8, 1.8, 19)
+#: half of it leaves gaps between the centres, twice as much tells neighbours apart half as well
 _WIDTH = 0.15
+#: twice as much doubles the share of the response that is not linear in it
 _HEIGHT = 0.02
 
 

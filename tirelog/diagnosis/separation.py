@@ -34,8 +34,9 @@ _REVOLUTIONS = 40
 _ANGLES = 128
 _SPEEDS = 6
 #: a planned stretch has been driven if speed, load, age or water come within this share of the
-#: plan; if most of the range of speeds was passed, at an acceleration no further off than by
-#: this factor; or if the log is as long.  Cells average over a band of speed
+#: plan; if most of the range of speeds was passed, at an acceleration no further off than by this
+#: factor; or if the log is as long.  Cells average over a band of speed; twice as wide calls more
+#: stretches driven, and advises fewer
 SAME = 0.1
 _MOST_OF = 0.7
 _SLOWER = 0.4

@@ -29,6 +29,7 @@ _EXACT = 13
 #: and beyond them so many random ones, some at a time: they tell a p of ALARM_P to 8 % of it; twice
 #: as many to 5.5 %
 _RANDOM = 16383
+#: patterns of signs that are worked on at a time: memory and time depend on it alone
 _BLOCK = 1024
 
 

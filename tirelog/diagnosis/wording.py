@@ -75,7 +75,8 @@ FIRST_CHECK = "First check what the setups say of load, pressure, water depth an
 BELOW_ROUNDING = 0.9
 #: share of the floor's mean square from which on rounding is said; doubling it would say it never
 MUCH_ROUNDING = 0.5
-#: more logs than these are not spelled out in a command
+#: more logs than these are not spelled out in a command; twice as many make a line that few
+#: terminals show whole
 _MOST_LOGS = 12
 #: nuisances as a part of a sentence
 NUISANCES_SAID = {

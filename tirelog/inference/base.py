@@ -49,18 +49,23 @@ from tirelog.inference.scatter import Scatter, load_slopes, measure_scatter, sca
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: before anything is fitted the model may miss this share of the waveform's rms
+#: before anything is fitted the model may miss this share of the waveform's rms; it weighs
+#: channels and cells for the first fit alone: with twice as much, noisy and quiet ones count more
+#: alike in it
 _FIRST_DISCREPANCY = 0.03
-#: a discrepancy below this share of the floor is none
+#: a discrepancy below this share of the floor is none; twice as much passes over up
+#: to 4 % of the floor's square
 _LEAST_DISCREPANCY = 0.02
 
 
-#: rounds of a fit and the scatter that it leaves, at most: scatter of 3 % takes five, none two
+#: rounds of a fit and the scatter that it leaves, at most: scatter of 3 % takes five, none two;
+#: twice as many take longer only if none of them settles
 _MOST_ROUNDS = 7
 #: loads that move by less from round to round, relative, have settled: a waveform bends by the
 #: tenth part of that; with twice as much, chi-square is 0.02 more where loads scatter by 3 %
 _SAME_LOAD = 0.004
-#: mean square by which the bends move from round to round, over the floor's: settled below it
+#: mean square by which the bends move from round to round, over the floor's: settled below it;
+#: twice as much ends a round earlier, with bends off by up to a thirteenth of the floor
 _SAME_BEND = 0.003
 
 

@@ -43,19 +43,26 @@ from tirelog.vocabulary.observables import STRAIN
 PATCH_LAW_PARAMETER = "patch_load_exponent"
 PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
 _FREES = {"patch_law": PATCH_LAW_PARAMETER, "pressure_law": PRESSURE_LAW_PARAMETER}
-#: harmonics of the wheel that rims, mounting and uniformity of a tire show
+#: harmonics of the wheel that rims, mounting and uniformity of a tire show; twice as many are as
+#: narrow as 30 degrees, and take what belongs to the patch
 _HARMONICS = (1, 2, 3)
-#: the size of run-out in another unit than strain, as a share of the waveform's rms
+#: the size of run-out in another unit than strain, as a share of the waveform's rms; a size that
+#: is likely before anything is measured: twice as much lets twice the run-out pass at the same
+#: price
 _RUNOUT_SHARE = 0.1
-#: a temperature that varies by more than this [K] within a log is what drifts follow there
+#: a temperature that varies by more than this [K] within a log is what drifts follow there; with
+#: twice as much, logs that warm by 3 K drift with the time instead
 _WARMS_K = 2.0
-#: speed [m/s] up to which the size of a change of the rolling radius counts
+#: speed [m/s] up to which the size of a change of the rolling radius counts; twice as much makes a
+#: quarter of the growth likely
 _RADIUS_SPEED = 25.0
-#: relative step of a derivative
+#: relative step of a derivative; the error of a central difference is its square: four times as
+#: large with twice the step
 _STEP = 0.005
 #: values that the columns of a nuisance have at most if each log has its own: 64 MB
 _MOST_VALUES = 8_000_000
-#: size of the bend of a drift over that of its slope
+#: size of the bend of a drift over that of its slope; twice as much lets a drift bend twice as far
+#: at the same price
 _BEND = 0.3
 #: size of the difference of its mean between logs over that of its slope: logs that warm by 20 K
 #: differ by up to half of that in the mean

@@ -28,22 +28,28 @@ from tirelog.inference.stacks.align import PassageAngle, split_turns, template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
-#: A hit is compared for this long [s] after the obstacle was reached.
+#: A hit is compared for this long [s] after the obstacle was reached. Twice as long takes more
+#: revolutions after each hit from the steady ones.
 WINDOW_S = 0.5
 #: Mean square over this time [s] that is so many times its median is no steady rolling.
 _SMOOTH_S, _STANDS_OUT = 0.01, 8.0
-#: Outbursts that are taken for hits at most, evenly over the log.
+#: Outbursts that are taken for hits at most, evenly over the log. Twice as many take twice as
+#: long.
 _MOST_HITS = 12
-#: A hit closer than this [s] to an end of the log cannot be compared.
+#: A hit closer than this [s] to an end of the log cannot be compared. Twice as much passes over
+#: hits that are as near to an end.
 _ROOM_S = 0.1
 #: Revolutions without a passage that may be counted by the speed, and by how much of one the count
 #: may be off.
 _LONGEST_GAP, _PLAIN = 20.0, 0.25
-#: Steady rolling nearest to a hit that it is compared with [s].
+#: Steady rolling nearest to a hit that it is compared with [s]. Twice as much averages over twice
+#: as many turns, and over twice as much of a speed that changes.
 _STEADY_S = 4.0
-#: Turns before and after a hit whose passages may be disturbed.
+#: Turns before and after a hit whose passages may be disturbed. Twice as far leaves fewer passages
+#: to know the wheel's angle by.
 DISTURBED = (-0.3, 1.2)
-#: Steady revolutions that are needed to know what repeats.
+#: Steady revolutions that are needed to know what repeats. Twice as many refuse logs with fewer
+#: than ten beside the obstacles.
 _FEWEST_STEADY = 5
 
 

@@ -26,13 +26,15 @@ from tirelog.inference.metric.whitening import Whitener, whitener
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 
-#: relative step of the load for its derivatives
+#: relative step of the load for its derivatives; the error of a central difference is its square:
+#: four times as large with twice the step
 _STEP = 0.01
 #: degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
 #: many would leave short logs without it
 FEWEST_WANDERING = 8.0
 #: standard deviations of chi-square by which it must be told: nulls stay below 2, a wander of 3 %
-#: shows with 18 and more; below it, what the model's shape lacks would pass for a wander
+#: shows with 18 and more; below it, what the model's shape lacks would pass for a wander; twice as
+#: many would leave wanders of up to 2 % unsaid
 SURE_SIGMAS = 4.0
 #: probability with which manoeuvres that only scatter look as if they followed something: below it
 #: they do, and what follows is no scatter. Effects of two floors follow with 1e-8 and less; loads
@@ -42,9 +44,10 @@ _FOLLOWS_P = 1e-4
 #: the first (misfits do with 1e-6 to 1e-31), and a wander, alike in neighbours, looks like 1e-5;
 #: between that and _FOLLOWS_P it does if manoeuvres agree by chance with the second at most
 _SURELY_FOLLOWS_P, _AGREE_P = 1e-6, 0.01
-#: flips of signs: 2,000 tell a probability of 0.01 to a fifth
+#: flips of signs: 2,000 tell a probability of 0.01 to a fifth; twice as many tell it to a sixth
 _FLIPS = 2000
-#: a load that is estimated farther off than this is not what scatters
+#: a load that is estimated farther off than this is not what scatters; twice as much would take a
+#: fault of the fit for a load
 _MOST_LOAD = 0.2
 
 

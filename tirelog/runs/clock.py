@@ -44,14 +44,17 @@ from tirelog.runs.wander import Wandering, coarse_ticks, wandering
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Doubt, Quality
 
-#: share of a period by which a clock's stamps may stray, unless a rate is declared
+#: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
+#: puts stamps that stray by a fifth of a period on an even grid
 _JITTER = 0.1
 #: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this
 #: factor
 _CONTRADICTS, _ABSURD = 0.002, 1.2
-#: samples below which the first and the last stamp tell the period, if no stretch does
+#: samples below which the first and the last stamp tell the period, if no stretch does; twice as
+#: many let the two ends tell the period of logs of up to fifteen samples
 _FEW = 8
-#: with more leaps than this a column of numbers is no sample counter
+#: with more leaps than this a column of numbers is no sample counter; twice as many take twice the
+#: memory before it is given up
 _MOST_LEAPS = 100_000
 
 

@@ -29,7 +29,8 @@ _SAME, _BUNCHED = 0.3, 0.45
 #: points on each side of a jump that say whether it lasts: for stamps much finer than a period, and
 #: for others
 _FEW, _MANY = 5, 60
-#: a pause is told if samples without a clock leave out this many usual steps
+#: a pause is told if samples without a clock leave out this many usual steps; twice as many leave
+#: pauses of up to twenty steps unsaid
 _PAUSE = 10.0
 
 

@@ -61,7 +61,7 @@ FORMAT_VERSION = 2
 #: of a foreign run's words for its doubts at most so many are named, and so many letters of each
 MOST_WORDS, MOST_LETTERS = 5, 40
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a
-#: lost one
+#: lost one; twice as many bridge gaps in the temperature that are twice as long by a straight line
 _TWIN_REACH = 4096
 #: decimals of a count: more than any instrument writes, and a power of ten that is finite
 MOST_DECIMALS = 64

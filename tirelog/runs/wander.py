@@ -21,17 +21,23 @@ _MOST_POINTS = 1 << 20
 #: ticks averaged to one point of the clock: the first sample of a tick lies anywhere in a period,
 #: which the mean of 16 tells to 0.07 of it; twice as many follow a change of rate half as quickly
 _TICKS = 16
-#: ticks on each side whose median is the usual rate about a tick
+#: ticks on each side whose median is the usual rate about a tick; twice as many follow a rate that
+#: wanders half as quickly
 _ABOUT = 15
-#: samples per tick below which a stamp is no coarse one
+#: samples per tick below which a stamp is no coarse one; twice as many leave finer stamps to the
+#: plain fit
 _LEAST_PER_TICK = 4.0
-#: stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders
+#: stamps of a steady clock stay within one tick of their line; beyond so many its rate wanders;
+#: twice as many put a clock that wanders by up to four ticks on one straight line
 _STRAYS_TICKS = 2.0
-#: samples that a tick lacks before they count as missing: a steady one has one more or less
+#: samples that a tick lacks before they count as missing: a steady one has one more or less; twice
+#: as many leave gaps of up to three samples unsaid
 _MISSING = 1.6
-#: ticks on each side of a gap that say whether it lasts
+#: ticks on each side of a gap that say whether it lasts; twice as many need gaps that are twice as
+#: far apart
 _LASTS = 5
-#: and they lack more than so many times what ticks usually lack or have too many
+#: and they lack more than so many times what ticks usually lack or have too many; twice as many
+#: leave gaps unsaid that are half as large where ticks scatter
 _UNUSUAL = 6.0
 
 

@@ -160,7 +160,8 @@ def _fours(slope: FloatArray, begin: int, energies: FloatArray, bends: FloatArra
 PASS = 20.0
 #: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
-#: means are taken of as many samples as leave this many per period of the pass edge
+#: means are taken of as many samples as leave this many per period of the pass edge; twice as many
+#: take twice as long and change what the filter passes no more
 OVERSAMPLING = 4.0
 #: a sample off its neighbours' cubic by more than these many sigmas and this share of the passages'
 #: height is bridged

@@ -19,15 +19,18 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: rows of constant speed that a regression needs
+#: rows of constant speed that a regression needs; half as many would leave a parabola one degree
+#: of freedom, twice as many refuse short tests
 LEAST_ROWS = 8
 #: a stretch is cut when its speed has moved by this much [m/s]: a slow coast-down is no single
 #: speed; twice as much halves the points of such a stretch and leaves others alone
 PIECE_M_S = 1.0
-#: means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to stretch,
-#: above the steps of a test plan
+#: means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to
+#: stretch, above the steps of a test plan; twice as much takes steps of less than 1 m/s for one
+#: speed
 SAME_SPEED_M_S = 0.5
-#: probability that an interval covers; and the one of the test whether a parabola is needed
+#: probability that an interval covers; and the one of the test whether a parabola is needed; half
+#: the rest, 0.975, makes intervals a seventh wider
 COVERED = 0.95
 #: a line is said to miss a mean that lies further off than this many of the mean's own standard
 #: errors: by noise alone one line in a thousand does; at twice as many only a line that is visibly

@@ -176,7 +176,9 @@ MEAN_S, RATE_MEANS, SHORTEST = 0.1, 3, 5
 #: span of a log whose means are held in memory [s]: a week takes 150 MB; stamps that jump span
 #: centuries
 LONGEST_S = 7 * 86400.0
-#: a ramp runs at more than this share of the fast rate, which four fifths of all rates stay below
+#: a ramp runs at more than this share of the fast rate, which four fifths of all rates stay below;
+#: twice as much cuts the slow ends off a ramp, half as much takes leaks of an eighth of the rate
+#: for one
 RAMP_SHARE = 0.25
 #: a leak is one that exceeds so many standard errors of a mean; with twice as many, leaks up to
 #: twice as large are said to be 0

@@ -35,7 +35,7 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, qu
 # lag of the reference average out.
 
 #: turns are used up to this acceleration [m/s^2], if there are enough of them: the tire slips
-#: under torque
+#: under torque; twice as much has twice the slip in it
 FREE_ROLLING_M_S2 = 1.0
 #: pieces of the log whose scatter gives the error, and the least number of turns
 PIECES, LEAST_TURNS = 40, 10

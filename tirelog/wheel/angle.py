@@ -31,7 +31,7 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, quality_column
 from tirelog.wheel.direction import untold_stretches, ways_of
 
-#: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
+#: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4; twice as wide, at 10 Hz
 SPEED_WINDOW_S = 0.443 / 20.0
 #: slower than this, in turns per second, the wheel counts as standing: 0.2 m/s on a car; doubled,
 #: what creeps at 0.4 m/s stands

@@ -16,7 +16,8 @@ from tirelog.errors import UsageError
 from tirelog.vocabulary.quality import quality_column
 from tirelog.wheel.angle import encoder_of, rolling_radius
 
-#: seconds that are told if none are asked for: P4 Fig. 4 shows 100 ms
+#: seconds that are told if none are asked for: P4 Fig. 4 shows 100 ms; the table is as long as
+#: that
 STRETCH_S = 0.1
 #: rows of one table: a minute of 10 kHz; twice as many take twice the memory, some 100 MB
 MOST_ROWS = 600_000

@@ -36,7 +36,8 @@ from tirelog.wheel.phase_shift import EdgeTimes
 #: 6 % of the weight at most; doubled, 12 %
 QUASI_STATIC_M_S2 = 0.6
 #: driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
-#: longitudinal force, and load transfer moves its width
+#: longitudinal force, and load transfer moves its width; twice as much leaves hard driving alone
+#: to learn it from
 DRIVE_M_S2 = 0.8
 #: a delay that is more than so many standard errors long is one; with twice as many, delays up to
 #: twice as long are not told
@@ -44,7 +45,7 @@ SURE = 3.0
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
 #: share of a log's quasi-static passages at which it has to be known, to be used; the others are
-#: then left out of the map
+#: then left out of the map; nearer to one, a log with a gap in its force is mapped without any
 FORCE_KNOWN = 0.8
 #: passages and range of speed [m/s] that a map needs: the mean of so many is known to a fifth of
 #: one's scatter, a slope to as much per m/s; half the passages make it 1.4 times that, half the

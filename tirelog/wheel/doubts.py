@@ -16,7 +16,8 @@ from tirelog.errors import SetupError
 from tirelog.wheel.angle import Radius, WheelAngle
 from tirelog.wheel.fronts.fronts import Fronts
 
-#: times between swings more alike than this (shorter over longer, median) are an encoder's
+#: times between swings more alike than this (shorter over longer, median) are an encoder's; twice
+#: as far from one, 0.4, is still far above the 0.05 of passages and the rest of their turns
 EVEN = 0.7
 #: level outside over Omega^2 R: beyond these the time axis or a unit is wrong. It goes with the
 #: square of the sampling rate, so a rate that is wrong by a factor of 0.84 to 1.18

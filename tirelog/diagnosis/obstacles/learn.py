@@ -31,7 +31,8 @@ from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
 #: A hit is fitted for so long [s] after it, with signals smoothed over so long [s], one pair after
-#: the other.
+#: the other. The first stages see the blow alone, before an error of a frequency has become one of
+#: phase; in stages twice as long it has become twice as large.
 _STAGES = ((0.03, 2e-3), (0.06, 1e-3), (0.12, 0.0), (0.2, 0.0))
 _WINDOW_S = _STAGES[-1][0]
 #: Steps of a stage at most, the share of the sum of squares that a further one has to gain, and the

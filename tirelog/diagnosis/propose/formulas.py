@@ -32,19 +32,22 @@ from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
 
-#: forms that are polished, with another kind of law for the first of them
+#: forms that are polished, with another kind of law for the first of them; twice as many of either
+#: take twice as long
 POLISHED = 8
 OTHER_LAWS = 3
 #: forms that are refitted in the model: each takes a fit of the whole model
 REFITTED = 4
-#: of those that leave as little, so many are said
+#: of those that leave as little, so many are said; twice as many make a longer answer
 MOST_AS_GOOD = 3
-#: an amplitude may become so many times what the linear fit says; a phase turns freely
+#: an amplitude may become so many times what the linear fit says; a phase turns freely; it keeps a
+#: descent from running away; an amplitude that settles is the same with twice as much
 _LARGER = 100.0
 #: standard errors that a number may lie from a round one: beyond them rounding would push the
-#: others out of their errors
+#: others out of their errors; twice as much makes rounder formulas that fit worse
 ROUNDED_SIGMAS = 2.0
-#: standard errors by which another form may be worse held out and be as good
+#: standard errors by which another form may be worse held out and be as good; twice as much says
+#: more forms as good as the first
 AS_GOOD = 1.0
 
 

@@ -193,7 +193,8 @@ LAWS: tuple[Law, ...] = (
     Law("(pressure / {pressure}) ** m * (speed / 20) ** n", {"m": (-1.0, 1.0), "n": (0.0, 1.0)},
         ("pressure",)),
 )  # fmt: skip
-#: where the numbers of a law may go, and their units
+#: where the numbers of a law may go, and their units; twice as far lets a descent run on where no
+#: log says more
 LAW_BOUNDS: Mapping[str, tuple[float, float]] = {
     "n": (-1.0, 5.0),
     "m": (-3.0, 4.0),

@@ -40,15 +40,18 @@ NODES: Mapping[tuple[str, str], FloatArray] = {
     ("patch", "contact_pressure"): _PRESSED,
     ("speed", "load"): np.zeros(0),
 }
-#: nodes over the range of speeds for what acts on the load: it is smooth
+#: nodes over the range of speeds for what acts on the load: it is smooth; twice as many share the
+#: same cells, and each is known half as well
 _SPEEDS = 6
 #: heights that are likely before anything is measured: of a waveform in roots of the mean square
 #: that is left, of a pressure in mean pressures, of a load in mean loads.  They hold back what
 #: the base does as well; doubled, no shape that is seen changes
 _LIKELY = {"": 10.0, "contact_pressure": 1.0, "load": 0.3}
-#: small amplitudes of a hat for its response
+#: small amplitudes of a hat for its response; twice as much doubles the share of the response that
+#: is not linear in it
 _PROBE = {"contact_pressure": 0.02, "load": 20.0}
-#: shapes that are tried on held-out manoeuvres, the best of each frame first
+#: shapes that are tried on held-out manoeuvres, the best of each frame first; twice as many take
+#: twice as long
 _TRIED = 4
 
 

@@ -59,7 +59,8 @@ from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
 #: every so many manoeuvres one is locked away before anything is looked at; twice as rarely leaves
 #: the number that is said to two or three manoeuvres
 LOCK_EVERY = 3
-#: terms of a proposal at most: what needs more is better told by its measured shape
+#: terms of a proposal at most: what needs more is better told by its measured shape; each further
+#: one has to pass the same test, so that twice as many are reached only by what repeats
 MOST_TERMS = 3
 #: share of the excess that a measured shape must remove beyond the formulas to stand in their
 #: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as

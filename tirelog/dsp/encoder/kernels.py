@@ -27,7 +27,8 @@ CHUNK = 64
 #: half width of the window, in half periods (the least variance of a sum's zero is at tan m = 2 m,
 #: m = 1.17 rad)
 WINDOW = 0.35
-#: periods on each side whose mean is the middle level
+#: periods on each side whose mean is the middle level; twice as many follow a level that drifts
+#: half as quickly
 AROUND = 2
 
 

@@ -25,12 +25,13 @@ from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: knots lie at least so far apart while the motion is even: a cubic follows a wheel that shakes at
-#: 20 Hz to a thousandth of a degree
+#: 20 Hz to a thousandth of a degree; twice as far apart, to sixteen times that
 KNOT_STEP_S = 4e-3
 #: the local least squares take the passages within this time, at least and at most so many on each
 #: side
 SPAN_S, LEAST_REACH, MOST_REACH = 14e-3, 3, 9
-#: whole teeth in the window may differ by this factor, for a cubic to follow them
+#: whole teeth in the window may differ by this factor, for a cubic to follow them; twice as much
+#: lays cubics across starts and stops
 EVEN = 2.0
 
 

@@ -29,12 +29,14 @@ from tirelog.dsp.sliding import sliding_mean
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, Records
 
-#: turns that a table needs; fewer leave it zero
+#: turns that a table needs; fewer leave it zero; twice as many leave short drives with the steps
+#: of the pattern in their speed
 LEAST_TURNS = 4
 #: tables that explain more of their deviations than this can be laid on one another, if one place
 #: is so much better than any other
 CLEAR, BETTER_PLACE = 0.5, 1.2
-#: passages of the longest stretch that are kept to doubt the number of steps, in turns
+#: passages of the longest stretch that are kept to doubt the number of steps, in turns; twice as
+#: many take twice the memory
 KEPT_TURNS = 200
 
 

@@ -41,14 +41,15 @@ BLOCK = 1 << 17
 #: changes of side on each side that the place of one depends on
 BESIDE = 2 * AROUND + 2
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as
-#: standstill
+#: standstill; twice as long counts slower teeth, and follows a wandering level half as well
 FOLLOW_S = 0.3
 #: longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
-#: whole swing
+#: whole swing; twice as long follows half as well
 FOLLOW_STEADY_S = 1.2
 #: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
 HYSTERESIS = 0.4
-#: a signal whose range is within so many standard deviations of its noise does not move
+#: a signal whose range is within so many standard deviations of its noise does not move; twice as
+#: many call a weak signal standstill, half as many take noise for teeth
 STILL_SIGMA = 6.0
 #: amplitudes of a log's pieces, those with so many swings, closer together than this do not follow
 #: the speed (a Hall sensor)

@@ -34,7 +34,7 @@ from tirelog.vocabulary.arrays import FloatArray
 TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
 #: intervals looked at at once: small enough for the cache
 PIECE = 1 << 14
-#: even passages on both sides of a cut
+#: even passages on both sides of a cut; twice as many cost a little time
 CONTEXT = 40
 #: half teeth that take longer than this are looked at for a turning point
 SLOW_S = 0.06
@@ -43,7 +43,8 @@ ROLLING_S = 0.02
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster
 #: than so many turns per second
 SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
-#: intervals on each side that say how long one should be
+#: intervals on each side that say how long one should be; twice as many reach to where a speed
+#: that changes is another
 NEIGHBOURS = 3
 #: an interval outside of these shares of its neighbours' median is not a single half tooth (pitch
 #: errors of 0.5 degree stay inside)

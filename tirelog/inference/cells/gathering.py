@@ -44,8 +44,8 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: take 1.5 GB. Gathering costs what error bars rest on: with loads that scatter by 1 %, three
 #: manoeuvres as one raised reduced chi-square from 1.0 to 2.0
 MOST_PIECES = 1800
-#: pieces that a log gives at least; if there are so many logs that they have no room, only some
-#: of the logs, evenly
+#: pieces that a log gives at least; if there are so many logs that they have no room, only some of
+#: the logs, evenly; with twice as many, half as many logs have a part
 LEAST_SHARE = 2
 
 

@@ -34,10 +34,13 @@ ComplexArray = NDArray[np.complex128]
 #: (`floor.at_mean_speed`); twice as wide leaves eight times the third order
 BAND_M_S = 1.6
 #: fewest revolutions in a band (two would tell a scatter by one difference), most bands in a
-#: manoeuvre: what later steps take grows with the bands
+#: manoeuvre: what later steps take grows with the bands; twice as many revolutions make half as
+#: many bands of short manoeuvres, which average over more of the speed; twice as many bands take
+#: twice the time
 FEWEST = 3
 MOST_BANDS = 6
-#: rounds of coefficients out, mean anew: the second round's mean is free of the first's
+#: rounds of coefficients out, mean anew: the second round's mean is free of the first's; twice as
+#: many take twice as long
 _ROUNDS = 2
 #: neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a gap is
 #: a slope, and 0.3 makes it three times what a whole bin does; doubling it begins to blur edges

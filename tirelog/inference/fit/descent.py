@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: steps of a descent at most
+#: steps of a descent at most; twice as many only matter to fits that have not settled by then,
+#: which is said
 MOST_STEPS = 25
-#: a step that gains less than this share of the sum of squares, and less than this of it (1 is what
-#: a parameter costs that is off by its standard error), is the last
+#: a step that gains less than this share of the sum of squares, and less than this of it (1 is
+#: what a parameter costs that is off by its standard error), is the last; twice as much of the
+#: latter may leave a parameter off by 0.8 of its standard error
 SETTLED = 1e-4
 _SETTLED_BY = 0.3
-#: dampings tried for one step
+#: dampings tried for one step; twice as many damp further down before a step is given up
 _TRIALS = 8
 
 

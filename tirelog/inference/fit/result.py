@@ -17,7 +17,8 @@ from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 
-#: correlations beyond this are said: a combination of the two is known far better than each
+#: correlations beyond this are said: a combination of the two is known far better than each; 3.2
+#: times better at 0.9, and 4.5 times at 0.95
 CORRELATED = 0.9
 LEVER = "lever_arm_m"
 

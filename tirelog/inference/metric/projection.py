@@ -17,7 +17,7 @@ import numpy as np
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: singular values below this share of the largest are no directions: EJ, k, mu, y and load share
-#: one scale
+#: one scale; twice as much drops directions that are seen 1.4 times as well
 RANK = 1e-7
 #: cells that are worked on at a time
 _BLOCK = 32

@@ -26,7 +26,8 @@ from scipy.linalg import cho_factor, cho_solve
 from tirelog.inference.stacks.samples import Samples, TurnChunk
 from tirelog.vocabulary.arrays import FloatArray
 
-#: angles [rad] that the matched filter looks at, and the template's grid
+#: angles [rad] that the matched filter looks at, and the template's grid; twice as far looks at
+#: more of the turn's quiet part, which says nothing of the place
 FRONT_RAD = 1.0
 _TEMPLATE_POINTS = 512
 #: knots of the matched filter's template per sample of a turn.  At a constant speed the odd turns'
@@ -35,7 +36,8 @@ _TEMPLATE_POINTS = 512
 #: can bend so.  And never fewer knots than a front has corners for
 _KNOTS_PER_SAMPLE = 0.7
 _FEWEST_KNOTS = 128
-#: share of the turns that may be shorter than the one whose samples are counted
+#: share of the turns that may be shorter than the one whose samples are counted; twice as much
+#: counts the samples of a somewhat longer turn
 _SHORTER_TURNS = 0.05
 #: weight of the third differences against the samples: it decides only between samples that lie
 #: farther apart than knots

@@ -42,14 +42,16 @@ from tirelog.strain.passages.surface import refuse_swapped_surface
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
-#: bins of the angle over a revolution
+#: bins of the angle over a revolution; twice as many need twice the samples per revolution to be
+#: filled
 ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
 STRETCH = 1024
 #: whole revolutions of a log: what repeats is told from what does not by their scatter, which six
 #: tell to 30 %.  Twelve would tell it to 20 % and refuse a recording of a second
 FEWEST = 6
-#: passages that an unbroken run has at least: three whole revolutions
+#: passages that an unbroken run has at least: three whole revolutions; twice as many leave out
+#: unbroken runs of up to seven
 _SHORTEST_RUN = 5
 
 

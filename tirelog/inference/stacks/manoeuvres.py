@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: size of the acceleration [m/s^2] below which a stretch is a cruise
+#: size of the acceleration [m/s^2] below which a stretch is a cruise; twice as much calls a gentle
+#: coasting down a cruise
 CRUISE_M_S2 = 0.2
-#: deceleration [m/s^2] from which it is braking rather than coasting
+#: deceleration [m/s^2] from which it is braking rather than coasting; twice as much calls ordinary
+#: braking coasting
 BRAKE_M_S2 = 1.5
-#: a stretch shorter than this many revolutions belongs to its neighbour
+#: a stretch shorter than this many revolutions belongs to its neighbour; twice as many join short
+#: brakings to what is beside them
 SHORTEST = 4
-#: revolutions to either side over which an acceleration is the slope of the speed
+#: revolutions to either side over which an acceleration is the slope of the speed; twice as many
+#: tell it to a third of the error, and round its steps off over twice as long
 _HALF_WINDOW = 3
 
 

@@ -23,7 +23,8 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, having
 if TYPE_CHECKING:
     from tirelog.strain.passages.find import Passages
 
-#: a passage this much later than its neighbours' periods starts a new manoeuvre
+#: a passage this much later than its neighbours' periods starts a new manoeuvre; twice as much
+#: joins what a pause of up to six periods parts
 _GAP = 3.0
 
 

@@ -19,9 +19,11 @@ from tirelog.errors import UsageError
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.vocabulary.arrays import FloatArray
 
-#: turns of an unbroken run that a spline is laid through; of two a bend is not known
+#: turns of an unbroken run that a spline is laid through; of two a bend is not known; twice as
+#: many leave shorter runs without places
 _LEAST_TURNS = 4
-#: a time between two passages that is farther than this share off what the speed says is no turn
+#: a time between two passages that is farther than this share off what the speed says is no turn;
+#: twice as much would take a turn and a half for one
 _ONE_TURN = 0.3
 #: a setup and passages that differ by more [deg] contradict each other: passages tell 0.1 degrees,
 #: a tape on the belt some millimetres, which are one; half as much would doubt honest tapes

@@ -21,9 +21,11 @@ WINDOW = 512
 #: cut-off comes some 5 % lower, as strain falls as a high power of the frequency
 ABOVE = 2.0
 #: the share of a stretch without passages that is taken as rest, the middle or the outer one: what
-#: is next to a passage may still roll
+#: is next to a passage may still roll; with all of it, the first and last turn of the wheel are in
+#: the noise at rest
 REST_SHARE = 0.5
-#: windows of either kind, evenly over the log, that a spectrum is the mean of at most
+#: windows of either kind, evenly over the log, that a spectrum is the mean of at most; 400 tell a
+#: spectrum to 5 %, twice as many to 3.5 %, in twice the time
 _MOST_WINDOWS = 400
 
 

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
-#: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1)
+#: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1); twice as many take four times as
+#: long per contact condition
 TERMS = 7
 #: orders of the Bessel functions: up to that of the last test, and one more for its slope
 ORDERS = 2 * TERMS + 2

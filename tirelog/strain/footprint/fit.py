@@ -27,7 +27,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 #: them
 TABLE_POINTS = 4096
 #: weak knowledge of a passage's own oddness beside the log's: standard deviation of damping and
-#: tilt
+#: tilt; twice as much lets the noise of a passage move them twice as far
 ODD_SD = 0.3
 
 

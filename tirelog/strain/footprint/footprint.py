@@ -29,15 +29,17 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
-#: of what the traction has moved it
+#: of what the traction has moved it; the error is proportional to it
 UNEXPLAINED = 2.0
 #: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
 #: share; twice as much is still neither
 DRIVEN_SHARE = 0.03
-#: times that a form is learnt anew without passages that turn out driven: the second time sees what
-#: the first one's form has hidden
+#: times that a form is learnt anew without passages that turn out driven: the second time sees
+#: what the first one's form has hidden; the loop ends by itself if no more turn out driven; twice
+#: as many take longer if they do
 MOST_LEARNT = 3
-#: fewer samples between the edges than this cannot tell a length
+#: fewer samples between the edges than this cannot tell a length; twice as many leave fast
+#: passages of slow loggers without a length
 LEAST_SAMPLES = 4
 
 

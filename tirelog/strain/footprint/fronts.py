@@ -43,7 +43,8 @@ _LEARNT = 200
 _FORM = np.radians(np.arange(-60.0, 60.01, 0.25))
 #: half widths of a patch that a tire has [rad]; outside of these nothing is a front
 _LEAST_HALF, _MOST_HALF = np.radians([2.0, 45.0])
-#: samples between the fronts below which no level inside can be read
+#: samples between the fronts below which no level inside can be read; twice as many leave fast
+#: passages of slow loggers without fronts
 _FEWEST_INSIDE = 4
 
 

@@ -37,14 +37,18 @@ STEP = 1.0 / 36.0
 #: speed it is learnt from them alone
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
 #: the closed ring is believed if it lowers chi-square (per degree of freedom at the misfit) by
-#: this much
+#: this much; twice as much asks more of the ring before it is taken, half as much lets noise
+#: choose
 LEAST_LEAD = 10.0
-#: a start from another grating that ends in this many times its misfit is given up
+#: a start from another grating that ends in this many times its misfit is given up; twice as much
+#: keeps starts that have three times the misfit, which a search from the beginning may undercut
 LIKE_MISFIT = 1.5
-#: largest relative error of the speed of a passage that is learnt from, if there are such
+#: largest relative error of the speed of a passage that is learnt from, if there are such; twice
+#: as much learns from passages whose length on the tread is off by twice as much
 SURE_SPEED = 0.001
 #: chi-square per degree of freedom below this is not believed: errors shrink by its root at most,
-#: as the noise of a sample may be overestimated
+#: as the noise of a sample may be overestimated; errors shrink to 0.77 at most; half as much would
+#: let them shrink to 0.55
 LEAST_SCATTER = 0.6
 #: what the form may leave of a passage at any place, as a share of its height.  Finite differences
 #: of beam and ring leave 0.001, a planted water film 0.036 and a true length within 0.3 %; a
@@ -54,9 +58,11 @@ LEAST_SCATTER = 0.6
 MOST_LEFT = 0.045
 #: their places among a form's parameters
 TREAD, TILT = 3, 5
-#: largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one edge
+#: largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one edge;
+#: twice as much would let it pull there as far as it presses in the middle
 MOST_TILT = 1.0
-#: the form's own error is this many times the difference between the family's two members
+#: the form's own error is this many times the difference between the family's two members; the
+#: error is proportional to it
 FORM_FACTOR = 3.0
 
 

@@ -34,15 +34,18 @@ from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import good
 
-#: a slower wheel's windows are not cut out (its passage takes seconds)
+#: a slower wheel's windows are not cut out (its passage takes seconds); twice as much leaves out
+#: wheels that creep up to 0.6 m/s
 LEAST_SPEED_M_S = 0.3
 #: samples are averaged while they lie closer than this share of the half length, for the fit
 FIT_STEP = 1.0 / 36.0
 #: the same, while the rough place of a slip onset is looked for
 ROUGH_STEP = 1.0 / 9.0
-#: the gain of a traction is asked for at every so many-th onset: every other coarse one
+#: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
+#: far apart, an onset between two loses more of its gain
 GAIN_EVERY = 2 * FINE
-#: the low-pass needs this many samples per period of its cut-off; above, samples are averaged
+#: the low-pass needs this many samples per period of its cut-off; above, samples are averaged;
+#: twice as many take twice as long
 PLAIN_OVERSAMPLING = 10.0
 #: rows whose plain edges are worked on at once
 ROWS = 256

@@ -46,7 +46,8 @@ LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
 #: a joint solution is trusted this share of the starts' spacing about where the form was put;
 #: beyond, its cost grows with this power
 TRUST, FAR = 0.5, 4
-#: starts that are followed to their end at most
+#: starts that are followed to their end at most; twice as many take up to twice as long where the
+#: first ones fail
 ATTEMPTS = 4
 
 

@@ -34,7 +34,8 @@ SEARCH = 2.1
 #: steps towards an extremum, which lies no farther than this many columns from the column that is
 #: least
 STEPS, FARTHEST = 4, 0.75
-#: samples per period of the low-pass' cut-off that need none between them to find an extremum
+#: samples per period of the low-pass' cut-off that need none between them to find an extremum;
+#: twice as many put one between the samples of logs up to twice the rate
 DENSE = 8.0
 
 

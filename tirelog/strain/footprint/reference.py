@@ -22,14 +22,16 @@ import numpy as np
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily, EdgeShape
 from tirelog.vocabulary.arrays import FloatArray
 
-#: cells along xi over the window
+#: cells along xi over the window; twice as many have half of the samples each and take twice as
+#: long
 CELLS = 120
-#: Levenberg-Marquardt steps from one start, at most
+#: Levenberg-Marquardt steps from one start, at most; twice as many only help a start that has not
+#: settled by then
 ITERATIONS = 25
 #: a start is good enough if the next step gains less of the squared misfit; `refine` does the
-#: rest
+#: rest; twice as much leaves up to that much more for it
 GOOD_ENOUGH = 1.0
-#: averages that a start looks at
+#: averages that a start looks at; twice as many take twice as long
 MOST_AVERAGES = 4
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0

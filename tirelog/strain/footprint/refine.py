@@ -26,7 +26,7 @@ from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray, Records
 
-#: rounds of refining, at most
+#: rounds of refining, at most; twice as many only help a refinement that has not settled by then
 ROUNDS = 6
 #: stop when the next step promises less than this of the whole chi-square, or the last changed it
 #: by less than this share
@@ -37,13 +37,16 @@ SHARED, TENSION = 3, 6
 #: weak knowledge of the shared parameters about their start: bending length (relative), tension,
 #: inertia x squared top speed, tread
 PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
-#: weak knowledge of a passage's own damping and tilt
+#: weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
+#: move them twice as far
 ODD_SD = 0.5
-#: a round moves a class' form by no more than this [m]
+#: a round moves a class' form by no more than this [m]; twice as much lets a first round with a
+#: wrong form throw it farther
 MOST_SHIFT = 0.01
 #: cells of what is left, and the misfit above which it is more than noise
 CELLS, REMARKABLE = 120, 1.3
-#: passages with more than this times the usual misfit do not belong
+#: passages with more than this times the usual misfit do not belong; three times the usual size;
+#: twice as much keeps passages of 4.2 times
 FOREIGN = 9.0
 
 

@@ -22,7 +22,8 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: samples read at once: they stay in the cache until they are done with
 AT_ONCE = 1 << 17
-#: length of a bucket [s]: at 25 m/s a patch of 0.1 m takes 4 ms
+#: length of a bucket [s]: at 25 m/s a patch of 0.1 m takes 4 ms; buckets twice as long leave one
+#: in a patch at 30 m/s
 BUCKET_S = 1.6e-3
 
 

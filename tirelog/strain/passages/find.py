@@ -34,7 +34,8 @@ from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 
-#: fewer samples in a window are too few for a waveform
+#: fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
+#: loggers
 FEWEST = 6
 #: which way radial acceleration's patch points is told from so many pieces of this length [s]: a
 #: turn or more above 2 m/s, and the level outside changes little within.  This share of each side

@@ -173,9 +173,11 @@ def basis(u: float, which: int) -> float:
     return u**3 / 6.0
 
 
-#: samples per row at most; a creeping wheel's windows are thinned to this
+#: samples per row at most; a creeping wheel's windows are thinned to this; twice as many take
+#: twice as long where a wheel creeps, and only there
 MOST_SAMPLES = 400
-#: Gauss-Newton steps of a fit; in the first one wild samples lose their weight
+#: Gauss-Newton steps of a fit; in the first one wild samples lose their weight; twice as many take
+#: twice as long
 ITERATIONS = 2
 #: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
 #: of the height: noise does the first once in 1e10, and half of it once in 1000
@@ -184,11 +186,14 @@ WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
 #: spike.  Half as much would take a third of the passages of a real accelerometer for spiked; twice
 #: as much hides spikes at its edges
 WILD_SCATTERS = 5.0
-#: what is further off than this share of the height is not the tire
+#: what is further off than this share of the height is not the tire; twice as much keeps what is
+#: off by most of the height, half as much takes a waveform that the template lacks for foreign
 FOREIGN_SHARE = 0.35
-#: stuck samples are clipped if they lie this many sigmas off
+#: stuck samples are clipped if they lie this many sigmas off; twice as many leave clipped samples
+#: in that are up to six off
 CLIPPED_SIGMAS = 3.0
-#: how far a step may shift [window] and stretch
+#: how far a step may shift [window] and stretch; twice as far could carry the centre out of the
+#: window in two steps
 MOST_SHIFT = MOST_STRETCH = 0.3
 
 

@@ -24,18 +24,19 @@ TURN_RAD = 2 * np.pi
 #: a change of acceleration counts beyond this many times its noise variance: noise does that once
 #: in 22; doubled, once in 210
 SIGNIFICANT = 4.0
-#: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink at
-#: random places between passages
+#: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink
+#: at random places between passages; that part of the error is proportional to it
 KINK = 0.8
 #: passages on either side whose accelerations tell how it changes, and the degree of their curve
 REACH, DEGREE = 3, 3
-#: standard deviation of the jerk if nothing tells it: the acceleration itself, gained or lost
-#: over this many turns
+#: standard deviation of the jerk if nothing tells it: the acceleration itself, gained or lost over
+#: this many turns; twice as many halve the jerk and with it what is added to the error
 BLIND_TURNS = 2.0
-#: a wheel may have stopped if it would have needed up to so many times the time between: the
-#: brake came late in the turns before
+#: a wheel may have stopped if it would have needed up to so many times the time between: the brake
+#: came late in the turns before; twice as much doubts more gaps between turns
 STOPS_WITHIN = 3.0
-#: share of the acceleration that may have changed beyond the last passage without a trace
+#: share of the acceleration that may have changed beyond the last passage without a trace; that
+#: part of the error is proportional to it
 UNSEEN = 0.05
 
 

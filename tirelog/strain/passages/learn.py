@@ -31,7 +31,8 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
 #: the window that is learnt, in half widths
 LEARNT_HALF_WIDTHS = 3.0
-#: a passage whose misfit is a larger share of its height is not learnt from
+#: a passage whose misfit is a larger share of its height is not learnt from; twice as much learns
+#: from passages with a tenth of something else in them
 ALIKE = 0.15
 #: stretches of angle over which the scatter between turns is told, from so many passages at most,
 #: and the passages that it takes: of fewer a spike is a large part

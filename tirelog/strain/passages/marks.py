@@ -17,9 +17,11 @@ from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
-#: at most this many passages in a row are put in as lost
+#: at most this many passages in a row are put in as lost; twice as many number turns by a speed
+#: that may have changed over as many
 MOST_LOST = 4
-#: share of a window's samples that must be lost before a passage counts as lost there
+#: share of a window's samples that must be lost before a passage counts as lost there; twice as
+#: much asks for most of a window, and passages lost by a third of it stay uncounted
 LOST_SHARE = 0.3
 
 

@@ -32,10 +32,11 @@ STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
 #: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would
 #: miss short stops
 USUAL_MISFITS = 2.0
-#: a row is doubtful if its misfit is this many times the median's
+#: a row is doubtful if its misfit is this many times the median's; twice as many leave the error
+#: as it is for misfits of up to six times
 DOUBTFUL = 3.0
 #: heights, against the median around, outside of which a pulse of unknown speed is no passage of
-#: this wheel
+#: this wheel; twice as wide keeps pulses of a sixth and of five times the height
 FOREIGN_HEIGHTS = (0.3, 2.5)
 #: passages of a stretch that are tried the other way round, and the log likelihood ratio from which
 #: they ran backwards: odds of 3e6 to one; half of it, 1800 to one

@@ -27,7 +27,8 @@ USUAL_WIDTH_TURNS = 0.06
 #: two passages are one turn apart if the turn that the speeds beside them give lies in this range:
 #: nearer to one turn than to a half or to two, as ratios.  Wider, a missed passage goes unseen
 ONE_TURN = (0.7, 1.4)
-#: pulses closer than this share of a turn cannot both be passages
+#: pulses closer than this share of a turn cannot both be passages; two passages are taken for one
+#: if their widths say four times the period; with twice as much, if they say two times
 TOO_CLOSE_TURNS = 0.25
 #: width of the joined halves against the widths around
 JOINED_WIDTH = (0.6, 1.5)

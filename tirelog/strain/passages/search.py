@@ -31,8 +31,9 @@ LEAST_HEIGHT = 0.45
 #: and by this many times the noise of a sample; half of it, one sample's noise does by chance once
 #: in 3e4
 LEAST_SIGMAS = 8.0
-#: a pulse whose top lies this share of its height below both neighbours' is the stretch between two
-#: patches, seen from its deep shoulders
+#: a pulse whose top lies this share of its height below both neighbours' is the stretch between
+#: two patches, seen from its deep shoulders; twice as much keeps almost every such stretch, half
+#: as much drops passages beside higher ones
 PLATEAU_SHARE = 0.4
 #: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a
 #: car's wheel) nothing is looked for

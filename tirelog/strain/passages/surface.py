@@ -11,8 +11,9 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages, find_passages
 
-#: whole turns that must be found on the other surface before the setup's is called wrong; with one,
-#: a kink of a static test would do
+#: whole turns that must be found on the other surface before the setup's is called wrong; with
+#: one, a kink of a static test would do; twice as many would let a swapped surface pass in logs of
+#: a few turns
 FEWEST_TURNS = 3
 
 

@@ -20,7 +20,7 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 #: knots over the template's window, and points of its table
 INTERVALS, TABLE = 40, 4096
 #: smoothing: weight of the squared third differences against the mean number of samples in a knot
-#: interval
+#: interval; twice as much smooths what is narrower than a knot interval further
 SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8

@@ -17,9 +17,11 @@ from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.fronts.dips import DEGREE
 from tirelog.wheel.fronts.samples import Flanks, groups, normalised, ranges
 
-#: samples are read so much wider, for a place that was a little off [deg]
+#: samples are read so much wider, for a place that was a little off [deg]; twice as wide reads
+#: that much more
 MARGIN = 1.0
-#: samples that a flank has at least: a cubic takes four, and three are left to tell the noise
+#: samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
+#: twice as many widen windows with few samples, and take more of the front's bend into them
 LEAST_SAMPLES = 7
 
 

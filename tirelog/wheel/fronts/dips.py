@@ -32,7 +32,8 @@ PIECE = 1 << 17
 CORE, OVERLAP = 360 * 128, 540
 #: a dip that is shorter or longer than this is no patch [deg]
 NARROWEST, WIDEST = 4, 70
-#: the level is taken from this range beside each front [deg]
+#: the level is taken from this range beside each front [deg]; half of the first lies in the lobes
+#: of the front, twice the second reaches beyond the top of the wheel
 BESIDE = (25, 130)
 #: slower than this the level drowns in gravity [rad/s]: on a car's wheel it is 1.1 g there, and a
 #: quarter of that at half; doubled, nothing below 3.6 m/s is seen

@@ -37,7 +37,8 @@ from tirelog.wheel.fronts.samples import flanks_of
 #: half width of the flank's window: this share of the level over the flank's median slope, within
 #: bounds [deg], from a first guess
 FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
-#: passages before and after the middle of the log that the slope is learnt from
+#: passages before and after the middle of the log that the slope is learnt from; twice as many
+#: tell it to 0.7 of the error
 LEARN_FROM = 150
 
 

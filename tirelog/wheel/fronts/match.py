@@ -36,7 +36,8 @@ from tirelog.wheel.fronts.samples import Flanks, groups, normalised, ranges
 LEAST, MOST = 40, 400
 #: reach of the form on the outer side and on the inner one, in half widths of the patch
 OUTER, INNER = 1.0, 0.8
-#: knots of the spline lie so far apart, in level over the flank's slope
+#: knots of the spline lie so far apart, in level over the flank's slope; twice as far apart, the
+#: spline rounds off what is as steep as the flank
 KNOTS = 0.35
 #: a matched place farther from the crossing than so many standard errors is not taken: noise does
 #: it once in 2e6; half of it would drop one in 80
@@ -50,7 +51,7 @@ DEGREE_OF_FLANK = 5
 #: half width of its window, in level over the flank's slope, and not beyond the patch's middle, or
 #: the other flank is in it; half as wide, noise moves the steepest place as much as the patch does
 FLANK_REACH = 1.5
-#: steps that centre the window on the steepest place
+#: steps that centre the window on the steepest place; twice as many take twice as long for it
 CENTRINGS = 4
 #: steps of the least squares, and the longest of them [deg]
 STEPS, LONGEST = 3, 1.0
