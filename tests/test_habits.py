@@ -1,5 +1,6 @@
 """Property: the type checker is strict, and what it does not see is said."""
 
+import ast
 import re
 import tomllib
 from pathlib import Path
@@ -53,3 +54,33 @@ def test_every_mark_of_a_group_is_one_that_the_scheduler_sees() -> None:
     ]
     assert len(marked) > 10
     assert [path.name for path in marked if not group_of(path)] == []
+
+
+def test_every_number_of_a_module_says_what_it_is() -> None:
+    """A constant with a number in it, or the line of constants that it stands in, has a comment."""
+    bare = []
+    for path in sorted((ROOT / "tirelog").rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        lines = text.splitlines()
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.Assign | ast.AnnAssign) and _is_a_number(node):
+                above = node.lineno - 2
+                while lines[above] and not lines[above].startswith(("#", "def ", "class ")):
+                    above -= 1
+                own = lines[node.lineno - 1 : node.end_lineno]
+                if not lines[above].startswith("#") and not any("# " in line for line in own):
+                    bare.append(f"{path.relative_to(ROOT)}:{node.lineno}: {own[0]}")
+    assert bare == []
+
+
+def _is_a_number(node: ast.Assign | ast.AnnAssign) -> bool:
+    """Whether constants are set here, in capitals, with a number of their own in them."""
+    target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+    names = [part.id for part in ast.walk(target) if isinstance(part, ast.Name)]
+    parts = list(ast.walk(node.value)) if node.value is not None else []
+    return (
+        bool(names)
+        and re.match(r"_?[A-Z][A-Z0-9]", names[0]) is not None
+        and any(isinstance(p, ast.Constant) and type(p.value) in (int, float) for p in parts)
+        and not any(isinstance(part, ast.Call) for part in parts)
+    )

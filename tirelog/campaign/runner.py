@@ -29,9 +29,11 @@ from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
 from tirelog.runtime import end_with_parent, one_heap
 from tirelog.version import __version__
 
-#: a scheduler that has not answered after this time [s] does not answer
+#: a scheduler that has not answered after this time [s] does not answer; twice as long waits that
+#: much longer before it says so
 _TIMEOUT_S = 8
-#: workers that may die over one task before it is given up
+#: workers that may die over one task before it is given up; twice as many try a log that ends
+#: every worker that often
 _RETRIES = 3
 
 

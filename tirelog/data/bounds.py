@@ -40,6 +40,7 @@ class Bounds:
         return f"; {' or '.join(fits)}" if fits else ""
 
 
+#: metres per unit that a length may be meant in
 _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 #: inflation pressure above the air's [Pa]: sand and farm tires 0.3 bar, bicycles 12 bar, aircraft
 #: 17 bar.  Twice as wide on both sides would let MPa pass for bar

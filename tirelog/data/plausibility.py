@@ -25,7 +25,8 @@ WAVELENGTH_SHARE = 0.02
 #: median strain that is said, and that is refused: silica breaks at 5 %, strips on rubber read 10 %
 #: at most; a tire's own is below 0.3 %
 STRANGE_STRAIN, MOST_STRAIN = 0.01, 0.1
-#: speed of a vehicle [m/s]: aircraft take off at 100
+#: speed of a vehicle [m/s]: aircraft take off at 100; twice as much lets speeds of 160 to 300 km/h
+#: pass that are written without their unit
 FASTEST_M_S = 150.0
 #: a channel is judged by so many of its samples, in so many pieces from all over the log
 LOOKED_AT, PIECES = 4096, 8

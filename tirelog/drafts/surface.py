@@ -8,7 +8,8 @@ from tirelog.data.recording import Channel
 
 #: the patch takes some hundredths of a turn: quantiles that it reaches and its flanks do not
 _LOW, _HIGH = 0.01, 0.99
-#: how much further one side has to reach than the other before it is called the patch's
+#: how much further one side has to reach than the other before it is called the patch's; twice as
+#: much leaves more surfaces open in the draft, and says so there
 _PLAIN = 1.5
 #: samples looked at, from the middle of the channel
 _SAMPLES = 1 << 17

@@ -21,7 +21,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
-#: Fourier modes of a waveform, and points of the uniform grid on which it is laid out.
+#: Fourier modes of a waveform, and points of the uniform grid on which it is laid out. Twice as
+#: many take twice as long; an edge of the patch is then told over half of the length.
 MODES = 1024
 GRID = 3 * MODES
 #: The grid's angles: GRID points from 0, shape (GRID,); the second half stands for negative angles.

@@ -42,6 +42,7 @@ _DISSIPATION = (
     *("dissipation_factor_1_m", "dissipation_factor_mean_1_m"),
     *("strip_power_W", "strip_rolling_resistance_N"),
 )
+#: marks of single rows, and of their means
 _ASIDE = {"size": 6, "opacity": 0.4}
 _MEAN = {"size": 7, "opacity": 1.0, "symbol": "square"}
 

@@ -25,6 +25,7 @@ from tirelog.wheel.angle import Radius, WheelAngle, encoder_of, rolling_radius
 from tirelog.wheel.doubts import doubts, refuse_swapped
 from tirelog.wheel.fronts.fronts import Fronts, find_fronts
 
+#: degrees of a radian
 DEG = 180 / np.pi
 #: the zero is sought in stretches below this speed [m/s] (P4: about 10): drag, which moves it, goes
 #: with the square; doubled, it is four times as large

@@ -178,6 +178,8 @@ class Law:
     complexity: int = 1
 
 
+#: exponents at which laws are scanned, of the speed alone and beside another quantity; the polish
+#: moves them between, and grids twice as fine take twice as long
 _SPEEDS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
 _FEW = (0.0, 1.0, 2.0)
 LAWS: tuple[Law, ...] = (

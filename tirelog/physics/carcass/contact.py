@@ -28,7 +28,8 @@ from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
 from tirelog.physics.spectral import GRID, MODES, STEP, ComplexArray, to_modes
 from tirelog.vocabulary.arrays import FloatArray
 
-#: Farthest angle from the patch centre [rad] that may touch the road.
+#: Farthest angle from the patch centre [rad] that may touch the road. Half of it, 0.4, is a patch
+#: of 12 cm to either side at 0.3 m; twice as much doubles the nodes.
 REACH = 0.8
 _NODES = int(REACH / STEP)
 #: The angles of one half of the patch: the undamped ring's contact is even about its centre.
@@ -43,7 +44,8 @@ _TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
 _FEW, _TABLE = 4, 12
 #: The same of tensions, which differ by less from log to log and with the speed.
 _FEW_TENSIONS, _TENSIONS = 8, 4
-#: Steps of the search for the angles that touch; from anywhere it takes some six.
+#: Steps of the search for the angles that touch; from anywhere it takes some six. Twice as many
+#: change nothing that converges.
 _MOST_STEPS = 100
 
 

@@ -18,11 +18,13 @@ from tirelog.vocabulary.arrays import FloatArray
 #: adds beyond the grid's last mode does not fold back onto these
 _MODES = 128
 _GRID = 512
-#: steps at most (then ModelError), past steps that a secant goes through, steps until m stays
+#: steps at most (then ModelError), past steps that a secant goes through, steps until m stays;
+#: twice as many of the first only take longer to fail; a longer past costs memory alone
 _STEPS = 200
 _DEPTH = 2
 _SETTLED = 3
-#: a change below this share of the largest w is the last
+#: a change below this share of the largest w is the last; twice as much is as far below what a log
+#: tells
 _TOLERANCE = 1e-11
 
 

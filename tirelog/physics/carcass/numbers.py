@@ -216,7 +216,8 @@ MOTION = (
     "radial_damping_N_s_m2",
     "tangential_damping_N_s_m2",
 )
-#: Damping [N s/m^2] that a new coupled ring starts with: without any it would ring for ever.
+#: Damping [N s/m^2] that a new coupled ring starts with: without any it would ring for ever. It is
+#: a start value: twice as much rings half as long until it is fitted or stated.
 _ROLLS_WITH = 60.0
 _TREAD = (
     _p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),

@@ -14,7 +14,8 @@ STIFF = ("tread_stiffness_N_m2", "bristle_stiffness_N_m2", "traction.slip_stiffn
 #: metres that the neutral axis moves per metre of tread worn off: half, of a section that is of one
 #: material; a stiff belt holds it (0), and the lever arm of a grating on the liner keeps its length
 NEUTRAL_AXIS_SHARE = 0.5
-#: depths of a tread [m]: beyond them a number is in millimetres
+#: depths of a tread [m]: beyond them a number is in millimetres; twice as much lets 60 and 80 mm
+#: of a tread pass, which no tire has
 DEEPEST_M = 0.05
 
 

@@ -148,11 +148,14 @@ def modes_of(
     return (t_c - n * r_s) / nodes, (t_s + n * r_c) / nodes
 
 
-#: Nodes whose undeformed place is less than this above the road are looked at [share of R].
+#: Nodes whose undeformed place is less than this above the road are looked at [share of R]. Twice
+#: as much looks at more nodes and finds the same contact.
 NEAR = 0.04
-#: Angle from the patch centre [rad] beyond which nothing may touch.
+#: Angle from the patch centre [rad] beyond which nothing may touch. Twice as much reaches the
+#: upper half of the tire.
 FAR = 0.8
-#: The road's highest place around the tire is looked up anew after this distance [m].
+#: The road's highest place around the tire is looked up anew after this distance [m]. Twice as far
+#: looks it up half as often, over as much more of the road.
 _TOP_EVERY_M = 0.05
 
 

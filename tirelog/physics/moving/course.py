@@ -17,10 +17,12 @@ from tirelog.errors import UsageError
 from tirelog.physics.moving.road import road_of
 from tirelog.physics.moving.transient import Course, Schedule, Transient
 
-#: Where an obstacle begins that names no place [m], and how long is driven after it [s].
+#: Where an obstacle begins that names no place [m], and how long is driven after it [s]. Twice as
+#: much drives that much longer.
 _AHEAD_M = 0.5
 _AFTER_S = 0.5
-#: a step of the load takes so long [s]: far less than a step of the motion
+#: a step of the load takes so long [s]: far less than a step of the motion; twice as long is still
+#: a hundredth of it at most
 _STEP_S = 1e-6
 
 

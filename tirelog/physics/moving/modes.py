@@ -59,9 +59,11 @@ _OWN = {
 }
 #: coordinates that stand before the belt's: two places each of hub and ring, and their angles
 _RINGS = 6
-#: Cells of bristles between entry and exit of the patch.
+#: Cells of bristles between entry and exit of the patch. Twice as many resolve shorter waves of
+#: the tread's deflection, and make the matrix as much larger.
 _CELLS = 48
-#: Slower than this [Hz] is no vibration but a tire that rolls away.
+#: Slower than this [Hz] is no vibration but a tire that rolls away. Twice as much is still slower
+#: than any mode of a tire.
 _SLOWEST = 0.05
 
 

@@ -22,12 +22,14 @@ from tirelog.errors import ModelError
 from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
-#: Steepest slope [m/m] of a ramp.
+#: Steepest slope [m/m] of a ramp. Twice as steep asks for nodes half as far apart to see a ramp as
+#: well.
 STEEPEST = 3.0
 #: Largest rise within one tire diameter, as a share of the radius: the ring's displacements are
-#: small ones.
+#: small ones. Twice as much would double the strain that a linear ring takes for small.
 HIGHEST = 0.2
 #: Ramp [m] of a step or cleat that names none, as far as its length and the steepest slope allow.
+#: Twice as long makes a softer blow: it is said in the road's own words if it matters.
 RAMP = 0.01
 
 

@@ -23,7 +23,8 @@ from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.spectral import STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
-#: The spin is sought within this share of v / R.
+#: The spin is sought within this share of v / R. Twice as wide finds spins of tires that slip by a
+#: tenth.
 _SPIN_RANGE = 0.05
 _PHI = np.arange(-int(contact.REACH / STEP), int(contact.REACH / STEP) + 1) * STEP
 

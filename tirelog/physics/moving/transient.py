@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 MODES, NODES = 40, 2304
 LONGEST_STEP_S = 1e-4
 KEEP_S = 1e-4
-#: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls on
-#: a flat road.
+#: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls
+#: on a flat road. Twice as much would ask for a longer way to an obstacle.
 _CLEAR = 0.35
 _STEADY_ONLY = ("tilt", "pressure", "kernel", "traction", "strain", "acceleration")
 

@@ -24,6 +24,7 @@ PRIMITIVES = {
 BUILTIN_TIME = dict.fromkeys(
     ("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec"
 )
+#: bytes before a message's own: byte order and options
 ENCAPSULATION = 4
 #: elements of a list in a message; one with a longer list has no plan
 LONGEST_LIST = 1 << 20

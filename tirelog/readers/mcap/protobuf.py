@@ -16,6 +16,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from tirelog.readers.mcap.source import Token, Want
 from tirelog.readers.mcap.templates import MessagePlan, NoPlanError, Place
 
+#: wire types of the format
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 F = FieldDescriptor
 FIXED = {

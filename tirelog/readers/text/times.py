@@ -85,6 +85,7 @@ def times_alike(
 
 Nanoseconds = NDArray[np.int64]
 MISSING = np.iinfo(np.int64).min
+#: nanoseconds of a day
 DAY_NS = 86_400 * 10**9
 
 _SECOND = r"(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?"

@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Iterator
 
 _MEMBER, _DIRECTORY = b"PK\3\4", (b"PK\1\2", b"PK\5\6", b"PK\6\6", b"PK\6\7")
+#: numbers of the format: methods of packing, bits of the flags, and a size that stands elsewhere
 _STORED, _DEFLATED = 0, 8
 _ENCRYPTED, _SIZES_BEHIND = 1, 8
 _UNKNOWN_SIZE = 0xFFFFFFFF

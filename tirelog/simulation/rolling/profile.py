@@ -21,9 +21,10 @@ from tirelog.simulation.scenario.schema import Road
 from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
-#: steepest slope of a road [m/m]
+#: steepest slope of a road [m/m]; twice as steep asks for tread points half as far apart
 STEEPEST = 3.0
-#: highest rise within one diameter of the tire, over its radius
+#: highest rise within one diameter of the tire, over its radius; twice as much would double the
+#: strain that a linear belt takes for small
 HIGHEST = 0.2
 #: ramp of a step or cleat that names none, as far as its length and the steepest slope allow [m]
 RAMP_M = 0.01

@@ -27,7 +27,8 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: tread points on an element of the belt
 POINTS = 8
-#: share of the longest stable step that is allowed; slopes of the road stiffen the contact
+#: share of the longest stable step that is allowed; slopes of the road stiffen the contact; twice
+#: as much is the limit itself
 SAFE = 0.5
 #: Newton's iterations for the standing tire
 _LARGEST_ITERATIONS = 60

@@ -47,7 +47,8 @@ _ROWS = 4
 ROW_POINTS = 6
 #: margins about the log for the interpolation in time [s], and step of the wheel angle's spline
 _MARGIN_S, _ANGLE_STEP_S = 0.01, 1e-3
-#: share of the friction that a drive may ask for
+#: share of the friction that a drive may ask for; the rest is left to a load that changes on the
+#: road
 _GRIP = 0.95
 
 

@@ -20,7 +20,8 @@ CHUNK, CELL = 96, 12
 #: step if loads that follow the acceleration change with it [s], and the jerk above which they
 #: do [m/s^3]
 QUICK_STEP_S, QUICK_JERK_M_S3 = 0.01, 0.05
-#: relative step of the load between the three solutions
+#: relative step of the load between the three solutions; twice as far apart, a parabola through
+#: the three is off by eight times as much between them
 LOAD_STEP = 0.03
 
 

@@ -71,6 +71,7 @@ def motion_of(
     return motion
 
 
+#: numbers of a passage's own, and their columns
 OWN, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: columns of a fit: a passage's own and the quadratic ones
 FITTED = OWN + 2

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
+#: radians of a turn
 TURN_RAD = 2 * np.pi
 #: a change of acceleration counts beyond this many times its noise variance: noise does that once
 #: in 22; doubled, once in 210

@@ -25,6 +25,7 @@ from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.sliding import sliding_mean
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
+#: radians of a degree
 DEGREE = np.pi / 180
 #: samples read at once (1 MB)
 PIECE = 1 << 17
