@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tirelog.data.recording import Conditions, Stack
-from tirelog.diagnosis.fitted import fit_measured
+from tirelog.diagnosis.fitted import fit_channels_measured
 from tirelog.physics import Model
 
 FIVE = ("viscous_damping", "load_transfer", "traction", "water_film", "sensor_lag")
@@ -96,7 +96,7 @@ def recovery(seeds: range) -> None:
         model = Model.new(
             "beam", radius_m=stacks[0].radius_m, load_N=3434.0, reference_load_N=3434.0
         )
-        result, _ = fit_measured(stacks, model)
+        result, _ = fit_channels_measured([stacks], model)
         pulls.append((result.values - [truth[name] for name in result.names]) / result.se)
         chi2.append(result.reduced_chi2)
     inside = np.abs(pulls) < 2.0
@@ -139,10 +139,10 @@ def main() -> None:
     )
     stack = stack_of(truth, 400)
     moving = replace(stack, manoeuvre=np.arange(400) // 40)
-    result, _ = fit_measured([moving], start)
+    result, _ = fit_channels_measured([[moving]], start)
     print(
         f"fit of {len(result.names)} parameters to 400 revolutions x {ANGLES}: "
-        f"{best(lambda: fit_measured([moving], start), 1):.2f} s   goal 5 s"
+        f"{best(lambda: fit_channels_measured([[moving]], start), 1):.2f} s   goal 5 s"
     )
     if "--recovery" in sys.argv:
         recovery(range(1000, 1000 + int(sys.argv[sys.argv.index("--recovery") + 1])))

@@ -13,7 +13,7 @@ import pytest
 from tests.physics.collocation import solve_closed_line
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
-from tirelog.diagnosis.fitted import fit_channels_measured, fit_measured
+from tirelog.diagnosis.fitted import fit_channels_measured
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.cells.cells import _noise_profile
 from tirelog.inference.cells.pieces import pieces_of
@@ -139,7 +139,7 @@ def test_noise_at_the_edges_is_that_of_the_truth(waves):
 def test_a_fit_of_one_channel_is_that_of_compare(waves):
     stack = measured(waves, 1090)
     compared = compare([stack], START)
-    for result in (fit_measured([stack], START)[0], fit(START, [stack])):
+    for result in (fit_channels_measured([[stack]], START)[0], fit(START, [stack])):
         for name, value, error in zip(result.names, result.values, result.se, strict=True):
             assert value == pytest.approx(compared.parameters[name]["value"], rel=1e-6)
             assert error == pytest.approx(compared.parameters[name]["se"], rel=1e-6)
@@ -149,7 +149,7 @@ def test_a_fit_of_one_channel_is_that_of_compare(waves):
 def test_a_channel_twice_moves_nothing_and_feigns_half_the_variance(waves):
     """Each channel counts as measured by itself; the page says so."""
     stack = measured(waves, 1091)
-    once, said_of_one = fit_measured([stack], START)
+    once, said_of_one = fit_channels_measured([[stack]], START)
     twice, said_of_two = fit_channels_measured([[stack], [stack]], START)
     assert np.abs(twice.values - once.values).max() / once.values.max() < 1e-6
     assert np.all(np.abs(twice.values - once.values) < 0.1 * once.se)
@@ -174,7 +174,7 @@ def test_several_logs_have_their_own_offsets(waves):
         measured(waves, 1102),
         replace(measured(waves, 1103, offset=-4e-4, log=1), manoeuvre=np.ones(40, int)),
     ]
-    result, _ = fit_measured(logs, START)
+    result, _ = fit_channels_measured([logs], START)
     assert np.all(np.abs(pulls(result)) < 4.0)
     assert abs(result.reduced_chi2 - 1.0) < 0.15
     assert result.revolutions == 80
@@ -280,7 +280,7 @@ def test_what_the_data_do_not_determine_is_named(waves):
 def test_fits_that_cannot_be(waves):
     stack = measured(waves, 1109, repeats=1)
     with pytest.raises(UsageError, match="no stack"):
-        fit_measured([], START)
+        fit_channels_measured([[]], START)
     with pytest.raises(ModelError, match="no free parameter"):
         fit(
             START.with_parameters({name: p.fixed() for name, p in START.parameters.items()}),

@@ -18,7 +18,7 @@ from tirelog.campaign.pieces_file import pieces_bytes
 from tirelog.campaign.work import make_tables, pieces_name
 from tirelog.cli import run
 from tirelog.diagnosis.compare import compare
-from tirelog.diagnosis.fitted import fit_measured
+from tirelog.diagnosis.fitted import fit_channels_measured
 from tirelog.diagnosis.ladder import ladder
 from tirelog.inference.cells import gathering
 from tirelog.inference.cells.gathering import pieces_of_all, pieces_of_logs
@@ -115,7 +115,7 @@ def test_obstacles_are_set_apart_from_numbers_per_revolution_too(cleat):
 
 
 def test_fit_and_compare_are_one_fit(cleat, beam, compared):
-    result, remarks = fit_measured(measured([cleat]).stacks, beam)
+    result, remarks = fit_channels_measured([measured([cleat]).stacks], beam)
     for name, value, error in zip(result.names, result.values, result.se, strict=True):
         assert value == pytest.approx(compared.parameters[name]["value"], rel=1e-12)
         assert error == pytest.approx(compared.parameters[name]["se"], rel=1e-12)

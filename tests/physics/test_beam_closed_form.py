@@ -5,11 +5,12 @@ speed.
 import numpy as np
 import pytest
 
+from tests.physics.beam_roots import exact_displacement
 from tests.physics.collocation import solve_closed_line
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.carcass.beam import critical_speed, exact_displacement
+from tirelog.physics.carcass.beam import critical_speed
 
 EJ, K, MU, L, Y, F, R = 4.0, 2.0e6, 4.5, 0.055, 3e-4, 3600.0, 0.3126
 BEAM = Model.new("beam", radius_m=R)

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.physics.beam_roots import exact_displacement
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.brush import slip_stiffness, traction, transition
-from tirelog.physics.carcass.beam import critical_speed, exact_displacement
+from tirelog.physics.carcass.beam import critical_speed
 
 # Table 1 with mu = rho x cross-section (errata)
 EJ, K, MU, L, M, H, R, C = 5e7 * 1.66e-8, 7.790e6, 0.676, 0.05, 400 * 9.81, 0.018, 0.3126, 11.11
@@ -135,7 +136,7 @@ def first_order(s, alpha, beta, sign):
 
 
 def exact_point_load(s, alpha, beta):
-    """The package's roots at a short patch: EJ = 1, k = 4, mu = 1 makes lambda = 1, c_cr = 2, and
+    """The beam's roots at a short patch: EJ = 1, k = 4, mu = 1 makes lambda = 1, c_cr = 2, and
     w_0 = 1 at 8 N.
     """
     return exact_displacement(

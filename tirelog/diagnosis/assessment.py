@@ -69,7 +69,7 @@ def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
 
 
 def assess(
-    base: Base, signatures: Sequence[Signature], more: FloatArray | None = None, seed: int = 0
+    base: Base, signatures: Sequence[Signature], more: FloatArray | None = None
 ) -> tuple[list[Assessed], dict[str, str]]:
     """Every candidate's best variant, by falling statistic; and why some show nothing.
 
@@ -98,7 +98,7 @@ def assess(
         )
         kept.append(signature)
         scores.append(Scores(score, flat.T @ flat, signature.one_sided))
-    statistic, p = flip_test(scores, base.cells.manoeuvres, seed)
+    statistic, p = flip_test(scores, base.cells.manoeuvres)
     best: dict[str, int] = {}
     for i, signature in enumerate(kept):
         name = signature.effect.id

@@ -26,15 +26,6 @@ from tirelog.vocabulary.observables import WAVEFORMS
 AS_COMPARE = ("shift",)
 
 
-def fit_measured(measured: Measured, model: Model) -> tuple[FitResult, tuple[str, ...]]:
-    """The model's free parameters fitted to measured revolutions, and remarks on the fit.
-
-    ModelError  nothing is free, or a log does not know a condition that an effect of the model
-                needs
-    """
-    return fit_channels_measured([measured], model)
-
-
 def fit_channels_measured(
     channels: Sequence[Measured], model: Model, nuisances: Sequence[str] = AS_COMPARE
 ) -> tuple[FitResult, tuple[str, ...]]:

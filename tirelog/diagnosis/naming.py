@@ -56,7 +56,6 @@ from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Offsets
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.arrays import FloatArray
 
 #: starts of a candidate are tried on so many cells, so many steps, before the best is finished on
 #: all cells; the time goes with both
@@ -146,15 +145,13 @@ def _without_columns(a: Assessed) -> Assessed:
     return replace(a, signature=replace(a.signature, columns=np.zeros((0, 0, 0))))
 
 
-def assess_all(
-    base: Base, extra: Iterable[Effect], more: FloatArray | None = None
-) -> tuple[list[Assessed], dict[str, str]]:
+def assess_all(base: Base, extra: Iterable[Effect]) -> tuple[list[Assessed], dict[str, str]]:
     """Signatures of every candidate at the fitted point, assessed."""
     problem, extra = Problem(base.cells, base.white), tuple(extra)
     found, reasons = all_signatures(
         problem, base.model, candidate_effects(base.model, extra), base.fit.prediction
     )
-    assessed, invisible = assess(base, found, more)
+    assessed, invisible = assess(base, found)
     return assessed, {**idle_candidates(base.model, extra), **reasons, **invisible}
 
 
@@ -279,14 +276,14 @@ def nameable(contenders: Sequence[Refitted]) -> bool:
     return not any(clearly_worse(best, r.base) for r in contenders[1:] if not r.established)
 
 
-def clearly_worse(one: Base, other: Base, sigmas: float = WORSE_SIGMAS) -> bool:
+def clearly_worse(one: Base, other: Base) -> bool:
     """Is the held-out error of `one` above that of `other`?
 
     By the scatter of manoeuvres and by more than a twentieth of the floor.
     """
     gain, error = gain_and_error(one.held_plain, other.held_plain)
     return (
-        gain > sigmas * error
+        gain > WORSE_SIGMAS * error
         and one.square_held - other.square_held > LEAST_SHARE_OF_FLOOR * other.floor.square
     )
 

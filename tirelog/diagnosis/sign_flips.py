@@ -104,13 +104,11 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
     return result
 
 
-def flip_test(
-    candidates: Sequence[Scores], manoeuvres: int, seed: int = 0
-) -> tuple[FloatArray, FloatArray]:
+def flip_test(candidates: Sequence[Scores], manoeuvres: int) -> tuple[FloatArray, FloatArray]:
     """(T (K,), family-wise p (K,)) of the candidates."""
     if not candidates:
         return np.zeros(0), np.zeros(0)
-    all_t = statistics(candidates, flip_signs(manoeuvres, seed))
+    all_t = statistics(candidates, flip_signs(manoeuvres))
     largest = np.sort(all_t.max(axis=1))
     observed = all_t[0]
     reached = largest.size - np.searchsorted(largest, observed * (1.0 - 1e-9), side="left")

@@ -113,15 +113,13 @@ def least_and_most(
     return np.concatenate(times), np.concatenate(low), np.concatenate(high)
 
 
-def draw_signal(
-    axes: Axes, signal: tuple[FloatArray, FloatArray, FloatArray], colour: str = COLOURS[0]
-) -> None:
+def draw_signal(axes: Axes, signal: tuple[FloatArray, FloatArray, FloatArray]) -> None:
     """The whole strain of a channel in microstrain over time.
 
     `signal` as `least_and_most` gives it.
     """
     time, low, high = signal
-    axes.fill_between(time, MICRO * low, MICRO * high, color=colour, linewidth=0.5, alpha=0.9)
+    axes.fill_between(time, MICRO * low, MICRO * high, color=COLOURS[0], linewidth=0.5, alpha=0.9)
 
 
 def robust_range(

@@ -139,15 +139,15 @@ class SpeedClass:
         return np.asarray(self.scatter / max(self.turns, 1) ** 0.5)
 
 
-def speed_classes(sketch: TurnsSketch, most: int = _CLASSES) -> list[SpeedClass]:
-    """The revolutions by speed, slowest first, in `most` classes of equal width at most.
+def speed_classes(sketch: TurnsSketch) -> list[SpeedClass]:
+    """The revolutions by speed, slowest first, in classes of equal width.
 
     A class whose revolutions are fewer than three has no scatter and is left out.
     """
     speed = sketch.speed_m_s
     # a spread of a tenth of the speed is one class
     span = float(np.ptp(speed)) / max(float(np.median(speed)), 1e-9)
-    count = 1 if span < 0.1 else most
+    count = 1 if span < 0.1 else _CLASSES
     edges = np.linspace(speed.min(), speed.max(), count + 1)
     which = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, count - 1)
     found = []

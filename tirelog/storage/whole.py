@@ -21,7 +21,7 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -142,25 +142,14 @@ def part_name(path: Path | str) -> Path:
     return path.with_name(f".{_cut(path.name)}.{_owner()}.part")
 
 
-def sweep_parts(folder: Path | str, names: Collection[str] | None = None) -> list[Path]:
-    """The parts in `folder` (of outputs `names`) that ended processes have left, now removed."""
-    wanted = None if names is None else {_cut(name) for name in names}
-    return _sweep(Path(folder), _PART, wanted)
-
-
-def _sweep(folder: Path, form: re.Pattern[str], names: Collection[str] | None = None) -> list[Path]:
-    """What in `folder` has a name of our `form` (for `names`) and no process, now removed."""
-    removed = []
+def _sweep(folder: Path, form: re.Pattern[str]) -> None:
+    """Remove what in `folder` has a name of our `form` and no process any more."""
     try:
         with os.scandir(folder) as entries:
             ours = [(entry, found) for entry in entries if (found := form.fullmatch(entry.name))]
-            dead = [
-                entry
-                for entry, found in ours
-                if (names is None or found["name"] in names) and _gone(found)
-            ]
+            dead = [entry for entry, found in ours if _gone(found)]
     except OSError:
-        return []
+        return
     for entry in dead:
         with suppress(OSError):
             if entry.stat(follow_symlinks=False).st_uid != os.geteuid():
@@ -169,8 +158,6 @@ def _sweep(folder: Path, form: re.Pattern[str], names: Collection[str] | None = 
                 shutil.rmtree(entry.path, ignore_errors=True)
             else:
                 os.unlink(entry.path)
-            removed.append(Path(entry.path))
-    return removed
 
 
 def _sweep_once(folder: Path, form: re.Pattern[str]) -> None:

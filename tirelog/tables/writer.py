@@ -217,10 +217,6 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         for start in range(0, table.num_rows, _ROWS_A_PART):
             self._rows(table.slice(start, _ROWS_A_PART))
 
-    def write_frame(self, frame: Any) -> None:
-        """Append a pandas DataFrame's rows."""
-        self.write({str(name): frame[name].to_numpy() for name in frame.columns})
-
     def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
         """Writes whatever stands before the first row of a table of these columns.
 

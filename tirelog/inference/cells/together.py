@@ -285,10 +285,10 @@ def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
     return result
 
 
-def embedded(cells: Cells, part: int, x: FloatArray, empty: float = 0.0) -> FloatArray:
+def embedded(cells: Cells, part: int, x: FloatArray) -> FloatArray:
     """What is of one observable's cells, in its unit, (c, m) or (c, m, k), among all cells."""
     assert cells.together is not None
-    result = np.full((*cells.phi.shape, *x.shape[2:]), empty)
+    result = np.zeros((*cells.phi.shape, *x.shape[2:]))
     rows = np.flatnonzero(cells.part == part)
     result[rows, : x.shape[1]] = x / cells.together.scales[part]
     return result

@@ -95,16 +95,14 @@ class Samples:
             )
         return place
 
-    def chunks(
-        self, centre_s: FloatArray, first: int, stop: int, size: int | None = None
-    ) -> list[TurnChunk]:
+    def chunks(self, centre_s: FloatArray, first: int, stop: int) -> list[TurnChunk]:
         """Turns [first, stop) of the run of passages `centre_s` (n,), chunk by chunk.
 
-        A chunk has about `size` samples. The first turn's samples begin one period before its
+        A chunk has about CHUNK_SAMPLES. The first turn's samples begin one period before its
         passage, the last one's end one after, if the run ends there.
         """
         spent = (centre_s[first:stop] - centre_s[first]) * self.channel.axis.rate_Hz
-        cuts = first + np.flatnonzero(np.diff(spent // (size or CHUNK_SAMPLES))) + 1
+        cuts = first + np.flatnonzero(np.diff(spent // CHUNK_SAMPLES)) + 1
         edges = np.array([first, *cuts, stop])
         around = np.concatenate(
             [[2 * centre_s[0] - centre_s[1]], centre_s, [2 * centre_s[-1] - centre_s[-2]]]

@@ -37,14 +37,6 @@ from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.spectral import STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
-_RIGID = (
-    "hub longitudinal",
-    "hub vertical",
-    "rigid longitudinal",
-    "rigid vertical",
-    "hub rotational",
-    "rotational",
-)
 #: A coupled ring model's names for what a ring model does not have.
 _OWN = {
     "m_h": "hub_mass_kg",

@@ -16,7 +16,6 @@ have no linear motion in time and are refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -251,7 +250,6 @@ def driven(
     course: Course,
     *,
     step_s: float | None = None,
-    values: Mapping[str, float] | None = None,
 ) -> Transient:
     """The model's motion over the course.
 
@@ -266,8 +264,6 @@ def driven(
             allowed='carcass = "coupled_ring" is allowed',
             do="make one with `tirelog model new --carcass coupled_ring`",
         )
-    if values is not None:
-        model = model.with_values(values)
     conditions = replace(
         conditions,
         speed_m_s=np.array([course.speed_m_s(0.0)]),

@@ -72,12 +72,8 @@ def write_log(simulated: Simulated, path: Path | str) -> list[Path]:
     return [path, truth, beside]
 
 
-def _sources(simulated: Simulated, make: dict[str, str] | None = None) -> dict[str, str]:
-    made = make or {}
-    return {
-        name: sensor.source or made.get(name, name)
-        for name, sensor in simulated.scenario.channels.items()
-    }
+def _sources(simulated: Simulated) -> dict[str, str]:
+    return {name: s.source or name for name, s in simulated.scenario.channels.items()}
 
 
 def _digits(sensor: Sensor) -> int:
