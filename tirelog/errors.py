@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from enum import IntEnum
 from typing import Self
 
@@ -84,7 +84,9 @@ class TirelogError(Exception):
 
         A whole sentence as `what` alone is taken too; its first clause then says what is wrong.
         """
-        clause = allowed if isinstance(allowed, str) else f"allowed are {', '.join(allowed)}"
+        clause = (
+            allowed if isinstance(allowed, str) else f"allowed are {', '.join(allowed) or 'none'}"
+        )
         what, self.allowed, self.do = (without_credentials(part) for part in (what, clause, do))
         self.what = what if clause or do else what.split(";")[0]
         self.message = "; ".join(part for part in (what, self.allowed, self.do) if part)
@@ -141,3 +143,17 @@ def nearest(name: str, allowed: Iterable[str], *, most: int = 3) -> str:
     """` (nearest: a, b)` for a misspelt `name`, or the empty string if nothing is near."""
     close = difflib.get_close_matches(name, list(allowed), n=most, cutoff=0.5)
     return f" (nearest: {', '.join(close)})" if close else ""
+
+
+def refuse_unknown(
+    word: object,
+    allowed: Collection[str],
+    what: str,
+    *,
+    do: str = "mend it",
+    error: type[TirelogError] = UsageError,
+    file: object = None,
+) -> None:
+    """The `error` for a word that is none of those allowed: `what`, with the nearest ones."""
+    if word not in allowed:
+        raise error(f"{what}{nearest(str(word), allowed)}", allowed=allowed, do=do, file=file)

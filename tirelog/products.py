@@ -23,7 +23,7 @@ from threading import Condition
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Channel, Recording
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import UsageError, refuse_unknown
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
@@ -107,12 +107,7 @@ def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
 
 
 def _one_of(what: str, name: str, allowed: Collection[str]) -> None:
-    if name not in allowed:
-        raise UsageError(
-            f"no {what} is called {name!r}{nearest(name, allowed)}",
-            allowed=f"allowed are {', '.join(allowed) or 'none'}",
-            do="choose among them",
-        )
+    refuse_unknown(name, allowed, f"no {what} is called {name!r}", do="choose among them")
 
 
 def with_channels(
@@ -126,13 +121,13 @@ def with_channels(
     kinds = {kind for table in made for kind in table.rows_of or table.kinds}
     suited = [channel.name for channel in recording.of_kind(*kinds)]
     for name in names:
-        if name not in suited:
-            raise UsageError(
-                f"no channel of {' or '.join(tables)} is called {name!r}{nearest(name, suited)}",
-                allowed=f"allowed are {', '.join(suited) or 'none'}",
-                do="choose among them, or leave --channel out for all",
-                file=recording.log,
-            )
+        refuse_unknown(
+            name,
+            suited,
+            f"no channel of {' or '.join(tables)} is called {name!r}",
+            do="choose among them, or leave --channel out for all",
+            file=recording.log,
+        )
     kept = {
         name: channel
         for name, channel in recording.channels.items()

@@ -12,7 +12,7 @@ import numpy as np
 from tirelog.api.logs import Path
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import Setup
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import UsageError, refuse_unknown
 from tirelog.physics.model import file
 from tirelog.physics.model.forces import Section, force_columns
 from tirelog.physics.model.limits import check_conditions, check_model
@@ -72,12 +72,7 @@ def conditions_of(conditions: Conditions | Mapping[str, Any]) -> Conditions:
         return conditions
     known = [field.name for field in fields(Conditions)]
     for name in conditions:
-        if name not in known:
-            raise UsageError(
-                f"no condition is called {name!r}{nearest(name, known)}",
-                allowed=f"allowed are {', '.join(known)}",
-                do="choose among them",
-            )
+        refuse_unknown(name, known, f"no condition is called {name!r}", do="choose among them")
     given = {name: np.atleast_1d(np.asarray(v, float)) for name, v in conditions.items()}
     sizes = {values.shape for values in given.values() if values.shape != (1,)} or {(1,)}
     if len(sizes) > 1 or len(next(iter(sizes))) != 1:

@@ -33,8 +33,8 @@ from tirelog.errors import (
     SetupError,
     TirelogError,
     UsageError,
-    nearest,
     printable,
+    refuse_unknown,
 )
 
 if TYPE_CHECKING:
@@ -51,12 +51,7 @@ def plot_kind(kinds: Mapping[str, str]) -> Any:
     """The option --plot-kind of a command that draws these; one it cannot is refused at once."""
 
     def known(kind: str) -> str:
-        if kind not in kinds:
-            raise UsageError(
-                f"--plot-kind {kind}{nearest(kind, kinds)}",
-                allowed=f"allowed are {', '.join(kinds)}",
-                do="choose one",
-            )
+        refuse_unknown(kind, kinds, f"--plot-kind {kind}", do="choose one")
         return kind
 
     return typer.Option(

@@ -93,16 +93,12 @@ def compare(
 ) -> None:
     """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
     from tirelog.cli.transients import TABLES
-    from tirelog.errors import UsageError, nearest
+    from tirelog.errors import UsageError, refuse_unknown
 
     refuse_kind_alone(kind, plot)
     tables = ("revolution", "angle", "speed", "regime", "conditions", *TABLES)
-    if by is not None and by not in tables:
-        raise UsageError(
-            f"--by {by}{nearest(by, tables)}",
-            allowed=f"allowed are {', '.join(tables)}",
-            do="choose one",
-        )
+    if by is not None:
+        refuse_unknown(by, tables, f"--by {by}", do="choose one")
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import compare as compare_measured

@@ -28,15 +28,13 @@ def effects(
     does to the strain.
     """
     from tirelog.cli.model_page import catalogue_page, catalogue_rows, effect_page
-    from tirelog.errors import UsageError, nearest
+    from tirelog.errors import refuse_unknown
     from tirelog.physics.model.user_effects import catalogue_with
 
     catalogue = catalogue_with(own)
-    if name is not None and name not in catalogue:
-        raise UsageError(
-            f"unknown effect {name!r}{nearest(name, catalogue)}",
-            allowed=f"allowed are {', '.join(catalogue)}",
-            do="name one, or none for the list",
+    if name is not None:
+        refuse_unknown(
+            name, catalogue, f"unknown effect {name!r}", do="name one, or none for the list"
         )
     chosen = list(catalogue.values()) if name is None else [catalogue[name]]
     if plot is not None:

@@ -120,15 +120,10 @@ def _possible(
     figures: Path | None,
 ) -> None:
     """UsageError, before any work, if nothing could come of it."""
-    from tirelog.errors import UsageError, nearest
+    from tirelog.errors import UsageError, refuse_unknown
     from tirelog.report.page import plotting_library
 
-    if format not in _FORMATS:
-        raise UsageError(
-            f"--format {format}{nearest(format, _FORMATS)}",
-            allowed=f"allowed are {', '.join(_FORMATS)}",
-            do="choose one",
-        )
+    refuse_unknown(format, _FORMATS, f"--format {format}", do="choose one")
     if not logs and campaign is None:
         raise UsageError(
             "nothing to report on",

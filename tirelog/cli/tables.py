@@ -59,18 +59,13 @@ def tables(
 ) -> None:
     """Make several tables in one go, each log read once."""
     one_thread()
-    from tirelog.errors import UsageError, nearest
+    from tirelog.errors import UsageError, refuse_unknown
     from tirelog.products import OF_A_DRIVE, Part, tables_of, with_channels
     from tirelog.storage.whole import all_or_none, make_folder
     from tirelog.tables.writer import TableWriter, table_format
 
     for name in table or ():
-        if name not in OF_A_DRIVE:
-            raise UsageError(
-                f"--table {name}{nearest(name, OF_A_DRIVE)}",
-                allowed=f"allowed are {', '.join(OF_A_DRIVE)}",
-                do="choose among them",
-            )
+        refuse_unknown(name, OF_A_DRIVE, f"--table {name}", do="choose among them")
     suffix = table_format(None, format)
     with (
         Session(setup, quiet, hashed=keeps_hashes(None, format)) as session,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import UsageError, refuse_unknown
 from tirelog.plots.kinds import COMPARE
 from tirelog.plots.style import EDGE, SLIDE, by_value, figure_page, label, on_a_slide
 from tirelog.plots.wheel import around_the_wheel
@@ -37,12 +37,7 @@ def figure(result: Comparison, kind: str = "page") -> Any:
     """
     from tirelog.diagnosis.results import in_unit
 
-    if kind not in COMPARE:
-        raise UsageError(
-            f"no picture is called {kind!r}{nearest(kind, COMPARE)}",
-            allowed=COMPARE,
-            do="choose one",
-        )
+    refuse_unknown(kind, COMPARE, f"no picture is called {kind!r}", do="choose one")
     if kind != "page":
         return _of_waveforms(result, kind)
 

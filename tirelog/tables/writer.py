@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import UsageError, refuse_unknown
 from tirelog.storage.whole import whole_file
 from tirelog.version import __version__
 from tirelog.vocabulary.columns import COLUMNS, TABLES
@@ -50,12 +50,7 @@ _ROWS_A_PART = 20_000
 def table_format(output: Path | str | None, format: str | None) -> str:
     """The format asked for, or the one of the file's suffix, or csv.  UsageError: not a format."""
     if format is not None:
-        if format not in FORMATS:
-            raise UsageError(
-                f"--format {format}{nearest(format, FORMATS)}",
-                allowed=f"allowed are {', '.join(FORMATS)}",
-                do="choose one",
-            )
+        refuse_unknown(format, FORMATS, f"--format {format}", do="choose one")
         return format
     if output is None:
         return "csv"

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.errors import SetupError, nearest
+from tirelog.errors import SetupError, refuse_unknown
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.storage.whole import whole_file
 from tirelog.wheel.calibration import Calibration, SpeedMap
@@ -109,13 +109,9 @@ def read_calibration(path: Path) -> Calibration:
         )
     allowed = ("version", "reference_speed_m_s", *_TABLES)
     for key in data:
-        if key not in allowed:
-            raise SetupError(
-                f"unknown key {key!r}{nearest(key, allowed)}",
-                allowed=f"allowed are {', '.join(allowed)}",
-                do="remove it",
-                file=path,
-            )
+        refuse_unknown(
+            key, allowed, f"unknown key {key!r}", do="remove it", error=SetupError, file=path
+        )
     take = _Taker(path, data)
     reference = take.number(data, "", "reference_speed_m_s", 0.0, 200.0)
     shift, width = take.speed_map("phase_shift"), take.speed_map("patch_width")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError, nearest
+from tirelog.errors import ModelError, refuse_unknown
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
 from tirelog.vocabulary.arrays import FloatArray
@@ -335,12 +335,13 @@ class Effect:
             (ranges, [*CONDITIONS, *parameters], "condition or parameter"),
         ):
             for name in names:
-                if name not in known:
-                    raise ModelError(
-                        f"effect {self.id}: {name!r} is no {what}{nearest(str(name), known)}",
-                        allowed=f"allowed are {', '.join(known)}",
-                        do="correct the effect",
-                    )
+                refuse_unknown(
+                    name,
+                    known,
+                    f"effect {self.id}: {name!r} is no {what}",
+                    do="correct the effect",
+                    error=ModelError,
+                )
         if not np.isfinite(list(followed.values())).all():
             raise ModelError(
                 f"effect {self.id}: follows {self.follows!r}",

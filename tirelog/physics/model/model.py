@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError, nearest
+from tirelog.errors import ModelError, nearest, refuse_unknown
 from tirelog.physics.carcass.numbers import (
     CARCASSES,
     CONTACTS,
@@ -147,12 +147,13 @@ class Model(Predicting):
         ModelError if the effect is unknown, in the model already, or not for this model.
         """
         if isinstance(effect, str):
-            if effect not in BY_ID:
-                raise ModelError(
-                    f"unknown effect {effect!r}{nearest(effect, BY_ID)}",
-                    allowed=BY_ID,
-                    do="see `tirelog effects`",
-                )
+            refuse_unknown(
+                effect,
+                BY_ID,
+                f"unknown effect {effect!r}",
+                do="see `tirelog effects`",
+                error=ModelError,
+            )
             effect = BY_ID[effect]
         added = effect if isinstance(effect, ModelEffect) else ModelEffect.of(effect)
         model = self.with_entry(added)
@@ -316,9 +317,6 @@ def observables_known(given: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def _one_of(what: str, word: str, allowed: Sequence[str]) -> None:
-    if word not in allowed:
-        raise ModelError(
-            f"unknown {what} {word!r}{nearest(word, allowed)}",
-            allowed=allowed,
-            do="choose one of them",
-        )
+    refuse_unknown(
+        word, allowed, f"unknown {what} {word!r}", do="choose one of them", error=ModelError
+    )

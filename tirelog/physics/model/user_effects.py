@@ -26,7 +26,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tirelog.errors import ModelError, TirelogError, nearest
+from tirelog.errors import ModelError, TirelogError, refuse_unknown
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.model.expression import FUNCTIONS, parse_expression
@@ -62,12 +62,13 @@ def effect_by_expression(
 
     ModelError if name, place or formula are not allowed.
     """
-    if acts_on not in EXPRESSION_ACTS_ON:
-        raise ModelError(
-            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}",
-            allowed=EXPRESSION_ACTS_ON,
-            do="choose one",
-        )
+    refuse_unknown(
+        acts_on,
+        EXPRESSION_ACTS_ON,
+        f"effect {name!r} acts on {acts_on!r}",
+        do="choose one",
+        error=ModelError,
+    )
     places = PLACES if acts_on in _WAVES else ()
     formula = parse_expression(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
     return effect_by_formula(name, acts_on, formula, parameters)
@@ -319,12 +320,9 @@ def catalogue_with(path: Path | None = None, *, asked: bool = True) -> Mapping[s
 def effect_called(name: str, path: Path | None = None, *, asked: bool = True) -> Effect:
     """The effect of this name in the whole catalogue.  ModelError: there is none."""
     catalogue = catalogue_with(path, asked=asked)
-    if name not in catalogue:
-        raise ModelError(
-            f"unknown effect {name!r}{nearest(name, catalogue)}",
-            allowed=f"allowed are {', '.join(catalogue)}",
-            do="see `tirelog effects`",
-        )
+    refuse_unknown(
+        name, catalogue, f"unknown effect {name!r}", do="see `tirelog effects`", error=ModelError
+    )
     return catalogue[name]
 
 

@@ -14,7 +14,7 @@ from dataclasses import Field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import UsageError, nearest, refuse_unknown
 from tirelog.simulation.scenario.planted import PLANTABLE, Planted
 from tirelog.simulation.scenario.schema import (
     SOURCE_UNITS,
@@ -96,13 +96,8 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
             file=file,
         )
     allowed = spec.metadata.get("allowed")
-    if allowed and value not in allowed:
-        raise UsageError(
-            f"{at}{nearest(str(value), allowed)}",
-            allowed=f"allowed are {', '.join(allowed)}",
-            do="mend it",
-            file=file,
-        )
+    if allowed:
+        refuse_unknown(value, allowed, at, file=file)
     return value
 
 
@@ -140,13 +135,7 @@ def _nuisances(data: Any, file: str | None) -> Nuisances:
             file=file,
         )
     for key in data:
-        if key not in known:
-            raise UsageError(
-                f"unknown key {key!r} in [nuisances]{nearest(key, known)}",
-                allowed=f"allowed are {', '.join(known)}",
-                do="mend it",
-                file=file,
-            )
+        refuse_unknown(key, known, f"unknown key {key!r} in [nuisances]", file=file)
     return Nuisances(
         **{
             key: _table(type(getattr(none, key)), table, f"nuisances.{key}", file)
@@ -172,21 +161,9 @@ def _planted(data: Any, file: str | None) -> Planted:
             do='set it (contact = "parabola")',
             file=file,
         )
-    if name not in PLANTABLE:
-        raise UsageError(
-            f"unknown effect {name!r}{nearest(name, PLANTABLE)}",
-            allowed=f"allowed are {', '.join(PLANTABLE)}",
-            do="mend it",
-            file=file,
-        )
+    refuse_unknown(name, PLANTABLE, f"unknown effect {name!r}", file=file)
     forms = PLANTABLE[name].forms
-    if form not in forms:
-        raise UsageError(
-            f"form = {form!r} of {name}{nearest(str(form), forms)}",
-            allowed=f"allowed are {', '.join(forms)}",
-            do="mend it",
-            file=file,
-        )
+    refuse_unknown(form, forms, f"form = {form!r} of {name}", file=file)
     given = {key: value for key, value in data.items() if key not in ("name", "form")}
     allowed = PLANTABLE[name].parameters
     for key, value in given.items():
@@ -227,13 +204,7 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
     """A key of the file's own level."""
     allowed = _PLAIN[key]
     if key == "truth":
-        if value not in TRUTHS:
-            raise UsageError(
-                f"truth = {value!r}{nearest(str(value), TRUTHS)}",
-                allowed=f"allowed are {', '.join(TRUTHS)}",
-                do="mend it",
-                file=file,
-            )
+        refuse_unknown(value, TRUTHS, f"truth = {value!r}", file=file)
         return value
     low, high = allowed
     whole = key in ("seed", "grid_points")
@@ -258,13 +229,7 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     lists = ("manoeuvres", "channels", "effects", "ramp", "load_steps")
     known = [*_PLAIN, *_TABLES, "nuisances", *lists]
     for key in data:
-        if key not in known:
-            raise UsageError(
-                f"unknown key {key!r}{nearest(key, known)}",
-                allowed=f"allowed are {', '.join(known)}",
-                do="mend it",
-                file=file,
-            )
+        refuse_unknown(key, known, f"unknown key {key!r}", file=file)
     values: dict[str, Any] = {key: _plain(key, data[key], file) for key in _PLAIN if key in data}
     values.update({key: _table(cls, data.get(key, {}), key, file) for key, cls in _TABLES.items()})
     values["nuisances"] = _nuisances(data.get("nuisances", {}), file)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import refuse_unknown
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
 
@@ -24,12 +24,7 @@ def preset_model(
 
     UsageError: no such preset.
     """
-    if name not in PRESETS:
-        raise UsageError(
-            f"unknown preset {name!r}{nearest(name, PRESETS)}",
-            allowed=PRESETS,
-            do="choose one of them",
-        )
+    refuse_unknown(name, PRESETS, f"unknown preset {name!r}", do="choose one of them")
     printed = load_model(Path(__file__).with_name(f"{name}.toml"))
     if observable in (None, printed.observable) and contact in (None, printed.contact):
         return printed
