@@ -57,7 +57,7 @@ def test_slopes_agree_with_differences_of_the_prediction(effect):
     names = [f"{effect.id}.{p.name}" for p in effect.parameters if p.free]
     on = probed(base_for(effect).with_effect(effect), effect)
     names += [n for n in on.free if "." not in n]
-    slopes = on.jacobian(DRIVE, PHI, names)
+    slopes = on.linearised(DRIVE, PHI, names)[1]
     for name, slope in zip(names, slopes, strict=True):
         p = on.parameters[name]
         step = 1e-3 * max(abs(p.value), 1e-3 * abs(p.probe))
@@ -79,7 +79,7 @@ def test_slope_at_zero_strength_is_the_one_from_above(effect):
     name = f"{effect.id}.{effect.strength[0]}"
     step = 1e-4 * abs(on.parameters[name].probe)
     zero = on.with_values({f"{effect.id}.{s}": 0.0 for s in effect.strength})
-    slope = zero.jacobian(DRIVE, PHI, [name])[0]
+    slope = zero.linearised(DRIVE, PHI, [name])[1][0]
     wanted = (zero.predict(DRIVE, PHI, values={name: step}) - zero.predict(DRIVE, PHI)) / step
     size = np.ptp(zero.predict(DRIVE, PHI)) / abs(
         on.parameters[name].probe

@@ -19,6 +19,6 @@ PHI = np.linspace(-np.pi, np.pi, 181)
 def test_every_free_parameter_changes_the_prediction(carcass: str, observable: str) -> None:
     model = Model.new(carcass, observable)
     angles = PHI if observable in WAVEFORMS else None
-    slopes = model.jacobian(CONDITIONS, angles, model.free)
+    slopes = model.linearised(CONDITIONS, angles, model.free)[1]
     moved = np.abs(slopes).max(axis=(1, 2))
     assert [name for name, move in zip(model.free, moved, strict=True) if move == 0.0] == []

@@ -515,17 +515,17 @@ def thinned(base: Base, most: int) -> Base:
     if isinstance(base, TogetherBase):
         return _thinned_together(base, most)
     rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
-    cells = take_cells(base.cells, rows)
-    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
-    fit = replace(
-        base.fit,
-        prediction=base.fit.prediction[rows],
-        jacobian=base.fit.jacobian[rows],
-        cells=cells,
-        residual=base.fit.residual[rows],
-    )
+    cells, fit = _on_rows(base, rows)
     white = _metric(cells, base.discrepancy, scatter_columns(cells, fit), base.floor.scatter)
     return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)
+
+
+def _on_rows(base: Base, rows: IntArray) -> tuple[Cells, Fit]:
+    """Some rows of the cells, their manoeuvres numbered anew, and what the fit says of them."""
+    cells, fit = take_cells(base.cells, rows), base.fit
+    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
+    kept = {name: getattr(fit, name)[rows] for name in ("prediction", "jacobian", "residual")}
+    return cells, replace(fit, cells=cells, **kept)
 
 
 def _thinned_together(base: TogetherBase, most: int) -> TogetherBase:
@@ -536,15 +536,7 @@ def _thinned_together(base: TogetherBase, most: int) -> TogetherBase:
         few = max(2, round(most * own.size / len(base.cells)))
         chosen.append(own[np.unique(np.linspace(0, own.size - 1, few).round().astype(int))])
     rows = np.concatenate(chosen)
-    cells = take_cells(base.cells, rows)
-    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
-    fit = replace(
-        base.fit,
-        prediction=base.fit.prediction[rows],
-        jacobian=base.fit.jacobian[rows],
-        cells=cells,
-        residual=base.fit.residual[rows],
-    )
+    cells, fit = _on_rows(base, rows)
     whites = [
         _metric(
             own.cells, channel.discrepancy, scatter_columns(own.cells, own), channel.floor.scatter

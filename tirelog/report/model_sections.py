@@ -34,7 +34,7 @@ from tirelog.vocabulary.observables import shown
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
-    from tirelog.diagnosis.results import Comparison, Map, Waveforms
+    from tirelog.diagnosis.results import Comparison, Map
 
 #: units that the page writes otherwise than the tables
 _WRITTEN = {"m/s^2": "m/s²"}
@@ -155,8 +155,8 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         *(f"{remark}." for remark in result.remarks),
     ]
     figures = [
-        waveforms(result.waveforms, result, factor, unit, colours),
-        _differences(result.waveforms, result, factor, unit, colours),
+        _waveforms(result, unit, colours),
+        _differences(result, factor, unit, colours),
         residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
         residual_map("residual-time", "Residual over angle and time", result.by_time, result),
     ]
@@ -219,71 +219,65 @@ def styles(labels: Sequence[str], colours: LogColours) -> list[tuple[int, str, s
     ]
 
 
-def waveforms(
-    waves: Waveforms, result: Comparison, factor: float, unit: str, colours: LogColours
-) -> Figure:
-    """Measured and predicted waveforms, with two noise floors about the prediction."""
-    traces: list[dict[str, Any]] = []
+def wave_traces(
+    result: Comparison, colours: LogColours, *, floors: bool = True
+) -> list[dict[str, Any]]:
+    """Measured points and the model's line of each waveform, with two noise floors about it."""
+    factor, _ = shown_value(result.observable, result.unit)
+    waves, traces = result.waveforms, []
     for i, (label, style) in enumerate(
         zip(waves.labels, styles(waves.labels, colours), strict=True)
     ):
-        colour, dash, symbol = style
-        phi, expected, floor = (
-            np.rad2deg(waves.phi_rad[i]),
-            waves.predicted[i] * factor,
-            2.0 * factor * waves.floor[i],
-        )
-        said = short(label)
-        traces += band(phi, expected - floor, expected + floor, f"two floors, {said}", colour)
+        (colour, dash, symbol), said = style, short(label)
+        phi, expected = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor
+        if floors:
+            floor = 2.0 * factor * waves.floor[i]
+            traces += band(phi, expected - floor, expected + floor, f"two floors, {said}", colour)
         traces.append(line(phi, expected, f"model, {said}", colour, line={"dash": dash}))
-        marker = {"size": 4, "symbol": symbol}
-        measured = waves.measured[i] * factor
+        marker, measured = {"size": 4, "symbol": symbol}, waves.measured[i] * factor
         traces.append(dots(phi, measured, f"measured, {said}", colour, marker=marker))
+    return traces
+
+
+def over_angle(result: Comparison, y: str, **more: Any) -> dict[str, Any]:
+    """The layout of what stands over the angle, with the patch's edges."""
+    half = result.half_angle_rad
+    return layout(ANGLE, y, xrange=window(half), lines=edges(half), **more)
+
+
+def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
+    """Measured and predicted waveforms, with two noise floors about the prediction."""
     alt = (
         "Measured means of like revolutions (points), the model (lines) and two noise floors "
         "about it (bands) at "
-        f"{'; '.join(short(label) for label in waves.labels)}; dashed lines: the patch's edges."
+        f"{'; '.join(short(label) for label in result.waveforms.labels)}; dashed lines: the "
+        "patch's edges."
     )
-    shape = layout(
-        ANGLE,
-        f"{result.observable} [{unit}]",
-        xrange=window(result.half_angle_rad),
-        lines=edges(result.half_angle_rad),
-        height=520,
-    )
-    return Figure("waveforms", "Waveforms", alt, traces, shape)
+    shape = over_angle(result, f"{result.observable} [{unit}]", height=520)
+    return Figure("waveforms", "Waveforms", alt, wave_traces(result, colours), shape)
 
 
-def _differences(
-    waves: Waveforms, result: Comparison, factor: float, unit: str, colours: LogColours
-) -> Figure:
+def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """The same waveforms, measured less predicted, so that the floor's band can be seen."""
-    traces: list[dict[str, Any]] = []
+    waves, lines = result.waveforms, []
+    bands: list[dict[str, Any]] = []
     for i, (label, style) in enumerate(
         zip(waves.labels, styles(waves.labels, colours), strict=True)
     ):
-        colour, dash, _ = style
-        phi, left, floor = (
-            np.rad2deg(waves.phi_rad[i]),
-            (waves.measured[i] - waves.predicted[i]) * factor,
-            2.0 * factor * waves.floor[i],
-        )
-        traces = (
-            band(phi, -floor, floor, f"two floors, {short(label)}", colour) + traces
-        )  # bands first, lines above them
-        traces.append(line(phi, left, short(label), colour, line={"dash": dash}))
+        (colour, dash, _), said = style, short(label)
+        phi, floor = np.rad2deg(waves.phi_rad[i]), 2.0 * factor * waves.floor[i]
+        bands = band(phi, -floor, floor, f"two floors, {said}", colour) + bands
+        left = (waves.measured[i] - waves.predicted[i]) * factor
+        lines.append(line(phi, left, said, colour, line={"dash": dash}))
     alt = (
         f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
         "noise floors as bands about zero."
     )
-    shape = layout(
-        ANGLE,
-        f"residual [{unit}]",
-        xrange=window(result.half_angle_rad),
-        lines=edges(result.half_angle_rad),
-        height=460,
+    title, shape = (
+        "What the model leaves of these waveforms",
+        over_angle(result, f"residual [{unit}]", height=460),
     )
-    return Figure("differences", "What the model leaves of these waveforms", alt, traces, shape)
+    return Figure("differences", title, alt, bands + lines, shape)
 
 
 def residual_map(
@@ -306,16 +300,8 @@ def residual_map(
         ends = None if reach is None else (-1.1 * reach, 1.1 * reach)
         alt = f"Measured less predicted {result.observable} in {unit} against {name}."
         return Figure(id, title, alt, traces, layout(name, f"residual [{unit}]", yrange=ends))
-    shape = layout(
-        ANGLE, name, xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad)
-    )
-    return Figure(
-        id,
-        title,
-        alt,
-        [heat(phi, found.axis, found.residual * factor, f"residual [{unit}]", reach)],
-        shape,
-    )
+    colours = heat(phi, found.axis, found.residual * factor, f"residual [{unit}]", reach)
+    return Figure(id, title, alt, [colours], over_angle(result, name))
 
 
 def _errors(result: Comparison, factor: float, unit: str) -> PageTable:

@@ -29,21 +29,16 @@ from tirelog.report.figures import (
     LogColours,
     bars,
     colour_reach,
-    dots,
     layout,
-    line,
     packed_array,
     unpacked_array,
 )
 from tirelog.report.model_sections import (
-    ANGLE,
-    edges,
     logs_of,
+    over_angle,
     residual_map,
-    short,
     shown_value,
-    styles,
-    window,
+    wave_traces,
 )
 from tirelog.report.page import Section
 
@@ -170,31 +165,13 @@ def _combination(mask: int, names: Sequence[str]) -> str:
 
 
 def _waveforms(full: Comparison, colours: LogColours) -> Figure:
-    factor, unit = shown_value(full.observable, full.unit)
-    waves = full.waveforms
-    traces = []
-    for i, (label, style) in enumerate(
-        zip(waves.labels, styles(waves.labels, colours), strict=True)
-    ):
-        colour, dash, symbol = style
-        phi, said, marker = (
-            np.rad2deg(waves.phi_rad[i]),
-            short(label),
-            {"size": 4, "symbol": symbol},
-        )
-        predicted, measured = waves.predicted[i] * factor, waves.measured[i] * factor
-        traces.append(line(phi, predicted, f"model, {said}", colour, line={"dash": dash}))
-        traces.append(dots(phi, measured, f"measured, {said}", colour, marker=marker))
+    _, unit = shown_value(full.observable, full.unit)
     alt = (
         "Measured (points) and predicted (lines) waveforms of the chosen combination of effects; "
         "its errors stand beside the switches."
     )
-    shape = layout(
-        ANGLE,
-        f"{full.observable} [{unit}]",
-        xrange=window(full.half_angle_rad),
-        lines=edges(full.half_angle_rad),
-    )
+    traces = wave_traces(full, colours, floors=False)
+    shape = over_angle(full, f"{full.observable} [{unit}]")
     return Figure("switch-waves", "Prediction, by switches", alt, traces, shape, half=True)
 
 

@@ -11,15 +11,20 @@ def strain_channels(recording: Recording) -> list[Channel]:
     """The strain channels.  UsageError if there is none."""
     channels = recording.of_kind(*STRAIN_KINDS)
     if not channels:
-        have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
-        raise UsageError(
-            "no strain channel",
-            allowed=f"allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the log has "
-            f"{have}",
-            do="name one in the setup",
-            file=recording.log,
-        )
+        wanted = f"channels of kind {' and '.join(STRAIN_KINDS)}"
+        raise lacking(recording, "no strain channel", wanted)
     return channels
+
+
+def lacking(recording: Recording, what: str, wanted: str) -> UsageError:
+    """The error of a log without a channel that is needed; it tells those that there are."""
+    have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
+    return UsageError(
+        what,
+        allowed=f"allowed are {wanted}, the log has {have}",
+        do="name one in the setup",
+        file=recording.log,
+    )
 
 
 def not_turning(recording: Recording) -> UsageError:

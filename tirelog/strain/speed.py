@@ -19,6 +19,7 @@ import numpy as np
 from tirelog.data.bounds import doubt_of_radius
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.errors import UsageError
+from tirelog.strain.channels import lacking
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.strain.passages.surface import passages_of
@@ -219,14 +220,8 @@ def speed_channels(recording: Recording) -> list[Channel]:
         return channels
     channels = recording.of_kind("radial_acceleration")
     if not channels:
-        have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
-        raise UsageError(
-            "no channel tells the speed",
-            allowed="allowed are strain, wheel_encoder and radial_acceleration, the log has "
-            f"{have}",
-            do="name one in the setup",
-            file=recording.log,
-        )
+        wanted = "strain, wheel_encoder and radial_acceleration"
+        raise lacking(recording, "no channel tells the speed", wanted)
     return channels
 
 

@@ -93,31 +93,6 @@ class Predicting:
             result[rows] = _predicted(task, observable, surface, part, modes)
         return result
 
-    def jacobian(
-        self,
-        conditions: Conditions,
-        phi_rad: FloatArray | None,
-        names: Sequence[str],
-        *,
-        surface: str = "outer",
-        phi_variance: FloatArray | None = None,
-        values: Mapping[str, float] | None = None,
-        observable: str | None = None,
-    ) -> FloatArray:
-        """Derivatives of `predict` by the parameters `names`, (len(names), n, m).
-
-        Central differences of the stages that each parameter touches.
-        """
-        return self.linearised(
-            conditions,
-            phi_rad,
-            names,
-            surface=surface,
-            phi_variance=phi_variance,
-            values=values,
-            observable=observable,
-        )[1]
-
     def linearised(
         self,
         conditions: Conditions,
@@ -129,7 +104,10 @@ class Predicting:
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
     ) -> tuple[FloatArray, FloatArray]:
-        """`predict` and `jacobian` together, sharing their stages."""
+        """`predict`, and its derivatives by the parameters `names`, (len(names), n, m).
+
+        Central differences of the stages that each parameter touches.
+        """
         self.known(names)
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
