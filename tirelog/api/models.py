@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields, replace
 from pathlib import Path as File
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from tirelog.api.logs import Path
 from tirelog.data.recording import Conditions
-from tirelog.data.setup import Setup
+from tirelog.data.setup import RoadSetup, Setup
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.physics.model import file
 from tirelog.physics.model.forces import Section, force_columns
@@ -218,6 +218,52 @@ def forces(
         camber_deg=camber_deg,
         section=None if setup is None else _section(setup),
     )
+
+
+def passage(
+    model: Model,
+    conditions: Conditions | Mapping[str, Any],
+    road: RoadSetup,
+    *,
+    folder: File | None = None,
+    loads: Sequence[tuple[float, float]] = (),
+    ramps: Sequence[tuple[float, float, float]] = (),
+    duration_s: float | None = None,
+    step_s: float | None = None,
+    sensors_deg: Sequence[float] = (),
+    surface: str = "outer",
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Columns of `tirelog model predict --road`, a drive of a coupled ring in time, and remarks.
+
+    `conditions` hold at its start; `loads`, `ramps`, `duration_s` and `folder` as `course_of`,
+    `sensors_deg` as `passage_columns` (180 by default). UsageError and ModelError as `predict`, and
+    if the tire cannot drive there.
+    """
+    from tirelog.physics.moving.course import course_of, passage_columns
+    from tirelog.physics.moving.transient import driven
+
+    given = conditions_of(conditions)
+    check_conditions(given)
+    check_model(model)
+    load_N = float(given.load_N[0]) if given.known("load_N") else model.values["load_N"]
+    course = course_of(road, folder, float(given.speed_m_s[0]), load_N, loads, ramps, duration_s)
+    motion = driven(model, given, course, step_s=step_s)
+    return passage_columns(motion, list(sensors_deg) or [180.0], surface), tuple(motion.remarks)
+
+
+def modes(model: Model, *, speed_m_s: float = 0.0, **asked: Any) -> dict[str, list[Any]]:
+    """Columns of `tirelog model modes`: frequencies, damping and shapes of a ring.
+
+    `asked` as `modes_of_model`. ModelError as that.
+    """
+    from tirelog.physics.moving.modes import modes_of_model
+    from tirelog.vocabulary.columns import TABLES
+
+    rows = [
+        {"support": support, "speed_m_s": speed_m_s, **asdict(mode)}
+        for support, mode in modes_of_model(model, speed_m_s=speed_m_s, **asked)
+    ]
+    return {name: [row[name] for row in rows] for name in TABLES["modes"]}
 
 
 def _section(setup: Setup) -> Section | None:

@@ -20,9 +20,7 @@ from tirelog.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from tirelog.data.recording import Conditions
     from tirelog.data.setup import Setup
-    from tirelog.physics.model.model import Model
 
 Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
 
@@ -141,13 +139,13 @@ def predict(
     --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle and what
     sensors read.
     """
-    from tirelog.api.models import load_model, revolution, revolutions
+    from tirelog.api import models
+    from tirelog.cli.passage import load_steps, road_words, speed_ramps
     from tirelog.cli.ranges import conditions_given, refuse_many
     from tirelog.errors import UsageError
     from tirelog.physics.model.from_setup import known_surface
-    from tirelog.physics.model.limits import check_model
 
-    read, given = load_model(model, effects=effects), setup_of(setup)
+    read, given = models.load_model(model, effects=effects), setup_of(setup)
     conditions = conditions_given(
         given,
         {"time_s": time, "temperature_K": temperature},
@@ -157,35 +155,44 @@ def predict(
         acceleration=acceleration,
         slip=slip,
     )
-    check_model(read)
     refuse_many(len(conditions) * points)
     side = surface or known_surface(given) or "outer"
-    if road is None and not load_step and not speed_ramp:
-        if everything or modes is not None or len(conditions) > 1:
-            rows = revolutions(read, conditions, points=points, surface=side, modes=modes)
-            with Session(None).table("predict-all", output, format) as table:
-                table.write(rows)
-            return
-        columns: dict[str, Any] = dict(revolution(read, conditions, points=points, surface=side))
-        with Session(None).table("predict", output, format) as table:
-            table.write(columns)
-        return
-    if len(conditions) > 1 or everything or modes is not None:
+    driven = road is not None or bool(load_step) or bool(speed_ramp)
+    everything = everything or modes is not None or len(conditions) > 1
+    if driven and everything:
         raise UsageError(
             "--road, --load-step or --speed-ramp with several conditions, --all or --modes",
             allowed="one drive from one speed and load is allowed",
             do="leave them out",
         )
-    folder = setup.parent if setup is not None and road == "setup" else None
     session = Session(None)
-    with session.working() as line:
-        line.say("driving")
-        driven_rows = _passage(
-            read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor,
-            side,
-        )  # fmt: skip
-    with session.table("passage", output, format) as table:
-        table.write(driven_rows)
+    rows: dict[str, Any] = {}
+    if driven:
+        name = "passage"
+        with session.working() as line:
+            line.say("driving")
+            rows, remarks = models.passage(
+                read,
+                conditions,
+                road_words(road or "flat", given),
+                folder=setup.parent if setup is not None and road == "setup" else None,
+                loads=load_steps(load_step),
+                ramps=speed_ramps(speed_ramp),
+                duration_s=duration,
+                step_s=step,
+                sensors_deg=sensor,
+                surface=side,
+            )
+        for remark in remarks:
+            say(f"note: {remark}")
+    elif everything:
+        name = "predict-all"
+        rows |= models.revolutions(read, conditions, points=points, surface=side, modes=modes)
+    else:
+        name = "predict"
+        rows |= models.revolution(read, conditions, points=points, surface=side)
+    with session.table(name, output, format) as table:
+        table.write(rows)
 
 
 def forces(
@@ -230,40 +237,6 @@ def forces(
         table.write(rows)
 
 
-def _passage(
-    model: Model,
-    conditions: Conditions,
-    setup: Setup | None,
-    folder: Path | None,
-    road: str | None,
-    load_step: list[str],
-    speed_ramp: list[str],
-    duration: float | None,
-    step: float | None,
-    sensor: list[float],
-    surface: str,
-) -> dict[str, Any]:
-    """The columns of a drive over the road, under the loads and at the speeds of the options."""
-    from tirelog.cli.passage import load_steps, road_words, speed_ramps
-    from tirelog.physics.moving.course import course_of, passage_columns
-    from tirelog.physics.moving.transient import driven
-
-    known_load = conditions.known("load_N")
-    course = course_of(
-        road_words(road or "flat", setup),
-        folder,
-        float(conditions.speed_m_s[0]),
-        float(conditions.load_N[0]) if known_load else model.values["load_N"],
-        load_steps(load_step),
-        speed_ramps(speed_ramp),
-        duration,
-    )
-    passage = driven(model, conditions, course, step_s=step)
-    for remark in passage.remarks:
-        say(f"note: {remark}")
-    return passage_columns(passage, sensor or [180.0], surface)
-
-
 def modes(
     model: Model_,
     speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,
@@ -304,23 +277,17 @@ def modes(
     --plot draws their shapes; with --log the modes over the log's order map, as the turning belt
     feels them.
     """
-    from dataclasses import asdict
-
-    from tirelog.api.models import load_model
+    from tirelog.api import models
     from tirelog.errors import UsageError
-    from tirelog.physics.moving.modes import modes_of_model
-    from tirelog.vocabulary.columns import TABLES
 
     if log and plot is None:
         raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
-    read = load_model(model, effects=effects)
+    read = models.load_model(model, effects=effects)
     hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
     session = Session(setup, quiet)
     with session.working() as line:
         line.say("looking for modes")
-        found = modes_of_model(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
-    rows = [{"support": support, "speed_m_s": speed, **asdict(mode)} for support, mode in found]
-    columns = {name: [row[name] for row in rows] for name in TABLES["modes"]}
+        columns = models.modes(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
     with session, session.table("modes", output, format) as table:
         if plot is not None and log:
             from tirelog.plots.orders import map_of_log, modes_over_orders
