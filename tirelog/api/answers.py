@@ -290,7 +290,7 @@ def ladder(
     measured, model, effects, progress
         As for `diagnose`.
     propose : bool
-        Where the effects end above the floor, what is unknown is written down and is the last step.
+        If the effects end above the floor, what is unknown is written down as the last step.
 
     Returns
     -------

@@ -178,7 +178,7 @@ def add(
     setup: SetupFile = None,
     effects: EffectsFile = None,
 ) -> None:
-    """Add an effect at its start values (or --set ones); a grating's length is fixed where the
+    """Add an effect at its start values (or --set ones); a grating's length is fixed if the
     setup gives it.
     """
     from tirelog.api.models import load_model

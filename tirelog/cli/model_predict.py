@@ -135,9 +135,9 @@ def predict(
     """One revolution as the model sees it, from half a turn before the patch centre to half a turn
     after.
 
-    Of several speeds, loads, pressures, accelerations or slips each with each. With --road,
-    --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle and what
-    sensors read.
+    Several speeds, loads, pressures, accelerations or slips are combined, each with each. With
+    --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle
+    and what sensors read.
     """
     from tirelog.api import models
     from tirelog.cli.passage import load_steps, road_words, speed_ramps
@@ -214,8 +214,8 @@ def forces(
     """Forces at hub and road, patch, rolling resistance and losses as the model has them, a row
     per condition.
 
-    Of several speeds, loads, pressures, accelerations or slips each with each. Empty is what this
-    model does not have: a beam has no hub, a ring no critical speed.
+    Several speeds, loads, pressures, accelerations or slips are combined, each with each. Empty is
+    what this model does not have: a beam has no hub, a ring no critical speed.
     """
     from tirelog.api import models
     from tirelog.cli.ranges import conditions_given

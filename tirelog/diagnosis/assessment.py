@@ -51,7 +51,7 @@ class Assessed:
     def alarms(self, floor_square: float) -> bool:
         """All three rules: significance, held-out gain, size.
 
-        The size of what is beyond doubt is judged once it is refitted: where manoeuvres scatter,
+        The size of what is beyond doubt is judged once it is refitted: if manoeuvres scatter,
         held-out errors do not tell it.
         """
         large = self.removed > LEAST_SHARE_OF_FLOOR * floor_square

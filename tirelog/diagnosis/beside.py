@@ -172,8 +172,8 @@ def needed_nuisances(base: Base) -> tuple[str, ...]:
 def _earns_it(less: Base, more: Base) -> bool:
     """Does what `more` has beside the model, and `less` has not, earn its place there?
 
-    By its size, as an effect does, or by its share of chi-square's excess, as it came in: where
-    loads scatter, what a wheel does is small to the floor, and sure.
+    By its size, as an effect does, or by its share of chi-square's excess, as it came in: if
+    loads scatter, what a wheel does is sure, and small beside the floor.
     """
     gain, error = gain_and_error(less.held_white, more.held_white)
     removed = less.noise_chi2 - more.noise_chi2

@@ -54,7 +54,7 @@ def ladder(
 ) -> Ladder:
     """The ladder from `model` upwards.
 
-    `effects`: the user's own candidates beside the catalogue. `proposing`: where they end above the
+    `effects`: the user's own candidates beside the catalogue. `proposing`: if they end above the
     floor, what is unknown is written down (`propose`) and is the last step.
     """
     seen, locked = locked_away(measured_pieces(measured))

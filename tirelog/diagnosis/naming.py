@@ -100,7 +100,7 @@ class Refitted:
 
     @property
     def at_bounds(self) -> bool:
-        """A parameter of its own stands at a bound and would leave it."""
+        """Whether one of its own parameters stands at a bound that it would cross."""
         return any(name.startswith(f"{self.id}.") for name in self.base.fit.held)
 
 

@@ -29,7 +29,7 @@ def parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> 
 
 
 def line(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> FloatArray:
-    """All the load on a line across the tread, P delta(xi) of P1 (2); the length does not count."""
+    """Pressure of a load on one line across the tread, P delta(xi) of P1 (2), without a length."""
     return (load_N / (2.0 * np.pi * radius_m)) * np.ones((1, MODES))
 
 

@@ -180,7 +180,7 @@ def _edge_zoom(result: Comparison) -> Any:
 
 
 def waveforms(axes: Any, result: Comparison) -> None:
-    """Some like revolutions, measured and predicted, with the floor's band, on `axes`."""
+    """Means of like revolutions on `axes`: measured, predicted, and the floor's band."""
     factor, unit = drawn(result.observable, result.unit)
     waves = result.waveforms
     colours = by_value(waves.conditions.speed_m_s)

@@ -65,7 +65,7 @@ class Figure:
 
 
 def safe(name: str) -> str:
-    """A name of the user's as the plotting library shows it, to the letter."""
+    """The user's text, escaped so that the plotting library shows it as it is."""
     return html.escape(str(name), quote=False)
 
 

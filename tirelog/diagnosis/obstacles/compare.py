@@ -73,9 +73,10 @@ _COVERED = 0.2
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Mean squares per band of a hit (b,).
+    """Mean squares of one hit per band of frequency, (b,).
 
-    Edges (b + 1,) [Hz]; measured what the obstacle added, residual, missed, steady, floor.
+    `edges_Hz` (b + 1,) of the bands; `added` by the obstacle as measured, `residual` that the model
+    leaves, `missed` by its answer, `steady` error, noise `floor`.
     """
 
     edges_Hz: FloatArray

@@ -94,7 +94,7 @@ def descend(
 def leaving(
     theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray
 ) -> NDArray[np.bool_]:
-    """Which parameters stand at a bound and would leave it.
+    """Which parameters stand at a bound that the next step would cross.
 
     `gradient` (p,) points to where the sum of squares falls.
     """

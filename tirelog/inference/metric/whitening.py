@@ -51,7 +51,7 @@ class Whitener:
 
     @property
     def values(self) -> int:
-        """How many values count."""
+        """The number of values that count."""
         return int((self.inverse_sd > 0).sum())
 
     @property

@@ -167,7 +167,7 @@ class Effect:
     follows                    the conditions by which it grows, each (field, power of it), ()
                                for none; a text ("speed^2, water depth") is read as such
     acts_on                    the stages it enters
-    reads                      stages that its regressor reads ("load"): where nothing else reads
+    reads                      stages that its regressor reads ("load"): if nothing else reads
                                them, an effect on them acts through this one alone
     parameters                 numbers with unit, bounds, start; `strength` names those that are all
                                zero when it is off

@@ -37,7 +37,7 @@ _OPEN_END = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class _Format:
-    """How a frame is written: `size` bytes a sample, `floats` or whole numbers."""
+    """How a frame is written: `size` bytes per sample, `floats` or whole numbers."""
 
     channels: int
     rate_Hz: float

@@ -125,7 +125,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     if first is None:
         raise ReadError(
             "holds no rows of numbers (only a header, or another format)",
-            allowed="a text log has one row a sample",
+            allowed="a text log has one row per sample",
             do="check the recording",
             file=name,
         )

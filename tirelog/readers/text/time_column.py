@@ -135,7 +135,8 @@ def _ramps(layout: Layout, taken: set[int]) -> list[int]:
 def steps_of(layout: Layout, column: int) -> list[float]:
     """Differences between the numbers of a column, row by row.
 
-    Not from the last sample row of the head's begin to the first of its end.
+    The sample rows are those of the head's beginning and of its end; the step between the two parts
+    is left out.
     """
     numbers = []
     for row in layout.rows:

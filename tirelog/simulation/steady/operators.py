@@ -81,7 +81,7 @@ class Ring:
         return spectrum
 
     def kernel(self, values: FloatArray) -> ComplexArray:
-        """Transform of the smoothing by an even `values` sampled at xi_m, made to sum to one."""
+        """Transform of a smoothing: even `values` at xi_m, scaled to sum to one."""
         smoothing: ComplexArray = fft.rfft(np.fft.ifftshift(values / values.sum()))
         return smoothing
 

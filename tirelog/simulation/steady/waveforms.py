@@ -272,7 +272,7 @@ class World:
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
 
     def behind_first(self, sensor: Sensor) -> float:
-        """By how much a sensor stands behind the first on the tire [rad].
+        """Angle [rad] on the tire by which a sensor stands behind the first.
 
         Zero unless something is fixed to the tire.
         """

@@ -150,7 +150,7 @@ def gather_windows(
 
 
 def joined_windows(parts: list[PatchWindows]) -> PatchWindows:
-    """Windows of one length and rate after one another."""
+    """One set of windows from several of the same length and rate."""
     if len(parts) == 1:
         return parts[0]
     row, values, centre = (

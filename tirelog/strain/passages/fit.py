@@ -192,8 +192,8 @@ def residuals(
 ) -> tuple[FloatArray, FloatArray]:
     """Angles [rad] of the rows' samples, and what the template leaves of them, (N,) each.
 
-    The rest is over the height. Lost samples and those outside of the template are left out;
-    offset, height and shift are of those inside.
+    What is left is a share of the height. Lost samples and those outside of the template do not
+    count; offset, height and shift are of those inside.
     """
     axis, sign = windows.signal.channel.axis, windows.signal.sign
     angles, left = [], []

@@ -28,7 +28,7 @@ LEAST_SAMPLES = 7
 def at_least(channel: Channel, flanks: Flanks, window: FloatArray) -> FloatArray:
     """Half width [rad] of each front's window.
 
-    `window` (2,) for entries and exits, or wider if it would hold too few samples.
+    `window` (2,) of entries and of exits, wider if it would hold too few samples.
     """
     least = 0.5 * (LEAST_SAMPLES + 0.5) * flanks.rate / channel.axis.rate_Hz
     return np.maximum(np.repeat(window, flanks.angle.size // 2), least)
