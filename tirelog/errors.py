@@ -156,4 +156,4 @@ def refuse_unknown(
 ) -> None:
     """The `error` for a word that is none of those allowed: `what`, with the nearest ones."""
     if word not in allowed:
-        raise error(f"{what}{nearest(str(word), allowed)}", allowed=allowed, do=do, file=file)
+        raise error(f"{what}{nearest(str(word)[:80], allowed)}", allowed=allowed, do=do, file=file)

@@ -36,7 +36,7 @@ from typing import Any
 
 from tirelog.data.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.errors import SetupError, TirelogError, UsageError, nearest
+from tirelog.errors import SetupError, TirelogError, UsageError, refuse_unknown
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.storage.remote import address, match_remote, read_remote
 
@@ -83,27 +83,18 @@ class Campaign:
     file: Path
 
 
-def _refuse(what: str, file: Path, *, allowed: str = "", do: str = "") -> UsageError:
+def _refuse(file: Path, what: str, allowed: str, *, do: str = "mend it") -> UsageError:
+    """The error of a manifest."""
     return UsageError(what, allowed=allowed, do=do, file=file)
 
 
 def _keys(data: Any, allowed: tuple[str, ...], where: str, file: Path) -> dict[str, Any]:
     """`data` as a table with no other keys than `allowed`."""
     if not isinstance(data, dict):
-        raise _refuse(
-            f"{where} is not a table",
-            file,
-            allowed=f"allowed are {', '.join(allowed)} under it",
-            do="mend it",
-        )
+        raise _refuse(file, f"{where} is not a table", f"allowed are {', '.join(allowed)} under it")
     for key in data:
-        if key not in allowed:
-            raise _refuse(
-                f"unknown key {key!r} in {where}{nearest(key, allowed)}",
-                file,
-                allowed=f"allowed are {', '.join(allowed)}",
-                do="mend or remove it",
-            )
+        said = f"unknown key {key!r} in {where}"
+        refuse_unknown(key, allowed, said, do="mend or remove it", file=file)
     return data
 
 
@@ -132,9 +123,9 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
     )
     if not wanted and not models:
         raise _refuse(
-            "asks for nothing",
             path,
-            allowed=f"allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]",
+            "asks for nothing",
+            f"allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]",
             do="add one",
         )
     _distinct_models(models, path)
@@ -153,10 +144,9 @@ def _entries(data: Mapping[str, Any], name: str, file: Path) -> list[tuple[str, 
     entries = data.get(name, [])
     if not isinstance(entries, list):
         raise _refuse(
-            f"{name} is not a list of tables",
             file,
-            allowed=f"allowed are entries that begin with [[{name}]]",
-            do="mend it",
+            f"{name} is not a list of tables",
+            f"allowed are entries that begin with [[{name}]]",
         )
     return [(f"[[{name}]] number {number}", entry) for number, entry in enumerate(entries, 1)]
 
@@ -170,12 +160,7 @@ def _text(table: Mapping[str, Any], key: str, where: str, file: Path) -> str | N
     if value is not None and (
         not isinstance(value, str) or not value.strip() or not value.isprintable()
     ):
-        raise _refuse(
-            f"{where}: {key} is not text of one line",
-            file,
-            allowed="allowed is text in quotes",
-            do="mend it",
-        )
+        raise _refuse(file, f"{where}: {key} is not text of one line", "allowed is text in quotes")
     return value
 
 
@@ -203,10 +188,7 @@ def _check_option(option: str, value: Any, where: str, file: Path) -> None:
     }
     if not fits.get(option, True):
         raise _refuse(
-            f"{where}: {option} = {str(value)[:40]!r}",
-            file,
-            allowed=f"allowed is {_ALLOWED[option]}",
-            do="mend it",
+            file, f"{where}: {option} = {str(value)[:40]!r}", f"allowed is {_ALLOWED[option]}"
         )
 
 
@@ -221,18 +203,18 @@ def _is_cutoff(text: str) -> bool:
 def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
     if not logs:
         raise _refuse(
-            "matches no log",
             path,
-            allowed="each [[logs]] has a glob relative to the manifest",
+            "matches no log",
+            "each [[logs]] has a glob relative to the manifest",
             do="mend the glob",
         )
     seen: dict[str, str] = {}
     for log in logs:
         if log.name in seen:
             raise _refuse(
-                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}",
                 path,
-                allowed="a name stands for one log",
+                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}",
+                "a name stands for one log",
                 do="narrow the globs",
             )
         seen[log.name] = log.path
@@ -243,10 +225,10 @@ def _distinct_models(models: tuple[CampaignModel, ...], path: Path) -> None:
     for model in models:
         if model.file.stem in seen:
             raise _refuse(
+                path,
                 f"two models have the name {model.file.stem!r}: {seen[model.file.stem]} and "
                 f"{model.file}",
-                path,
-                allowed="one is allowed",
+                "one is allowed",
                 do="rename one",
             )
         seen[model.file.stem] = model.file
@@ -258,9 +240,9 @@ def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
     pattern = _text(entry, "glob", where, file)
     if pattern is None:
         raise _refuse(
-            f"{where} has no glob",
             file,
-            allowed="allowed is a pattern relative to the manifest",
+            f"{where} has no glob",
+            "allowed is a pattern relative to the manifest",
             do='add glob = "logs/*.csv"',
         )
     setup, conditions = _text(entry, "setup", where, file), _text(entry, "conditions", where, file)
@@ -268,18 +250,16 @@ def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
         matching = _matches(pattern, base)
     except (ValueError, IndexError, NotImplementedError, OSError) as problem:
         raise _refuse(
-            f"{where}: glob {pattern!r} is no pattern ({problem})",
             file,
-            allowed="allowed is e.g. logs/**/*.csv",
-            do="mend it",
+            f"{where}: glob {pattern!r} is no pattern ({problem})",
+            "allowed is e.g. logs/**/*.csv",
         ) from None
     found = [log for log in matching if not log.endswith((".toml", ".truth.json"))]
     if not found:
         raise _refuse(
-            f"{where}: glob {pattern!r} matches no log",
             file,
-            allowed=f"it is relative to {base}, or an address",
-            do="mend it",
+            f"{where}: glob {pattern!r} matches no log",
+            f"it is relative to {base}, or an address",
         )
     shared = _setup(setup, base) if setup is not None else None
     overrides = _conditions(base / conditions) if conditions is not None else {}
@@ -424,36 +404,29 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
     commands = entry.get("commands", ["compare", "diagnose"])
     if not isinstance(commands, list) or not commands:
         raise _refuse(
-            f"{where}: commands is not a list",
             file,
-            allowed=f"allowed are {', '.join(MODEL_COMMANDS)} in one",
-            do="mend it",
+            f"{where}: commands is not a list",
+            f"allowed are {', '.join(MODEL_COMMANDS)} in one",
         )
     for command in commands:
-        if command not in MODEL_COMMANDS:
-            raise _refuse(
-                f"{where}: command {str(command)[:40]!r}"
-                f"{nearest(str(command)[:40], MODEL_COMMANDS)}",
-                file,
-                allowed=f"allowed are {', '.join(MODEL_COMMANDS)}",
-                do="mend it",
-            )
+        said = f"{where}: command {str(command)[:40]!r}"
+        refuse_unknown(command, MODEL_COMMANDS, said, file=file)
     name = _text(entry, "file", where, file)
     if name is None:
         raise _refuse(
-            f"{where} has no file",
             file,
-            allowed="allowed is the path of a model file",
+            f"{where} has no file",
+            "allowed is the path of a model file",
             do='add file = "beam.toml"',
         )
     path = base / name
     observable = _observable(path)
     if isinstance(observable, list):
         raise _refuse(
+            file,
             f"{where}: {name} is of {len(observable)} observables, which a campaign does not fit "
             "together",
-            file,
-            allowed="allowed is a model of one observable",
+            "allowed is a model of one observable",
             do="make a model of each, or take `tirelog diagnose LOG... --model`",
         )
     return CampaignModel(path, str(observable), tuple(commands))

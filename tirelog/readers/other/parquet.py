@@ -39,7 +39,7 @@ def open_parquet(path: Path, setup: Setup, name: str) -> TextReader:
 
 
 def text_of(path: Path, name: str) -> tuple[ByteSource, ParquetText]:
-    """(the table at `path` as bytes of text, the table itself).  ReadError as for `open_parquet`."""
+    """(the table at `path` as bytes of text, the table).  ReadError as for `open_parquet`."""
     table = ParquetText(path, name)
     return ByteSource(io.BufferedReader(table), name), table
 

@@ -41,6 +41,11 @@ T = TypeVar("T", bound="DataclassInstance")
 LEAST_WHEN_WARM = 0.3
 
 
+def _wrong(file: str | None, what: str, allowed: str, *, do: str = "mend it") -> UsageError:
+    """The error of a scenario's file."""
+    return UsageError(what, allowed=allowed, do=do, file=file)
+
+
 def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
@@ -55,11 +60,8 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
             or len(value) > most
             or not all(_number(v) and low <= v <= high for v in value)
         ):
-            raise UsageError(
-                at,
-                allowed=f"allowed is a list of at most {most} numbers from {low:g} to {high:g}",
-                do="mend it",
-                file=file,
+            raise _wrong(
+                file, at, f"allowed is a list of at most {most} numbers from {low:g} to {high:g}"
             )
         return tuple(float(v) for v in value)
     if "tuple" in wanted:
@@ -67,11 +69,8 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
         if not isinstance(value, list) or not all(
             _number(v) and v >= 0 and (v == int(v) or not whole) for v in value
         ):
-            raise UsageError(
-                f"{at}",
-                allowed=f"allowed is a list of {'whole ' if whole else ''}numbers from 0",
-                do="mend it",
-                file=file,
+            raise _wrong(
+                file, at, f"allowed is a list of {'whole ' if whole else ''}numbers from 0"
             )
         return tuple(int(v) if whole else float(v) for v in value)
     if "float" in wanted or "int" in wanted:
@@ -81,19 +80,11 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
             or not low <= value <= high
             or ("int" in wanted and value != int(value))
         ):
-            raise UsageError(
-                f"{at}",
-                allowed=f"allowed is a number from {low:g} to {high:g}",
-                do="mend it",
-                file=file,
-            )
+            raise _wrong(file, at, f"allowed is a number from {low:g} to {high:g}")
         return int(value) if "int" in wanted else float(value)
     if not isinstance(value, bool if "bool" in wanted else str):
-        raise UsageError(
-            f"{at}",
-            allowed=f"allowed is {'true or false' if 'bool' in wanted else 'text in quotes'}",
-            do="mend it",
-            file=file,
+        raise _wrong(
+            file, at, f"allowed is {'true or false' if 'bool' in wanted else 'text in quotes'}"
         )
     allowed = spec.metadata.get("allowed")
     if allowed:
@@ -104,22 +95,10 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
 def _table(cls: type[T], data: Any, table: str, file: str | None) -> T:
     """A TOML table as the dataclass `cls`."""
     if not isinstance(data, Mapping):
-        raise UsageError(
-            f"{table} is not a table",
-            allowed=f"allowed is [{table}] with keys under it",
-            do="mend it",
-            file=file,
-        )
+        raise _wrong(file, f"{table} is not a table", f"allowed is [{table}] with keys under it")
     specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
     for key in data:
-        if key not in specs:
-            allowed = ", ".join(specs)
-            raise UsageError(
-                f"unknown key {key!r} in [{table}]{nearest(key, specs)}",
-                allowed=f"allowed are {allowed}",
-                do="mend it",
-                file=file,
-            )
+        refuse_unknown(key, specs, f"unknown key {key!r} in [{table}]", file=file)
     return cls(**{key: _value(specs[key], value, table, file) for key, value in data.items()})
 
 
@@ -128,11 +107,8 @@ def _nuisances(data: Any, file: str | None) -> Nuisances:
     none = Nuisances()
     known = [f.name for f in fields(Nuisances)]
     if not isinstance(data, Mapping):
-        raise UsageError(
-            "nuisances is not a table",
-            allowed=f"allowed are [nuisances.{known[0]}] and the like",
-            do="mend it",
-            file=file,
+        raise _wrong(
+            file, "nuisances is not a table", f"allowed are [nuisances.{known[0]}] and the like"
         )
     for key in data:
         refuse_unknown(key, known, f"unknown key {key!r} in [nuisances]", file=file)
@@ -147,19 +123,16 @@ def _nuisances(data: Any, file: str | None) -> Nuisances:
 def _planted(data: Any, file: str | None) -> Planted:
     """One [[effects]] table."""
     if not isinstance(data, Mapping) or not isinstance(data.get("name"), str):
-        raise UsageError(
-            "an [[effects]] table without a name",
-            allowed='allowed is name = "..."',
-            do="add one",
-            file=file,
+        raise _wrong(
+            file, "an [[effects]] table without a name", 'allowed is name = "..."', do="add one"
         )
     name, form = data["name"], data.get("form", "exact")
     if name == "ring_curvature":
-        raise UsageError(
+        raise _wrong(
+            file,
             "ring_curvature is the carcass itself",
-            allowed='allowed is truth = "ring"',
+            'allowed is truth = "ring"',
             do='set it (contact = "parabola")',
-            file=file,
         )
     refuse_unknown(name, PLANTABLE, f"unknown effect {name!r}", file=file)
     forms = PLANTABLE[name].forms
@@ -167,21 +140,9 @@ def _planted(data: Any, file: str | None) -> Planted:
     given = {key: value for key, value in data.items() if key not in ("name", "form")}
     allowed = PLANTABLE[name].parameters
     for key, value in given.items():
-        if key not in allowed:
-            known = ", ".join(allowed)
-            raise UsageError(
-                f"unknown parameter {key!r} of {name}{nearest(key, allowed)}",
-                allowed=f"allowed are {known}",
-                do="mend it",
-                file=file,
-            )
+        refuse_unknown(key, allowed, f"unknown parameter {key!r} of {name}", file=file)
         if not _number(value):
-            raise UsageError(
-                f"{key} = {value!r} of {name}",
-                allowed="allowed is a finite number",
-                do="mend it",
-                file=file,
-            )
+            raise _wrong(file, f"{key} = {value!r} of {name}", "allowed is a finite number")
     return Planted(name, form, {**allowed, **{k: float(v) for k, v in given.items()}})
 
 
@@ -215,11 +176,8 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
         or (key == "grid_points" and value % 2)
     ):
         even = ", even" if key == "grid_points" else ""
-        raise UsageError(
-            f"{key} = {value!r}",
-            allowed=f"allowed is a number from {low:g} to {high:g}{even}",
-            do="mend it",
-            file=file,
+        raise _wrong(
+            file, f"{key} = {value!r}", f"allowed is a number from {low:g} to {high:g}{even}"
         )
     return int(value) if whole else float(value)
 
@@ -236,18 +194,18 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     manoeuvres = data.get("manoeuvres", [])
     channels = data.get("channels", {})
     if not isinstance(manoeuvres, list) or not manoeuvres:
-        raise UsageError(
+        raise _wrong(
+            file,
             "no manoeuvres",
-            allowed="a drive is a list of [[manoeuvres]] with duration_s and speed_m_s",
+            "a drive is a list of [[manoeuvres]] with duration_s and speed_m_s",
             do="add one",
-            file=file,
         )
     if not isinstance(channels, Mapping) or not channels:
-        raise UsageError(
+        raise _wrong(
+            file,
             "no channels",
-            allowed='a log has at least one [channels.NAME] with kind = "..."',
+            'a log has at least one [channels.NAME] with kind = "..."',
             do="add one",
-            file=file,
         )
     values["manoeuvres"] = tuple(_table(Manoeuvre, m, "manoeuvres", file) for m in manoeuvres)
     values["channels"] = {
@@ -255,22 +213,14 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     }
     effects = data.get("effects", [])
     if not isinstance(effects, list):
-        raise UsageError(
-            "effects is not a list",
-            allowed="allowed are [[effects]] with a name",
-            do="mend it",
-            file=file,
-        )
+        raise _wrong(file, "effects is not a list", "allowed are [[effects]] with a name")
     values["effects"] = tuple(_planted(e, file) for e in effects)
     if "ramp" in data:
         values["ramp"] = _table(Ramp, data["ramp"], "ramp", file)
     steps = data.get("load_steps", [])
     if not isinstance(steps, list):
-        raise UsageError(
-            "load_steps is not a list",
-            allowed="allowed are [[load_steps]] with time_s and load_N",
-            do="mend it",
-            file=file,
+        raise _wrong(
+            file, "load_steps is not a list", "allowed are [[load_steps]] with time_s and load_N"
         )
     values["load_steps"] = tuple(
         sorted(
@@ -291,61 +241,56 @@ def _check(scenario: Scenario, file: str | None) -> None:
     """What one table alone cannot say."""
     fastest = max(sensor.sampling_rate_Hz for sensor in scenario.channels.values())
     if scenario.duration_s > LONGEST_S or scenario.duration_s * fastest > MOST_SAMPLES:
-        raise UsageError(
+        raise _wrong(
+            file,
             f"a log of {scenario.duration_s:.6g} s at {fastest:g} Hz is too long to be simulated",
-            allowed=f"allowed are {LONGEST_S:g} s and {MOST_SAMPLES:.0e} samples of a channel",
+            f"allowed are {LONGEST_S:g} s and {MOST_SAMPLES:.0e} samples of a channel",
             do="drive less, sample slower, or simulate several logs",
-            file=file,
         )
     names = [effect.name for effect in scenario.effects]
     for name in names:
         if names.count(name) > 1:
-            raise UsageError(
-                f"effect {name!r} is planted twice",
-                allowed="allowed is once",
-                do="remove one",
-                file=file,
+            raise _wrong(
+                file, f"effect {name!r} is planted twice", "allowed is once", do="remove one"
             )
     ramp = scenario.ramp
     if ramp is not None:
         stops = sorted(ramp.stops_s)
         ends = [ramp.begin_s, *(s + ramp.stop_length_s for s in stops)]
         if any(a >= b for a, b in zip(ends, [*stops, ramp.end_s], strict=True)):
-            raise UsageError(
+            raise _wrong(
+                file,
                 "stops of the [ramp] overlap or lie outside",
-                allowed="allowed are stops between begin_s and end_s",
+                "allowed are stops between begin_s and end_s",
                 do="mend them",
-                file=file,
             )
     _check_nuisances(scenario, file)
     if scenario.truth == "coupled_ring":
         _check_coupled(scenario, file)
     elif scenario.load_steps or scenario.road.kind != "flat":
         what = "[[load_steps]]" if scenario.load_steps else f'[road] kind = "{scenario.road.kind}"'
-        raise UsageError(
+        raise _wrong(
+            file,
             f"{what} needs a tire that moves",
-            allowed='allowed is truth = "coupled_ring"',
+            'allowed is truth = "coupled_ring"',
             do="set it",
-            file=file,
         )
     for name, sensor in scenario.channels.items():
         if sensor.kind not in SOURCE_UNITS:
             known = ", ".join(SOURCE_UNITS)
-            raise UsageError(
+            raise _wrong(
+                file,
                 f"kind {sensor.kind!r} of {name}{nearest(sensor.kind, SOURCE_UNITS)}",
-                allowed=f"allowed are {known}",
-                do="mend it",
-                file=file,
+                f"allowed are {known}",
             )
         twin = sensor.temperature_channel
         if twin is not None and (
             twin not in scenario.channels or scenario.channels[twin].kind != "fbg_temperature"
         ):
-            raise UsageError(
+            raise _wrong(
+                file,
                 f"temperature_channel {twin!r} of {name}",
-                allowed="allowed is a channel of kind fbg_temperature",
-                do="mend it",
-                file=file,
+                "allowed is a channel of kind fbg_temperature",
             )
 
 
@@ -354,11 +299,11 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
     nuisances = scenario.nuisances
     if nuisances != Nuisances() and (scenario.truth == "coupled_ring" or scenario.ramp is not None):
         what = "a [ramp]" if scenario.ramp is not None else 'truth = "coupled_ring"'
-        raise UsageError(
+        raise _wrong(
+            file,
             f"[nuisances] with {what}",
-            allowed='allowed is a drive with truth = "beam" or "ring"',
+            'allowed is a drive with truth = "beam" or "ring"',
             do="remove one",
-            file=file,
         )
     run_out, force = nuisances.run_out, nuisances.force_variation
     for name, sizes, phases in (
@@ -366,11 +311,11 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
         ("force_variation", force.shares, force.phases_deg),
     ):
         if len(phases) > len(sizes):
-            raise UsageError(
+            raise _wrong(
+                file,
                 f"{len(phases)} phases_deg for {len(sizes)} harmonics in [nuisances.{name}]",
-                allowed="allowed is one for each",
+                "allowed is one for each",
                 do="remove some",
-                file=file,
             )
     warming = nuisances.warming
     if (
@@ -378,22 +323,21 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
         and scenario.truth == "ring"
         and scenario.tire.contact == "flat_road"
     ):
-        raise UsageError(
+        raise _wrong(
+            file,
             f"patch_length_per_K = {warming.patch_length_per_K!r} in [nuisances.warming] of a ring "
             "on a flat road, whose patch follows from pressure and stiffness",
-            allowed='allowed is 0, or contact = "parabola"',
-            do="mend it",
-            file=file,
+            'allowed is 0, or contact = "parabola"',
         )
     for key in ("stiffness_per_K", "bending_per_K", "patch_length_per_K", "pressure_per_K"):
         least = 1.0 + getattr(warming, key) * scenario.conditions.warm_up_K
         if least < LEAST_WHEN_WARM:
-            raise UsageError(
+            raise _wrong(
+                file,
                 f"{key} = {getattr(warming, key)!r} in [nuisances.warming] leaves {least:g} of it "
                 f"after warm_up_K = {scenario.conditions.warm_up_K:g}",
-                allowed=f"allowed is {LEAST_WHEN_WARM:g} at least",
+                f"allowed is {LEAST_WHEN_WARM:g} at least",
                 do="lower one",
-                file=file,
             )
 
 
@@ -416,26 +360,25 @@ def _check_coupled(scenario: Scenario, file: str | None) -> None:
         ):
             what = f"effect {effect.name!r} in its form {effect.form!r}"
             known = ", ".join(_MOVING)
-            raise UsageError(
+            raise _wrong(
+                file,
                 f'{what} with truth = "coupled_ring"',
-                allowed=f"allowed are {known} as the catalogue has them",
+                f"allowed are {known} as the catalogue has them",
                 do="remove it",
-                file=file,
             )
     if scenario.tire.contact == "parabola" or scenario.ramp is not None:
         what = "a [ramp]" if scenario.ramp is not None else 'contact = "parabola"'
-        raise UsageError(
+        raise _wrong(
+            file,
             f'{what} with truth = "coupled_ring"',
-            allowed='allowed is truth = "ring" or "beam"',
+            'allowed is truth = "ring" or "beam"',
             do="remove it",
-            file=file,
         )
     if scenario.grid_points % 8:
-        raise UsageError(
+        raise _wrong(
+            file,
             f'grid_points = {scenario.grid_points} with truth = "coupled_ring"',
-            allowed="allowed are multiples of 8",
-            do="mend it",
-            file=file,
+            "allowed are multiples of 8",
         )
 
 
