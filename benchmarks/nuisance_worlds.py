@@ -12,6 +12,9 @@ kinds:
                0.4 to 1.6 pm; speeds down a staircase, or short stretches with hard changes
     reporting  a heavier, larger tire (255/55 R19), grating inside, 2 or 4 kHz, 0.5 to 1.2 pm;
                speeds up a staircase, hard braking, a long way down, pulses of the throttle
+    drawn      from 40000 on, to calibrate: each seed takes one of these three kinds of tire
+    checking   from 60000 on, to check a calibration: a van's stiff tire (215/65 R16C), grating
+               outside, 3 kHz, 0.6 to 1 pm; short sprints, and a long way up and down
 """
 
 from __future__ import annotations
@@ -33,6 +36,8 @@ Range = tuple[float, float]
 
 FIRST_SMALL = 500
 FIRST_REPORTING = 20000
+FIRST_DRAWN = 40000
+FIRST_CHECKING = 60000
 #: a tire warms by so much within its log [K], so that pressure, k, EJ and L drift together
 WARMED_K = 20.0
 #: per K: foundation, bending, patch length (beam only: a ring's follows), and absolute pressure
@@ -179,6 +184,52 @@ REPORTING = Kind(
         ),
     ),
 )
+CHECKING = Kind(
+    "checking",
+    radius_m=(0.325, 0.345),
+    bending_N_m2=(4.5, 6.5),
+    foundation_N_m2=(2.2e6, 3.0e6),
+    mass_kg_m=(5.0, 6.2),
+    half_length_m=(0.058, 0.068),
+    load_N=(3900.0, 4800.0),
+    lever_m=(3.0e-4, 4.2e-4),
+    ring_bending_N_m2=(2.0, 3.0),
+    ring_stiffness_N_m2=(6.5e5, 8.5e5),
+    width_belt_m=(0.13, 0.17),
+    surface="outer",
+    rates_Hz=(3000.0,),
+    noise_nm=(0.0006, 0.001),
+    roughness=(0.003, 0.009),
+    loads=(0.9, 1.3),
+    plans=(
+        (
+            (3, 9),
+            (3, 19),
+            (2, 19),
+            (2, 11),
+            (4, 11),
+            (3, 21),
+            (4, 21),
+            (3, 13),
+            (5, 13),
+            (4, 23),
+            (4, 23),
+            (5, 10),
+        ),
+        (
+            (4, 8),
+            (12, 22),
+            (6, 22),
+            (14, 9),
+            (4, 9),
+            (3, 15),
+            (6, 15),
+            (3, 12),
+            (4, 12),
+            (2, 16),
+        ),
+    ),
+)
 
 
 @dataclass
@@ -313,6 +364,10 @@ AT_ONCE = {"two": 2, "four": 4}
 
 def kind_of(seed: int) -> Kind:
     """What a seed draws from."""
+    if seed >= FIRST_CHECKING:
+        return CHECKING
+    if seed >= FIRST_DRAWN:
+        return (TUNING, SMALL, REPORTING)[seed % 3]
     if seed < FIRST_SMALL:
         return TUNING
     return SMALL if seed < FIRST_REPORTING else REPORTING

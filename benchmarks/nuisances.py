@@ -21,11 +21,12 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import math
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ import tirelog
 from benchmarks.cases import IN_CATALOGUE
 from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import AT_ONCE, WORLDS, CaseOf, parts_of, planted_tables, several
+from tirelog.diagnosis.certainty import Marks
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, write_log
@@ -52,7 +54,10 @@ SEEN = 0.05
 
 @dataclass(frozen=True)
 class Row:
-    """One case and what was said of it; sizes in squared floors."""
+    """One case and what was said of it; sizes in squared floors.
+
+    What stands after `sentence` is not in the rows of older runs.
+    """
 
     world: str
     seed: int
@@ -74,6 +79,17 @@ class Row:
     manoeuvres: int
     cpu_s: float
     sentence: str
+    form: str = "exact"
+    logs: int = 2
+    least_p: float = math.nan
+    gain_sigmas: float = math.nan
+    rival_sigmas: float = math.nan
+
+    @property
+    def marks(self) -> Marks:
+        """What the diagnosis knew of itself."""
+        known = {f.name: getattr(self, f.name) for f in fields(Marks) if f.name != "verdict"}
+        return Marks(self.status, **known)
 
 
 @dataclass(frozen=True)
@@ -151,19 +167,24 @@ def run(task: Task) -> list[Row]:
         case = CaseOf(world, task.seed, task.carcass, task.effect, strength)
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(task.keep or scratch) / folder_of(case, task.size)
-            rows.append(_row(case, task, folder, strength, excess))
+            size = task.size if case.effect else ""
+            rows.append(row_of(case, size, folder, excess, write_only=task.write_only))
     return rows
 
 
-def _row(case: CaseOf, task: Task, folder: Path, strength: float, excess: float) -> Row:
+def row_of(
+    case: CaseOf, size: str, folder: Path, excess: float, *, write_only: bool = False
+) -> Row:
+    """A case measured and diagnosed as a user would, in a folder of its own."""
     nan = float("nan")
     row = Row(
-        case.world, case.seed, case.carcass, case.effect, task.size if case.effect else "",
-        strength, excess, "written", "", "[]", nan, nan, nan, nan, nan, nan, nan, 0, nan, "",
+        case.world, case.seed, case.carcass, case.effect, size,
+        case.strength if case.effect else 0.0, excess, "written", "", "[]", nan, nan, nan, nan,
+        nan, nan, nan, 0, nan, "", case.form, case.logs,
     )  # fmt: skip
     try:
         logs, file = written(case, folder)
-        if task.write_only:
+        if write_only:
             return row
         begun = time.process_time()
         model = tirelog.load_model(file)
@@ -178,6 +199,7 @@ def _row(case: CaseOf, task: Task, folder: Path, strength: float, excess: float)
     if not found.selected:
         after = before
     left, was = (max(x**2 - 1.0, 0.0) for x in (after, before))
+    marks = found.marks
     return replace(
         row,
         status=found.verdict,
@@ -193,6 +215,9 @@ def _row(case: CaseOf, task: Task, folder: Path, strength: float, excess: float)
         manoeuvres=found.manoeuvres,
         cpu_s=seconds,
         sentence=found.sentence,
+        least_p=marks.least_p,
+        gain_sigmas=marks.gain_sigmas,
+        rival_sigmas=marks.rival_sigmas,
     )
 
 
@@ -308,10 +333,16 @@ def _table(rows: list[Row], *columns: tuple[str, Callable[[Row], bool]]) -> Iter
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The rows of an earlier run."""
+    """The rows of an earlier run; columns that it did not have yet are as their defaults."""
     with path.open(newline="", encoding="utf-8") as stream:
         return [
-            Row(**{f.name: _PARSE[str(f.type)](row[f.name]) for f in fields(Row)})
+            Row(
+                **{
+                    f.name: _PARSE[str(f.type)](row[f.name])
+                    for f in fields(Row)
+                    if f.name in row or f.default is MISSING
+                }
+            )
             for row in csv.DictReader(stream)
         ]
 
@@ -400,9 +431,13 @@ def main() -> None:
 
 
 def append_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Add rows to a file; a new one gets its head."""
+    """Add rows to a file; a new one gets its head, an older one keeps the columns that it has."""
+    names = [f.name for f in fields(Row)]
+    if path.exists() and path.stat().st_size:
+        with path.open(newline="", encoding="utf-8") as stream:
+            names = next(csv.reader(stream))
     with path.open("a", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, [f.name for f in fields(Row)])
+        writer = csv.DictWriter(stream, names, extrasaction="ignore")
         if stream.tell() == 0:
             writer.writeheader()
         writer.writerows(asdict(row) for row in rows)

@@ -17,6 +17,7 @@ from typing import Any
 
 from tirelog.data import setup
 from tirelog.data.setup import ROADS, SEPARATORS, SURFACES
+from tirelog.diagnosis.certainty import CLASSES, calibration
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
@@ -637,6 +638,23 @@ def pictures_section() -> str:
     return table(("command", "`--plot-kind`", "what is drawn"), rows)
 
 
+def certainty_section() -> str:
+    """The cases that the table of `diagnose` rests on."""
+    known = calibration()
+    rows = [
+        (
+            ", ".join(f"`{verdict}`" for verdict in verdicts),
+            *(f"{known[kind][key]:g}" for key in ("cases", "tires", "right", "effective")),
+            ", ".join(known[kind]["carcasses"]),
+            ", ".join(f"`{name}`" for name in known[kind]["terms"]),
+        )
+        for kind, verdicts in CLASSES.items()
+        if kind in known
+    ]
+    head = ("verdict", "cases", "tires", "right", "count as", "carcass", "terms")
+    return f"Made on {known['date']}.\n\n{table(head, rows)}"
+
+
 PAGES: Mapping[str, Callable[[], str]] = {
     "docs/quality_words.md": quality_page,
     "docs/channel_kinds.md": kinds_page,
@@ -662,6 +680,7 @@ SECTIONS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "docs/campaigns.md": {"keys": campaign_keys_section},
     "docs/standard_errors.md": {"columns": errors_section},
     "docs/slides.md": {"kinds": pictures_section},
+    "docs/methods/certainty.md": {"cases": certainty_section},
 }
 
 

@@ -8,6 +8,7 @@ import json
 import pytest
 
 from benchmarks.cases import Case, case
+from tirelog.diagnosis.certainty import certainty_of
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.ladder import ladder
@@ -57,6 +58,13 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     )
     keys += "rmse_heldout_after noise_floor revolutions"
     assert set(keys.split()) <= set(answer)
+    marks = result.marks
+    assert marks.gain_sigmas > 2.0
+    assert marks.rival_sigmas > 0.0
+    assert marks.least_p < 0.01
+    assert marks.heldout_after * result.noise_floor == pytest.approx(result.rmse_heldout_after)
+    # a bare beam's strain: some simulated cases were like it, unless its manoeuvres are too few
+    assert answer["certainty"]["sentence"] == certainty_of(marks).sentence
 
 
 @pytest.mark.slow

@@ -184,7 +184,13 @@ class DiagnosisOfLogs(Diagnosis):
         return document(
             repr(self),
             [table(["effect", "selected", "excess removed [%]", "p"], ranking)],
-            (errors, *self.notes, *self.before.remarks, f"next: {self.next_command}"),
+            (
+                self.certainty.sentence,
+                errors,
+                *self.notes,
+                *self.before.remarks,
+                f"next: {self.next_command}",
+            ),
         )
 
 

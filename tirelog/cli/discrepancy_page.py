@@ -149,6 +149,7 @@ def diagnosis_page(result: Diagnosis) -> None:
     out = _console()
     factor, unit = shown(result.before.observable, result.before.unit)
     out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
+    out.print(result.certainty.sentence)
     error = (
         f"held-out error {in_unit(result.rmse_heldout_before, factor)} -> "
         f"{in_unit(result.rmse_heldout_after, factor)} {unit}, "

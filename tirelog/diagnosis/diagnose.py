@@ -32,6 +32,7 @@ from tirelog.diagnosis.beside import (
     groups_of,
     with_nuisances_on,
 )
+from tirelog.diagnosis.certainty import Certainty, Marks, certainty_of, marks_of, unlike
 from tirelog.diagnosis.checks import (
     Check,
     Suspect,
@@ -128,6 +129,24 @@ class Diagnosis:
     def after(self) -> Comparison:
         return comparison_of(self.found.after, self.stacks) if self.selected else self.before
 
+    @cached_property
+    def certainty(self) -> Certainty:
+        """How often a verdict like this one is right, by simulated cases."""
+        why = unlike(self.found.before.model, self.selected, self.gratings is not None)
+        return Certainty(None, reason=why) if why else certainty_of(self.marks)
+
+    @cached_property
+    def marks(self) -> Marks:
+        """What this diagnosis knows of itself, by which like cases are found."""
+        after = self.rmse_heldout_after if self.selected else self.rmse_heldout_before
+        return marks_of(
+            self.found,
+            self.verdict,
+            self.noise_floor,
+            (self.rmse_heldout_before, after),
+            (self.reduced_chi2_before, self.reduced_chi2_after),
+        )
+
     def to_json(self) -> dict[str, Any]:
         apart = (
             *("effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"),
@@ -141,6 +160,7 @@ class Diagnosis:
         told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
+            | {"certainty": self.certainty.to_json()}
             | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
             | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}

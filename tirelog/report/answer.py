@@ -232,7 +232,8 @@ def _how_sure(found: Diagnosis) -> str:
                 f"{p} of being noise" + (f" ({size})" if size else "")
             )
     meaning = next(rule.words for rule in RULES if rule.verdict == found.verdict)
-    return "; ".join([*told, f"the verdict means: {meaning}"])
+    sure = found.certainty.sentence.removesuffix(".")
+    return "; ".join([sure, *told, f"the verdict means: {meaning}"])
 
 
 def _physics(effect: Effect) -> str:

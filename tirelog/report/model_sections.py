@@ -359,6 +359,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         error = f"Error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out"
     words = [
         f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
+        result.certainty.sentence,
         f"{error}; noise floor {result.noise_floor * factor:.3g}; {result.revolutions} "
         f"revolutions, {result.manoeuvres} manoeuvres.",
         *(
