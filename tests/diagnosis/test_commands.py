@@ -140,6 +140,17 @@ def test_strengths_by_log_of_a_ladder_that_added_nothing_are_an_empty_table(fold
     assert capfd.readouterr().out == "log,parameter,unit,value,se,distance_km,load_N\n"
 
 
+def test_of_one_log_none_can_be_left_out(folder, capfd):
+    model, setup = folder / "alone.toml", str(folder / "log_0.toml")
+    new = ["model", "new", "--observable", "patch_length", "--setup", setup, "-o", str(model)]
+    assert run([*new, "--quiet"]) == 0
+    log = ["diagnose", str(folder / "log_0.csv"), "--model", str(model), "--quiet"]
+    assert run([*log, "--leave-one-out"]) == 2
+    assert "one log alone: none can be left out" in capfd.readouterr().err
+    assert run([*log, "--bootstrap", "50"]) == 0
+    assert "No calibration for this kind: " in capfd.readouterr().out
+
+
 def test_an_unknown_table_is_refused(folder, capfd):
     assert command(folder, "compare", "--by", "regimes") == 2
     assert "nearest: regime" in capfd.readouterr().err

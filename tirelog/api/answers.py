@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 from tirelog.api.logs import Logs, Path, each_log
 from tirelog.api.results import (
@@ -19,10 +20,12 @@ from tirelog.api.results import (
 )
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
+from tirelog.diagnosis import by_group
 from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
+from tirelog.diagnosis.inclusion import MOST_DRAWS
 from tirelog.diagnosis.obstacles.compare import compare_transients
 from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.diagnosis.propose import propose as proposing
@@ -237,6 +240,8 @@ def diagnose(
     model: Model,
     *,
     effects: Iterable[Effect] = (),
+    bootstrap: int = 0,
+    leave_one_out: bool = False,
     progress: Progress | None = None,
 ) -> DiagnosisOfLogs:
     """Which effect the model lacks, which cannot be told apart, and what to drive next.
@@ -250,6 +255,10 @@ def diagnose(
     effects : iterable of Effect
         Candidates of your own beside the catalogue, those of installed packages, and those of the
         file that the model was read with.
+    bootstrap : int
+        Draw the manoeuvres anew so many times: ``inclusion`` says how often each effect is named.
+    leave_one_out : bool
+        Diagnose without each log in turn: ``stability`` says where the verdict changes.
     progress : callable, optional
         Hears what is being done, a sentence at a time.
 
@@ -264,15 +273,30 @@ def diagnose(
     UsageError
         Model and revolutions do not fit together.
     """
-    found = _known(measured)
-    return DiagnosisOfLogs.of(
-        diagnosing.diagnose(
-            found.revolutions,
-            model,
-            effects=_candidates(model, effects),
-            progress=progress or _silent,
+    if not 0 <= bootstrap <= MOST_DRAWS:
+        raise UsageError(
+            f"bootstrap {bootstrap}", allowed=f"allowed is 0 to {MOST_DRAWS}", do="mend it"
         )
-    )
+    asked, candidates = _known(measured).revolutions, _candidates(model, effects)
+    progress = progress or _silent
+    pieces = comparing.measured_pieces(asked) if leave_one_out else None
+    if pieces is not None:
+        by_group.refuse_one(by_group.logs_of(pieces), "log", "none can be left out")
+    result = diagnosing.diagnose(asked, model, effects=candidates, progress=progress)
+    if bootstrap:
+        progress(f"drawing the manoeuvres {bootstrap} times")
+        result = by_group.with_draws(result, bootstrap, candidates)
+    if pieces is not None:
+        stability = by_group.leave_one_out(
+            by_group.logs_of(pieces),
+            partial(by_group.of_logs, pieces),
+            model,
+            result,
+            effects=candidates,
+            progress=progress,
+        )
+        result = by_group.with_stability(result, stability)
+    return DiagnosisOfLogs.of(result)
 
 
 def ladder(

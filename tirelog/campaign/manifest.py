@@ -20,6 +20,7 @@ cutoff = "auto"                    # the command's own options
 [[models]]
 file = "beam.toml"
 commands = ["compare", "diagnose"]
+each = "tire"                      # optional: diagnose each tire, or "log", alone and without it
 ```
 """
 
@@ -43,6 +44,7 @@ from tirelog.storage.remote import address, match_remote, read_remote
 _SECTIONS = ("campaign", "logs", "tables", "models")
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
 MODEL_COMMANDS = ("compare", "diagnose", "ladder")
+EACH = ("log", "tire")
 
 
 @dataclass(frozen=True)
@@ -64,11 +66,15 @@ class CampaignLog:
 
 @dataclass(frozen=True)
 class CampaignModel:
-    """A model file, what it predicts, and what to do with it over all logs."""
+    """A model file, what it predicts, and what to do with it over all logs.
+
+    `each`: "log" or "tire" if each is to be diagnosed alone, and be left out, too.
+    """
 
     file: Path
     observable: str
     commands: tuple[str, ...]
+    each: str = ""
 
 
 @dataclass(frozen=True)
@@ -400,7 +406,15 @@ def _finite(text: str) -> bool:
 
 
 def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
-    _keys(entry, ("file", "commands"), where, file)
+    _keys(entry, ("file", "commands", "each"), where, file)
+    each = _text(entry, "each", where, file) or ""
+    if each not in ("", *EACH):
+        raise _refuse(
+            f"{where}: each = {each[:40]!r}",
+            file,
+            allowed=f"allowed are {', '.join(EACH)}",
+            do="mend it",
+        )
     commands = entry.get("commands", ["compare", "diagnose"])
     if not isinstance(commands, list) or not commands:
         raise _refuse(
@@ -429,7 +443,14 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
             "allowed is a model of one observable",
             do="make a model of each, or take `tirelog diagnose LOG... --model`",
         )
-    return CampaignModel(path, str(observable), tuple(commands))
+    if each and "diagnose" not in commands:
+        raise _refuse(
+            f"{where}: each without diagnose among its commands",
+            file,
+            allowed="each log or tire is diagnosed",
+            do='add "diagnose", or remove each',
+        )
+    return CampaignModel(path, str(observable), tuple(commands), each)
 
 
 def _observable(path: Path) -> Any:

@@ -20,7 +20,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -29,13 +29,17 @@ from tirelog.campaign.ledger import Ledger
 from tirelog.campaign.manifest import Campaign, CampaignModel
 from tirelog.campaign.names import json_of
 from tirelog.campaign.work import LogTask, pieces_name
+from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.user_effects import own_effects
 from tirelog.version import __version__
 
 if TYPE_CHECKING:
+    from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.inference.cells.pieces import Pieces
+    from tirelog.physics.effects import Effect
+    from tirelog.physics.model.model import Model
 
 #: changes with what a result is made of beside logs, setups and models, so that older results are
 #: made again
@@ -89,6 +93,7 @@ def _run(
         )
     read = load_model(model.file)
     own = [] if read.effects_file is None else [_digest(read.effects_file.read_bytes())]
+    own += [f"each {model.each}"] if model.each else []
     key = _digest(json.dumps([[t.key for t in measured], text, __version__, _FORM, *own]).encode())
     folder = f"models/{model.file.stem}"
     waiting = [
@@ -112,6 +117,11 @@ def _run(
     results = {}
     for name in model.commands:
         results[name] = commands[name](pieces, read)
+        if name == "diagnose" and model.each:
+            some = partial(_pieces_of, measured, model.observable, ledger)
+            groups = _groups(measured, model.each)
+            results[name] = _with_each(results[name], read, candidates, groups, some, model.each)
+            said(f"note: {results[name].notes[-1]}")
         said(f"note: {ledger.folder.root}/{folder}/{name}.json" + _outcome(results[name]))
     ledger.folder.check_held()
     ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
@@ -122,6 +132,42 @@ def _run(
         ledger.folder.write(
             f"{folder}/{name}.json", _bytes({"key": key, **about, **result.to_json()})
         )
+
+
+def _groups(tasks: list[LogTask], by: str) -> dict[str, list[str]]:
+    """The names of the logs by their tire, as the setups call it, or each log by itself."""
+    groups: dict[str, list[str]] = {}
+    for task in tasks:
+        tire = parse_setup(task.setup_text, task.setup_file).tire.name if by == "tire" else ""
+        name = task.name if by == "log" else tire or "the tire without a name"
+        groups.setdefault(name, []).append(task.name)
+    return groups
+
+
+def _pieces_of(
+    tasks: list[LogTask], observable: str, ledger: Ledger, names: Sequence[str]
+) -> Pieces:
+    """The pieces of the logs of these names."""
+    return _pieces([task for task in tasks if task.name in names], observable, ledger)[0]
+
+
+def _with_each(
+    found: Diagnosis,
+    model: Model,
+    effects: Sequence[Effect],
+    groups: Mapping[str, Sequence[str]],
+    some: Callable[[Sequence[str]], Pieces],
+    by: str,
+) -> Diagnosis:
+    """The diagnosis with that of each log or tire alone, and of all without it."""
+    from tirelog.diagnosis import by_group
+
+    if len(groups) < 2:
+        said = f"There is one {by} alone: nothing is to be held against it."
+        return replace(found, notes=(*found.notes, said))
+    each = by_group.each_alone(groups, some, model, by=by, effects=effects)
+    stability = by_group.leave_one_out(groups, some, model, found, by=by, effects=effects)
+    return by_group.with_stability(found, stability, each)
 
 
 def _outcome(result: Any) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from tirelog.cli.common import (
     ChannelName,
@@ -34,6 +36,22 @@ def diagnose(
     channel: ChannelName = None,
     effects: EffectsFile = None,
     plot: Plot = None,
+    bootstrap: Annotated[
+        int,
+        typer.Option(
+            help="Draw the manoeuvres anew so many times, and say how often each effect is named.",
+            min=0,
+            max=10000,
+            show_default=False,
+        ),
+    ] = 0,
+    leave_one_out: Annotated[
+        bool,
+        typer.Option(
+            "--leave-one-out",
+            help="Diagnose without each log in turn, and say where the verdict changes.",
+        ),
+    ] = False,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
 
@@ -43,7 +61,13 @@ def diagnose(
 
         with session.working() as line:
             line.say("diagnosing")
-            result = diagnose_measured(found, read, progress=None if quiet else say)
+            result = diagnose_measured(
+                found,
+                read,
+                bootstrap=bootstrap,
+                leave_one_out=leave_one_out,
+                progress=None if quiet else say,
+            )
         for remark in result.before.remarks:
             session.note(remark)
         if plot is not None:

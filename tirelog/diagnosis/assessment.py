@@ -75,6 +75,32 @@ def assess(
 
     `more`: columns to project out besides.
     """
+    kept, scores, reasons = scores_of(base, signatures, more)
+    statistic, p = flip_test(scores, base.cells.manoeuvres)
+    best = best_variants(kept, statistic)
+    found = [
+        _assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i])) for i in best.values()
+    ]
+    tested = {a.id for a in found}
+    return sorted(found, key=lambda a: -a.statistic), {
+        k: v for k, v in reasons.items() if k not in tested
+    }
+
+
+def best_variants(kept: Sequence[Signature], statistic: FloatArray) -> dict[str, int]:
+    """The variant of each effect that has the largest statistic, by the effect's name."""
+    best: dict[str, int] = {}
+    for i, signature in enumerate(kept):
+        name = signature.effect.id
+        if name not in best or statistic[i] > statistic[best[name]]:
+            best[name] = i
+    return best
+
+
+def scores_of(
+    base: Base, signatures: Sequence[Signature], more: FloatArray | None = None
+) -> tuple[list[Signature], list[Scores], dict[str, str]]:
+    """The signatures that show something of their own, their scores, and why others do not."""
     other = nuisance(base, more)
     residual = other.without(
         base.white(
@@ -98,19 +124,7 @@ def assess(
         )
         kept.append(signature)
         scores.append(Scores(score, flat.T @ flat, signature.one_sided))
-    statistic, p = flip_test(scores, base.cells.manoeuvres)
-    best: dict[str, int] = {}
-    for i, signature in enumerate(kept):
-        name = signature.effect.id
-        if name not in best or statistic[i] > statistic[best[name]]:
-            best[name] = i
-    found = [
-        _assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i])) for i in best.values()
-    ]
-    tested = {a.id for a in found}
-    return sorted(found, key=lambda a: -a.statistic), {
-        k: v for k, v in reasons.items() if k not in tested
-    }
+    return kept, scores, reasons
 
 
 def _assessed(

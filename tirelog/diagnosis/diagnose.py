@@ -50,6 +50,7 @@ from tirelog.diagnosis.compare import (
 )
 from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.gratings.gather import Gathered, gathered
+from tirelog.diagnosis.inclusion import Inclusion
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import quiet, removed_by
 from tirelog.diagnosis.nuisance_sizes import (
@@ -76,6 +77,7 @@ from tirelog.diagnosis.rules import (
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.signatures import candidate_effects
+from tirelog.diagnosis.stability import Each, Stability
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
 from tirelog.inference.base import Base, TogetherBase, apart
@@ -115,6 +117,9 @@ class Diagnosis:
     found: Found
     stacks: Sequence[Stack] | StacksTogether
     gratings: GratingsFound | None = None
+    inclusion: Inclusion | None = None
+    stability: Stability | None = None
+    each: Each | None = None
 
     @property
     def model(self) -> Model:
@@ -150,7 +155,7 @@ class Diagnosis:
     def to_json(self) -> dict[str, Any]:
         apart = (
             *("effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"),
-            "gratings",
+            *("gratings", "inclusion", "stability", "each"),
         )
         names = [name for name in self.__dataclass_fields__ if name not in apart]
         rows = [
@@ -166,6 +171,9 @@ class Diagnosis:
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
             | {"suspects": [asdict(s) for s in self.suspects]}
             | ({} if self.gratings is None else {"gratings": self.gratings.to_json()})
+            | ({} if self.inclusion is None else {"inclusion": self.inclusion.to_json()})
+            | ({} if self.stability is None else {"stability": self.stability.to_json()})
+            | ({} if self.each is None else {"each": self.each.to_json()})
         )
         return told
 

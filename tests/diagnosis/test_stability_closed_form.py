@@ -1,0 +1,146 @@
+"""Closed form: what is said without each log, of each alone, and p over many tires."""
+
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.planted import stack
+from tirelog.diagnosis import by_group
+from tirelog.diagnosis.inclusion import Inclusion, StepInclusion
+from tirelog.diagnosis.stability import Answer, Each, Stability, benjamini_hochberg
+from tirelog.errors import ModelError, UsageError
+from tirelog.inference.cells.gathering import pieces_of_logs
+
+WHOLE = Answer("", ("a", "b", "c"), "missing", ("wear",))
+
+
+def without(group, verdict="missing", selected=("wear",), **more):
+    return Answer(group, (), verdict, selected, **more)
+
+
+def test_p_over_many_tires():
+    # the example of Benjamini and Hochberg (1995), section 3.2: four of fifteen at 5 %
+    p = [
+        0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262,
+        0.5719, 0.6528, 0.7590, 1.0000,
+    ]  # fmt: skip
+    random = np.random.default_rng(1).permutation(15)
+    adjusted = np.empty(15)
+    adjusted[random] = benjamini_hochberg(np.array(p)[random])
+    assert adjusted[0] == pytest.approx(0.0015)
+    assert int((adjusted <= 0.05).sum()) == 4
+    assert (np.diff(adjusted) >= 0.0).all()
+    assert adjusted[-1] == 1.0
+    assert benjamini_hochberg([]).size == 0
+
+
+def test_a_verdict_that_stands_is_said_to():
+    said = Stability("log", WHOLE, (without("a"), without("b"), without("c"))).sentence
+    assert said == "The verdict stands: it is the same without any one of the 3 logs."
+
+
+def test_a_verdict_that_hangs_on_one_log_says_on_which():
+    others = (
+        without("a", "nothing_missing", ()),
+        without("b"),
+        without("c", "", (), problem="needs water_depth_mm"),
+        without("d", "ambiguous", ("wear",)),
+    )
+    found = Stability("tire", WHOLE, others)
+    assert found.sentence == (
+        "The verdict hangs on single tires, 3 of 4: without a it is nothing missing; without c "
+        "nothing could be asked (needs water_depth_mm); without d it is ambiguous (wear)."
+    )
+    assert [row["same"] for row in found.to_json()["without"]] == [False, True, False, False]
+
+
+def test_each_tire_alone_and_what_chance_does_among_so_many():
+    null = [without(f"t{i}", "nothing_missing", (), p=(i + 1) / 21) for i in range(20)]
+    worn = [without("w1", p=1e-4), without("w2", p=2e-4), without("x", p=0.02)]
+    found = Each("tire", (*null, *worn, without("few", "too_few", ())))
+    assert [a.group for a in found.lacking] == ["w1", "w2"]
+    assert found.inclusion == {"wear": pytest.approx(2 / 23)}
+    assert found.sentence == (
+        "Each tire alone: something is missing in 2 of 23, wear in 2 (at most 5 % of them by "
+        "chance); 1 more alarms, no more than chance does among 23; the tires do not say the "
+        "same: what is pooled is their mean."
+    )
+    assert found.to_json()["each"][-1]["p_adjusted"] is None
+    assert Each("log", (without("a", "too_few", ()),)).sentence == (
+        "No log alone has manoeuvres enough for a test."
+    )
+
+
+def several():
+    """Three logs of eight manoeuvres, as pieces."""
+    made = [stack(manoeuvres=8, revolutions=4, seed=s, m=16) for s in (1, 2, 3)]
+    names = ("a", "b", "c")
+    numbered = [
+        replace(one, logs=names, log=np.full(len(one), i), manoeuvre=one.manoeuvre + 8 * i)
+        for i, one in enumerate(made)
+    ]
+    return pieces_of_logs(numbered)
+
+
+def test_pieces_without_a_log_are_those_of_the_others():
+    pieces = several()
+    rest = by_group.of_logs(pieces, ["c", "a"])
+    assert rest.logs == ("a", "c")
+    assert np.unique(rest.log).tolist() == [0, 1]
+    assert np.unique(rest.manoeuvre).tolist() == list(range(16))
+    assert np.array_equal(rest.mean, pieces.mean[pieces.log != 1], equal_nan=True)
+    with pytest.raises(UsageError, match="no log is left"):
+        by_group.of_logs(pieces, [])
+
+
+def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
+    asked = []
+
+    def found(pieces, model, effects=()):
+        asked.append(pieces.logs)
+        if pieces.logs == ("b", "c"):
+            raise ModelError("needs water_depth_mm")
+        verdict = "nothing_missing" if "b" not in pieces.logs else "missing"
+        return SimpleNamespace(
+            verdict=verdict,
+            selected=("wear",) if verdict == "missing" else (),
+            ambiguous_groups=(),
+            marks=SimpleNamespace(least_p=0.001),
+            unexplained={"p": None},
+            certainty=SimpleNamespace(probability=0.9),
+        )
+
+    monkeypatch.setattr(by_group, "diagnose", found)
+    pieces = several()
+    whole, some = found(pieces, None), partial(by_group.of_logs, pieces)
+    result = by_group.leave_one_out(by_group.logs_of(pieces), some, None, whole)
+    assert asked[1:] == [("b", "c"), ("a", "c"), ("a", "b")]
+    assert [(a.group, a.verdict) for a in result.without] == [
+        ("a", ""),
+        ("b", "nothing_missing"),
+        ("c", "missing"),
+    ]
+    tires = {"old": ("a", "c"), "new": ("b",)}
+    each = by_group.each_alone(tires, some, None, by="tire")
+    assert [(a.group, a.verdict, a.p) for a in each.answers] == [
+        ("old", "nothing_missing", 0.002),
+        ("new", "missing", 0.002),
+    ]
+    with pytest.raises(UsageError, match="one log alone: none can be left out"):
+        by_group.leave_one_out({"a": ("a",)}, some, None, whole)
+
+
+def test_names_that_hang_on_some_manoeuvres_are_said_to():
+    step = StepInclusion(1, "wear", {"wear": 0.6, "hysteresis": 0.1})
+    assert step.none == pytest.approx(0.3)
+    assert Inclusion(500, 16, (step,)).sentences == [
+        "Of 500 draws of the 16 manoeuvres the search names wear in 60 %, hysteresis in 10 %, "
+        "nothing in 30 %: wear hangs on some manoeuvres."
+    ]
+    steady = replace(step, shares={"wear": 1.0})
+    assert Inclusion(500, 16, (steady,)).sentences == [
+        "Of 500 draws of the 16 manoeuvres the search names wear in 100 %."
+    ]
