@@ -39,6 +39,7 @@ def diagnose(
     bootstrap: Annotated[
         int,
         typer.Option(
+            metavar="DRAWS",
             help="Draw the manoeuvres anew so many times, and say how often each effect is named.",
             min=0,
             max=10000,
