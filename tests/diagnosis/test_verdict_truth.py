@@ -12,9 +12,12 @@ from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis import search
 from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
-from tirelog.diagnosis.search import search_effects
-from tirelog.diagnosis.separation import ALLOWED, driven
+from tirelog.diagnosis.drive_next import drive_next, drive_sentences
+from tirelog.diagnosis.naming import Step
+from tirelog.diagnosis.search import Found, search_effects
+from tirelog.diagnosis.separation import ALLOWED, driven, separations
 from tirelog.diagnosis.sign_flips import least_p
+from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.wording import probability, rounding_sentences, sentence_of
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
@@ -242,6 +245,34 @@ def test_what_the_logs_hold_is_not_advised(two_pressures):
     assert not near["brake 25 to 9 m/s at 4 m/s^2"]
     assert not near["cruise at 15 m/s with 40 % more load"]
     assert not near["cruise at 15 m/s after ten minutes"]
+
+
+def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures):
+    hidden = Step(two_pressures, (), {"water_film": "does nothing here"}, (), None, ())
+    found = Found(two_pressures, (hidden,), two_pressures)
+    rows = drive_next(found, "nothing_missing", 0.9)
+    # on a dry road no other stretch shows a water film
+    assert [row["manoeuvre"] for row in rows] == ["cruise at 20 m/s in 2 mm of water"]
+    (row,) = rows
+    assert row["separates"] == [["water_film", "nothing"]]
+    # settled for good, it is worth what an effect's chance to be missing is: 45 % over all of them
+    count = len(candidate_effects(two_pressures.model))
+    assert row["gain"] == pytest.approx(0.45 / count, rel=0.02)
+    assert row["gain_per_minute"] == pytest.approx(row["gain"] / row["minutes"])
+    assert drive_sentences(rows)[0].startswith(
+        "To be surer: cruise at 20 m/s in 2 mm of water, once (10.4 min): +2."
+    )
+    assert drive_next(found, "unknown", 0.9) == []
+
+
+def test_what_a_wheel_may_do_as_well_parts_less(two_pressures):
+    shaped = MODEL.with_effect("gauge_length", length_m=0.1)
+    apart = {r["manoeuvre"]: r for r in separations(two_pressures, shaped, MODEL)}
+    beside = separations(two_pressures, shaped, MODEL, ("wheel",))
+    assert {r["manoeuvre"] for r in beside} == set(apart)
+    less = [r["separation_sigma"] / apart[r["manoeuvre"]]["separation_sigma"] for r in beside]
+    assert max(less) <= 1.0 + 1e-6
+    assert min(less) < 0.99
 
 
 def test_a_probability_at_its_least_is_at_most_that():

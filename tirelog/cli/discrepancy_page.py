@@ -143,6 +143,7 @@ def _errors_page(out: Console, result: Comparison) -> None:
 
 def diagnosis_page(result: Diagnosis) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
+    from tirelog.diagnosis.drive_next import drive_sentences
     from tirelog.diagnosis.results import in_unit
     from tirelog.diagnosis.wording import percent, probability
 
@@ -180,6 +181,8 @@ def diagnosis_page(result: Diagnosis) -> None:
             f"to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
             f"({row['separation_sigma']:.1f} sigma a run)"
         )
+    for said in drive_sentences(result.drive_next):
+        out.print(said)
     for note in result.notes:
         out.print(note)
     out.print(result.unexplained["sentence"])

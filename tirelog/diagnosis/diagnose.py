@@ -48,6 +48,7 @@ from tirelog.diagnosis.compare import (
     single_revolutions,
     start_from,
 )
+from tirelog.diagnosis.drive_next import drive_next
 from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.gratings.gather import Gathered, gathered
 from tirelog.diagnosis.inclusion import Inclusion
@@ -141,6 +142,11 @@ class Diagnosis:
         return Certainty(None, reason=why) if why else certainty_of(self.marks)
 
     @cached_property
+    def drive_next(self) -> tuple[Mapping[str, Any], ...]:
+        """Manoeuvres by how fast they would make the verdict surer, best first."""
+        return tuple(drive_next(self.found, self.verdict, self.certainty.probability))
+
+    @cached_property
     def marks(self) -> Marks:
         """What this diagnosis knows of itself, by which like cases are found."""
         after = self.rmse_heldout_after if self.selected else self.rmse_heldout_before
@@ -165,7 +171,7 @@ class Diagnosis:
         told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
-            | {"certainty": self.certainty.to_json()}
+            | {"certainty": self.certainty.to_json(), "drive_next": list(self.drive_next)}
             | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
             | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}

@@ -20,8 +20,10 @@ from tirelog.data.recording import Conditions
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
+from tirelog.inference.cells.cells import Cells
 from tirelog.inference.fit.cells import Problem, free_names
 from tirelog.inference.metric.projection import orthonormal
+from tirelog.inference.nuisances import shared_by
 from tirelog.inference.stacks.manoeuvres import CRUISE_M_S2
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -41,6 +43,10 @@ SAME = 0.1
 _MOST_OF = 0.7
 _SLOWER = 0.4
 _LONG_S = 60.0
+#: time that a stretch takes beside itself [s]: to come to it; with another load, pressure, water or
+#: tread to come to that. Doubled, what needs no stop is advised sooner
+_APPROACH_S = 20.0
+_CHANGE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,15 @@ class CandidateManoeuvre:
     load: float = 1.0
     time_s: float = 30.0
     values: Mapping[str, float] = field(default_factory=dict)
+
+    def minutes(self, radius_m: float, repeats: int = 1) -> float:
+        """Time that so many runs take, on a wheel of this rolling radius."""
+        speed = 0.5 * sum(self.speed_m_s)
+        revolutions = 2.0 * np.pi * radius_m * _REVOLUTIONS / speed
+        ramp = abs(self.speed_m_s[1] - self.speed_m_s[0]) / (abs(self.acceleration_m_s2) or np.inf)
+        once = _CHANGE_S if self.load != 1.0 or self.values else 0.0
+        once += self.time_s if self.time_s > _LONG_S else 0.0
+        return float(once + repeats * (_APPROACH_S + max(revolutions, ramp))) / 60.0
 
 
 ALLOWED = (
@@ -122,19 +137,30 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
     return False
 
 
-def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
+def separations(
+    base: Base, first: Model, second: Model, beside: Sequence[str] = ()
+) -> list[dict[str, Any]]:
     """How far every allowed manoeuvre would part `first` from `second`, best first.
 
-    `first` is taken as true, and parted from any refit of `second`.
+    `first` is taken as true, and parted from any refit of `second`, with the nuisances `beside` it:
+    the base's own, and those that are held against `first`. What repeats on the wheel has one
+    amplitude in the logs so far and on the planned stretch.
     """
     names = free_names(second, base.cells)
-    problem = Problem(base.cells, base.white)
+    held = () if base.cells.shared is None else base.cells.shared.groups
+    groups = tuple(dict.fromkeys((*held, *beside)))
+    cells = replace(base.cells, shared=None)
+    shared = shared_by(cells, base.fit, groups)
+    problem = Problem(cells, base.white)
     mine, _ = problem.linearised(first, (), {})
     theirs, jacobian = problem.linearised(second, names, {})
-    old = problem.offsets.without(
-        base.white(np.concatenate([np.nan_to_num(mine - theirs)[..., None], jacobian], axis=-1))
-    )
+    parts = [np.nan_to_num(mine - theirs)[..., None], jacobian]
+    parts += [] if shared is None else [shared.columns]
+    old = problem.offsets.without(base.white(np.concatenate(parts, axis=-1)))
     old = old.reshape(-1, old.shape[-1])
+    if shared is not None:  # how large an amplitude is before anything is measured
+        ordinary = np.diag(1.0 / shared.sd)
+        old = np.vstack([old, np.pad(ordinary, ((0, 0), (old.shape[1] - len(shared), 0)))])
     phi = np.asarray((np.arange(_ANGLES) + 0.5) * (2.0 * np.pi / _ANGLES) - np.pi, dtype=np.float64)
     noise = np.sqrt(
         base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS)
@@ -150,13 +176,15 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
         shift = np.gradient(other, phi, axis=1)[..., None] * np.eye(_SPEEDS)[:, None, :]
         between = _load_columns(base, first, conditions, phi, ours)
         own = np.ones((_SPEEDS, _ANGLES, 1))
-        new = (
-            np.concatenate(
-                [(ours - other)[..., None], np.moveaxis(slopes, 0, -1), own, shift, between],
-                axis=-1,
-            )
-            / noise
-        )
+        columns = [(ours - other)[..., None], np.moveaxis(slopes, 0, -1)]
+        if shared is not None:
+            there = _stretch(cells, conditions, phi, other)
+            fit = replace(base.fit, prediction=other, cells=there)
+            stretch = shared_by(there, fit, groups, cells)
+            if stretch is None or stretch.names != shared.names:
+                continue  # what the nuisance would do there is not known
+            columns.append(stretch.columns)
+        new = np.concatenate([*columns, own, shift, between], axis=-1) / noise
         new = new.reshape(-1, new.shape[-1])
         both = np.vstack(
             [np.hstack([old, np.zeros((old.shape[0], new.shape[1] - old.shape[1]))]), new]
@@ -173,6 +201,23 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
                 }
             )
     return sorted(result, key=lambda row: -row["separation_sigma"])
+
+
+def _stretch(cells: Cells, conditions: Conditions, phi: FloatArray, level: FloatArray) -> Cells:
+    """A planned stretch as cells of the first log, as far as nuisances ask for them."""
+    shape, none = level.shape, np.zeros(len(level), np.int64)
+    return replace(
+        cells,
+        values=level,
+        phi=np.broadcast_to(phi, shape).copy(),
+        phi_variance=np.zeros(shape),
+        conditions=conditions,
+        log=none,
+        manoeuvre=none,
+        revolutions=np.full(len(level), _REVOLUTIONS // _SPEEDS),
+        moved=np.zeros(len(level)),
+        shared=None,
+    )
 
 
 def _load_columns(
@@ -201,6 +246,7 @@ def advise(
     name, model = rivals[0]
     floor = np.sqrt(base.floor.square)
     held = {manoeuvre.name for manoeuvre in ALLOWED if driven(base, manoeuvre)}
+    by_name = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
     for other, rival in rivals[1:]:
         found = separations(base, model, rival)
         useful = [
@@ -225,6 +271,7 @@ def advise(
                     "separates": [name, other],
                     "separation_sigma": row["separation_sigma"],
                     "repeats": repeats,
+                    "minutes": by_name[row["manoeuvre"]].minutes(base.cells.radius_m, repeats),
                 }
             )
     return rows, notes

@@ -241,11 +241,14 @@ def _physics(effect: Effect) -> str:
 
 
 def _advice(given: Answered) -> list[str]:
+    from tirelog.diagnosis.drive_next import drive_sentences
+
     found = given.found
     if found is None:
         return ["Ask what is missing:"]
     left = str(found.unexplained["sentence"])
     drives = [manoeuvre(row) for row in found.separating_manoeuvres]
+    drives = drives or drive_sentences(found.drive_next)
     return [*([left] if found.verdict in ("unknown", "partial") and left else []), *drives]
 
 

@@ -346,6 +346,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
     command.
     """
+    from tirelog.diagnosis.drive_next import drive_sentences
     from tirelog.diagnosis.ranking_errors import removed_errors
     from tirelog.diagnosis.results import in_unit
     from tirelog.diagnosis.wording import probability
@@ -368,6 +369,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         ),
         str(result.unexplained["sentence"]),
         *(manoeuvre(row) for row in result.separating_manoeuvres),
+        *drive_sentences(result.drive_next),
         *result.notes,
         f"Next: {result.next_command}",
     ]
