@@ -239,7 +239,7 @@ def test_check_says_what_is_implausible_and_unused(place: Path, tirelog: Command
     tirelog("setup", "new", "drive.csv", "-o", "drive.toml")
     draft = (place / "drive.toml").read_text()
     (place / "drive.toml").write_text(
-        draft.replace('surface = "outer"', 'surface = "inner"')
+        draft.replace('surface = "outer"', 'surface = "inner"\nlateral_m = 0.03')
         .replace("reference_wavelength_nm = 1542.0", "reference_wavelength_nm = 1442.0")
         .replace("[channels.speed]", "[channels.other]")
         .replace('source = "speed"', 'source = "odd"')
@@ -250,6 +250,7 @@ def test_check_says_what_is_implausible_and_unused(place: Path, tirelog: Command
     assert 'surface = "inner"; is it "outer"?' in told.out
     assert "implausible: channel CH2: wavelengths of 1542" in told.out
     assert "unused: 1 series of the log: speed" in told.out
+    assert "unused: lateral_m of CH1: models have no width, no number depends on it" in told.out
 
 
 def test_a_draft_never_takes_the_log_s_place(place: Path, tirelog: Command) -> None:

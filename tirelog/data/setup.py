@@ -128,7 +128,7 @@ class ChannelSetup:
     angle_deg                     of a sensor on the tire: the wheel's angle at which it passes the
                                   patch's centre, growing in the direction of rolling
     lateral_m                     of a sensor on the tire: its place across the tread, 0 in the
-                                  middle
+                                  middle; for the reader, no number depends on it
     steps                         of a wheel encoder, per turn
     sampling_rate_Hz              the channel's own rate
     """

@@ -43,6 +43,10 @@ def findings(recording: Recording, inside: Contents | None) -> list[Finding]:
     out += [Finding("missing", said) for said in _missing(recording)]
     if inside is not None:
         out += _unused(setup, inside)
+    across = [name for name, one in setup.channels.items() if one.lateral_m is not None]
+    if across:
+        said = f"lateral_m of {', '.join(across)}: models have no width, no number depends on it"
+        out.append(Finding("unused", said))
     lines = marks(setup.text)
     if lines:
         some = ", ".join(map(str, lines[:10])) + (", ..." if len(lines) > 10 else "")
