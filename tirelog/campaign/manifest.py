@@ -410,10 +410,9 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
     each = _text(entry, "each", where, file) or ""
     if each not in ("", *EACH):
         raise _refuse(
-            f"{where}: each = {each[:40]!r}",
             file,
-            allowed=f"allowed are {', '.join(EACH)}",
-            do="mend it",
+            f"{where}: each = {each[:40]!r}",
+            f"allowed are {', '.join(EACH)}",
         )
     commands = entry.get("commands", ["compare", "diagnose"])
     if not isinstance(commands, list) or not commands:
@@ -445,9 +444,9 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
         )
     if each and "diagnose" not in commands:
         raise _refuse(
-            f"{where}: each without diagnose among its commands",
             file,
-            allowed="each log or tire is diagnosed",
+            f"{where}: each without diagnose among its commands",
+            "each log or tire is diagnosed",
             do='add "diagnose", or remove each',
         )
     return CampaignModel(path, str(observable), tuple(commands), each)
