@@ -23,6 +23,7 @@ from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.presets import preset_model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Road, TrueConditions
 
@@ -152,44 +153,81 @@ def test_a_fit_short_of_a_bound_stands_at_it_and_leaving_data_out_does_not_help_
     assert plain.sum() > 0.98 * (tight.plain(left) ** 2).sum()
 
 
-def test_a_factor_that_falls_with_speed_names_no_effect_whose_strength_is_nothing():
-    """As P1's figure 11: a line of the speed, noise, and nothing else."""
-    random = np.random.default_rng(5)
-    speed = np.repeat(np.linspace(4.0, 24.0, 8), 8) + 0.05 * random.standard_normal(64)
-    manoeuvre = np.repeat(np.arange(8), 8)
-    values = (1.6e-4 - 2.87e-6 * speed + 1e-6 * random.standard_normal(64))[:, None]
-    ones = np.ones_like(values)
-    stack = Stack(
+def numbers(values, speed, noise=1e-6, load_N=3434.0):
+    """Dissipation factors of manoeuvres of eight revolutions each."""
+    ones = np.ones((values.size, 1))
+    return Stack(
         observable="dissipation_factor",
         channel="line",
         surface="outer",
         radius_m=0.305,
-        values=values,
+        values=values[:, None],
         phi_rad=np.zeros(1),
         phi_mean=0.0 * ones,
         phi_variance=0.0 * ones,
-        count=np.ones((64, 1), np.int64),
-        noise=np.full(64, 1e-6),
+        count=np.ones(ones.shape, np.int64),
+        noise=np.full(values.size, noise),
         conditions=Conditions.of(
-            64,
+            values.size,
             speed_m_s=speed,
             acceleration_m_s2=0.0,
-            time_s=np.arange(64) * 0.2,
-            load_N=3434.0,
+            time_s=np.arange(values.size) * 0.2,
+            load_N=load_N,
             inflation_pressure_Pa=2.2e5,
         ),
-        log=np.zeros(64, np.int64),
-        manoeuvre=manoeuvre,
-        revolution=np.arange(64),
-        regime=np.full(64, "cruise"),
+        log=np.zeros(values.size, np.int64),
+        manoeuvre=np.arange(values.size) // 8,
+        revolution=np.arange(values.size),
+        regime=np.full(values.size, "cruise"),
         logs=("line",),
     )
+
+
+def test_a_factor_that_falls_with_speed_names_no_effect_whose_strength_is_nothing():
+    """As P1's figure 11: a line of the speed, noise, and nothing else."""
+    random = np.random.default_rng(5)
+    speed = np.repeat(np.linspace(4.0, 24.0, 8), 8) + 0.05 * random.standard_normal(64)
+    values = 1.6e-4 - 2.87e-6 * speed + 1e-6 * random.standard_normal(64)
+    stack = numbers(values, speed)
     base = start([stack], Model.new("beam", radius_m=0.305, observable="dissipation_factor"))
     assert base.square_held > 0.98 * base.square_fit
     result = diagnosed(base)
     assert result.selected == ()
     assert result.verdict == "unknown"
     assert "so none is named" in result.sentence
+
+
+def falling(manoeuvres):
+    """A dissipation factor that falls by three tenths, in manoeuvres of steady speed."""
+    random = np.random.default_rng(6)
+    speed = np.repeat(np.linspace(5.0, 24.0, manoeuvres), 8)
+    speed += 0.05 * random.standard_normal(speed.size)
+    values = 0.0855 - 4.4e-5 * (speed**2 - 25.0) + 5e-4 * random.standard_normal(speed.size)
+    return numbers(values, speed, 5e-4, 3924.0)
+
+
+@pytest.mark.parametrize(("manoeuvres", "said"), [(13, "unknown"), (8, "falls with speed")])
+def test_what_falls_with_speed_is_not_said_to_follow_nothing(manoeuvres, said):
+    """P1's beam rises over the speeds at which the log falls; its fit ends against bounds, where
+    the tangent would explain everything and no values do."""
+    model = preset_model("P1", observable="dissipation_factor").with_values(
+        {"patch_half_length_m": 0.063}
+    )
+    result = diagnosed(start([falling(manoeuvres)], model))
+    assert said in f"{result.verdict}. {result.sentence}"
+    assert result.unexplained["follows"] == ("speed" if said == "unknown" else None)
+    assert "Nothing that the logs hold" not in result.sentence
+
+
+def test_a_model_of_given_numbers_that_is_wrong_in_size_misses_something():
+    """With nothing free, the misfit is no load that scatters by ten times itself."""
+    model = preset_model("P1", observable="dissipation_factor")
+    held = model.with_parameters({name: p.fixed() for name, p in model.parameters.items()})
+    base = start([falling(13)], held)
+    assert base.square_held > 1e3 * base.floor.square
+    result = diagnosed(base)
+    assert result.verdict != "nothing_missing"
+    assert result.unexplained["significant"]
 
 
 def test_what_one_effect_would_explain_is_not_said_to_be_explained_by_none():

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes a second to import
 
 from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.assessment import nuisance
@@ -67,15 +68,17 @@ MOST_LOGS = 4
 #: a quantity is named in place of a log from this share of its statistic on; half as much would
 #: name a quantity that explains half of what the log does
 _NAMED_FIRST = 0.95
+#: a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave none
+_ONE_SIGN = 0.8
 #: two quantities that move together beyond this correlation are not told apart: a fifth of the one
 #: in size is its own then; at 0.96 it would be 28 %
 _TOGETHER = 0.98
 #: share of what is left that one shape must make up to be said, and rank correlation over
-#: manoeuvres of its size with what it is said to follow: so much, and so many standard errors of a
-#: correlation of none (a dozen factors are looked at); doubling either says nothing
+#: manoeuvres of its size with what it is said to follow: so much, and more than chance gives with
+#: this probability on either side (a dozen factors are looked at); doubling either says nothing
 _ONE_SHAPE = 0.5
 _FOLLOWS = 0.5
-_FOLLOWS_SIGMAS = 3.0
+_FOLLOWS_P = 0.00135
 #: a remainder is looked at over powers of the speed, and over the size of what has a sign
 SPEED = CONDITIONS["speed_m_s"].symbol
 _SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
@@ -184,21 +187,30 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
     factors, best, name = _factors(base), 0.0, ""
     number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
-    size = (
-        np.bincount(cells.manoeuvre, np.log(np.maximum(square / cells.revolutions, 1e-300)))
-        / number
-    )
-    least = max(_FOLLOWS, _FOLLOWS_SIGMAS / np.sqrt(max(cells.manoeuvres - 1, 1)))
+    sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
+    if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
+        sizes.append(left[:, 0])
+    ranked = [_ranks(np.bincount(cells.manoeuvre, size) / number) for size in sizes]
+    least = max(_FOLLOWS, _least_rank(cells.manoeuvres))
     for factor, values in factors.items():
         mean = (
             np.bincount(cells.manoeuvre, np.abs(values) if factor in _SIGNED else values) / number
         )
         if np.ptp(mean) > 0.0:
-            rank = float(np.corrcoef(_ranks(size), _ranks(mean))[0, 1])
-            if abs(rank) > max(abs(best), least):
-                best, name = rank, factor
+            for of_size in ranked:
+                rank = float(np.corrcoef(of_size, _ranks(mean))[0, 1])
+                if abs(rank) > max(abs(best), least):
+                    best, name = rank, factor
     together = _alike(factors, name) if name else ()
     return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
+
+
+def _least_rank(manoeuvres: int) -> float:
+    """Rank correlation that manoeuvres which follow nothing reach with `_FOLLOWS_P`."""
+    if manoeuvres < 3:
+        return 1.0
+    t = float(stdtrit(manoeuvres - 2, 1.0 - _FOLLOWS_P))
+    return float(t / np.sqrt(manoeuvres - 2 + t**2))
 
 
 def _ranks(x: FloatArray) -> FloatArray:
@@ -209,6 +221,8 @@ def _factors(base: Base) -> dict[str, FloatArray]:
     """What a cell is driven under, (C,) each, by name; what does not vary is left out."""
     c = base.cells.conditions
     result = {f"{SPEED}^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
+    if base.fit.stuck:  # no parameter takes a level beside what follows speed
+        result |= {name: x - x.mean() for name, x in result.items() if np.ptp(x) > 0.0}
     for name, condition in CONDITIONS.items():
         values = getattr(c, name)
         if condition.symbol == SPEED:
@@ -316,7 +330,9 @@ def describe(base: Base) -> Leftover:
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
     free = _shapes(base)
     exponent, in_pressure = (
-        _exponent(base, taken, residual, free) if name.startswith(SPEED) else (None, False)
+        _exponent(base, taken, residual, free)
+        if name.startswith(SPEED) and not _crosses_zero(base)
+        else (None, False)
     )
     if cells.phi.shape[1] == 1:
         return Leftover(
@@ -325,7 +341,7 @@ def describe(base: Base) -> Leftover:
             size,
             None,
             None,
-            name.split("^")[0],
+            "nothing" if exponent == 0.0 else name.split("^")[0],
             exponent,
             None,
             shape,
@@ -366,6 +382,18 @@ def _exponent(
     explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
     return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
+
+
+def _crosses_zero(base: Base) -> bool:
+    """Is what is left of a number per revolution now above, now below zero?
+
+    What follows the speed but for a level that a parameter takes grows with no power of it.
+    """
+    cells = base.cells
+    if cells.phi.shape[1] > 1:
+        return False
+    left = base.plain(np.nan_to_num(cells.values - base.fit.prediction))
+    return bool(abs(left.sum()) < _ONE_SIGN * np.abs(left).sum())
 
 
 def _explained_by_exponent(

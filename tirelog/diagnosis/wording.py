@@ -266,14 +266,15 @@ def _scatter(facts: Mapping[str, Any]) -> str:
             f"{follows}{_or_those(scatter['together'])}."
         )
     else:
-        goes = " It follows nothing that the logs hold."
+        goes = " Nothing that the logs hold is found to go with it."
     if facts["unexplained"]["significant"]:
         return (
             f"What is left repeats, but is too small to matter: held out {floors:.2f} floors, "
             f"reduced chi-square {facts['chi2']:.3g}."
         )
+    shown_not = "is not shown to repeat" if follows else "does not repeat"
     return (
-        "What is left does not repeat from manoeuvre to manoeuvre, and is more than noise: "
+        f"What is left {shown_not} from manoeuvre to manoeuvre, and is more than noise: "
         f"{scatter['size'] * factor:.3g} {unit} "
         f"(held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}).{looks}{goes}"
     )
@@ -297,7 +298,7 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
     if facts["frequency_Hz"]:
         parts.append(f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time")
     elif facts["follows"] == "nothing":
-        parts.append("the same at every speed")
+        parts.append("much the same at every speed")
     elif facts["speed_exponent"] is not None:
         parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
     elif facts["follows"]:

@@ -49,6 +49,9 @@ _FLIPS = 2000
 #: a load that is estimated farther off than this is not what scatters; twice as much would take a
 #: fault of the fit for a load
 _MOST_LOAD = 0.2
+#: nor do loads scatter by more than themselves: what asks for that is a model that is wrong in
+#: size, and as scatter it would hide every misfit. Half and twice say the same of all logs seen
+_MOST_SCATTER = 1.0
 
 
 @dataclass(frozen=True)
@@ -192,6 +195,8 @@ def scatter_between(
         noise = solve_scaled(normal.gram, unit)[:, i]
         taken = _taken(cells, other, seen[..., i])
         between.append(_deviations(values[:, i], noise, hat, taken))
+    if between[0][0] > _MOST_SCATTER:  # the baseline takes the other part of such a misfit
+        return (0.0, np.zeros(cells.manoeuvres)), (0.0, np.zeros(cells.manoeuvres))
     return between[0], between[1]
 
 

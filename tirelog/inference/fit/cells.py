@@ -26,6 +26,7 @@ from tirelog.inference.cells.together import lacking, linearised, predicted
 from tirelog.inference.fit.descent import MOST_STEPS, descend, leaving
 from tirelog.inference.fit.errors import Errors, errors_of
 from tirelog.inference.metric.offsets import Offsets
+from tirelog.inference.metric.projection import RANK, stacked
 from tirelog.inference.metric.whitening import Whitener
 from tirelog.physics.model.model import Model
 from tirelog.physics.parameters import Parameter
@@ -47,6 +48,10 @@ _CENTRINGS = 8
 #: a fit that ends within this share of a bound, and would leave it, stands at it: steps along a
 #: valley shrink before they arrive; doubling changes nothing seen
 AT_BOUND = 5e-3
+#: a fit is stuck if the tangent at its point would take this share of chi-square by a step beyond
+#: the bounds: the way there is bent. Where a descent has settled it is below 1e-3; half and twice
+#: the share say the same of all logs seen
+_STUCK = 0.3
 #: cells that a start is judged on; twice as many judge a start better and take twice as long
 _FEW = 12
 
@@ -59,7 +64,8 @@ class Fit:
     observable's unit, prediction (C, m) without what is `beside` it: offset per log, amplitudes
     (K,) of the cells' shared effects. Chi-square and degrees of freedom (channels share what the
     parameters take); `known`: the parameters' errors, of all channels together; `cells` as they
-    were centred. `held`: parameters that stand at a bound and would leave it.
+    were centred. `held`: parameters that stand at a bound and would leave it; `stuck`: what is left
+    looks like a step of the parameters that none of their values makes.
     """
 
     model: Model
@@ -75,6 +81,7 @@ class Fit:
     settled: bool
     cells: Cells
     held: tuple[str, ...] = ()
+    stuck: bool = False
 
     @property
     def reduced_chi2(self) -> float:
@@ -93,10 +100,12 @@ class Fit:
 
     @property
     def moving(self) -> FloatArray:
-        """The Jacobian (C, m, p) with zeros for what is held.
+        """The Jacobian (C, m, p) with zeros for what is held, or for all if the fit is stuck.
 
         Whatever data are left out or added, that does not move.
         """
+        if self.stuck:
+            return np.zeros_like(self.jacobian)
         if not self.held:
             return self.jacobian
         return np.where(np.isin(self.names, self.held), 0.0, self.jacobian)
@@ -143,8 +152,7 @@ class Problem:
 
     def whitened(self, jacobian: FloatArray) -> FloatArray:
         """A Jacobian (C, m, p) in the metric, offsets taken out, (N, p)."""
-        white = self.offsets.without(self.white(jacobian))
-        return white.reshape(-1, jacobian.shape[-1])
+        return stacked(self.offsets.without(self.white(jacobian)))
 
     def beside(self, prediction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Offset of each log (logs,) and amplitudes of the shared effects (K,)."""
@@ -378,14 +386,16 @@ def finish(
     slope = np.concatenate(
         [p.whitened(jacobian) for p, (_, jacobian) in zip(problems, points, strict=True)]
     )
+    left = np.concatenate([residual.ravel() for residual in residuals])
     chi2 = [float((residual**2).sum()) for residual in residuals]
     low, high = _bounds(model, names)
     out = leaving(
         np.array([model.values[n] for n in names]),
         low + AT_BOUND * np.abs(low),
         high - AT_BOUND * np.abs(high),
-        slope.T @ np.concatenate([residual.ravel() for residual in residuals]),
+        slope.T @ left,
     )
+    stuck = _stuck(model, names, np.where(out, 0.0, slope), left)
     moved = (len(names) - out.sum()) / len(problems)
     freedom = [
         float(max(p.white.values - p.white.removed - p.offsets.taken - moved, 1.0))
@@ -409,6 +419,25 @@ def finish(
             settled,
             problem.cells,
             held,
+            stuck,
         )
         for i, problem in enumerate(problems)
     ]
+
+
+def _stuck(model: Model, names: Sequence[str], slope: FloatArray, left: FloatArray) -> bool:
+    """Would the tangent take much of what is `left` (N,), by values that the bounds refuse?
+
+    `slope` (N, p): whitened derivatives, zero for what is held.
+    """
+    moving = np.linalg.norm(slope, axis=0) > 0.0
+    if not moving.any():
+        return False
+    scaled = slope[:, moving] / np.linalg.norm(slope[:, moving], axis=0)
+    step = np.linalg.lstsq(scaled, left, rcond=RANK)[0]
+    if left @ (scaled @ step) < _STUCK * (left @ left):
+        return False
+    low, high = (bound[moving] for bound in _bounds(model, names))
+    there = np.array([model.values[n] for n in names])[moving]
+    there = there + step / np.linalg.norm(slope[:, moving], axis=0)
+    return bool(((there < low) | (there > high)).any())

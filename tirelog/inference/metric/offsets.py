@@ -25,6 +25,7 @@ from tirelog.inference.metric.projection import (
     orthonormal,
     per_manoeuvre,
     solve_scaled,
+    stacked,
     without,
 )
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -161,12 +162,10 @@ class Nuisance:
     @classmethod
     def of(cls, offsets: Offsets, columns: FloatArray) -> Nuisance:
         """`columns` (C, m, k) whitened; they are used up."""
-        before = np.linalg.norm(columns.reshape(-1, columns.shape[-1]), axis=0)
+        before = np.linalg.norm(stacked(columns), axis=0)
         left = offsets.without(columns)
         del columns
-        left[..., np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) <= _NOTHING * before] = (
-            0.0
-        )
+        left[..., np.linalg.norm(stacked(left), axis=0) <= _NOTHING * before] = 0.0
         return cls(offsets, orthonormal(left))
 
     def without(self, x: FloatArray) -> FloatArray:

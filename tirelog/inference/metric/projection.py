@@ -9,6 +9,7 @@ plain (shift removed, weighted by revolutions) for size.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,11 @@ _BLOCK = 32
 SOME_COLUMNS = 8
 
 
+def stacked(columns: FloatArray) -> FloatArray:
+    """Columns (..., k) as (N, k), all leading axes in one; k may be 0."""
+    return columns.reshape(math.prod(columns.shape[:-1]), columns.shape[-1])
+
+
 def orthonormal(columns: FloatArray) -> FloatArray:
     """Orthonormal basis (N, r) of the span of columns (..., k).
 
@@ -32,7 +38,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 
     Free shapes are many columns: beside them there are never more than two arrays of their size.
     """
-    flat: FloatArray = columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
+    flat: FloatArray = stacked(columns)
     norm = np.linalg.norm(flat, axis=0)
     flat = flat[:, norm > 0] / norm[norm > 0]
     if not flat.shape[1]:
