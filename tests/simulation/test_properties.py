@@ -40,6 +40,7 @@ STRAIN_EFFECTS = [
         "inflation",
         "rough_contact",
         "gauge_length",
+        "sensor_tilt",
     )
 ]
 #: effects of the catalogue whose other form is another waveform (not another course in time or
@@ -47,7 +48,7 @@ STRAIN_EFFECTS = [
 SHAPED = [
     n
     for n in STRAIN_EFFECTS
-    if PLANTABLE[n].in_catalogue and n not in ("load_transfer", "aero_load", "thermal_drift")
+    if "other" in PLANTABLE[n].forms and n not in ("load_transfer", "aero_load", "thermal_drift")
 ]
 
 
@@ -83,7 +84,9 @@ def test_planting_changes_neither_road_nor_noise() -> None:
 )
 def test_strength_zero_is_the_base(name: str, form: str) -> None:
     sizes = SIZES.get(name, (next(iter(PLANTABLE[name].parameters)),))
-    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0}
+    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0, "warm_up_K": 20.0}
+    if name == "belt_extension":
+        conditions["inflation_pressure_Pa"] = 2.5e5
     base = world(conditions=conditions)
     off = world(
         conditions=conditions, effects=[{"name": name, "form": form, **dict.fromkeys(sizes, 0.0)}]
@@ -97,6 +100,10 @@ def test_strength_zero_is_the_base(name: str, form: str) -> None:
         if name in ("load_transfer", "aero_load") and w is on:
             factor = 1.0 + w.scenario.effects[0]["coefficient"] * 0.2
             own = replace(own, load=own.load * factor)
+        if name == "imbalance":
+            own = replace(own, load=w.load(time))
+        if name == "warm_gain":
+            own = replace(own, temperature_K=w.temperature(time) + 5.0)
         waves.append(
             w.waveform(w.solve(replace(own, warmed=np.array([0.3]))), sensor)[0]
             + w.baseline(time, sensor)

@@ -42,6 +42,19 @@ def tilted_parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: flo
     return (load_N / (2.0 * np.pi * radius_m)) * shape
 
 
+def saddled_parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> FloatArray:
+    """The parabola times xi^2 / L^2 - 1/5 (it carries no load either)."""
+    x = half_length_m / radius_m * _N
+    turn = powers(half_length_m / radius_m)[:, 1:]
+    sine, cosine = turn.imag, turn.real
+    whole = -3.2 * cosine / x**2 + 19.2 * sine / x**3 + 48.0 * cosine / x**4 - 48.0 * sine / x**5
+    # of long waves that is a difference of large numbers: three terms of the series
+    series = x**2 * (-16.0 / 525.0 + x**2 * (8.0 / 4725.0 - x**2 * (2.0 / 51975.0)))
+    shape = np.zeros((x.shape[0], MODES))
+    shape[:, 1:] = 0.75 * np.where(x < 0.3, series, whole)
+    return (load_N / (2.0 * np.pi * radius_m)) * shape
+
+
 def bell(
     height: FloatArray, centre_m: FloatArray, width_m: FloatArray, radius_m: float
 ) -> ComplexArray:

@@ -131,6 +131,7 @@ class Structure:
     stiffening              the foundation's relative change
     added_stiffness [N/m^2] to the foundation
     retardation [s]         tau in EJ (1 + tau d/dt), of the belt in bending
+    shear [m^2]             l^2 in EJ q^4 / (1 + l^2 q^2), of the belt in shear
     cubic [1/m^2]           k3 in k (1 + k3 w^2)
     ring                    share of a closed ring, and ring_tangential [N/m^2] that share times its
                             k_v
@@ -145,6 +146,7 @@ class Structure:
     ring: float = 0.0
     ring_tangential: float = 0.0
     retardation: FloatArray | float = 0.0
+    shear: FloatArray | float = 0.0
 
     def __add__(self, other: Structure) -> Structure:
         return Structure(

@@ -305,6 +305,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         if s.ring < 1.0:
             beam.refuse_supercritical(c, hoop, EI, k, mu)
         Z: FloatArray | ComplexArray = beam.impedance(q, EI, k, hoop, 2.0 * mu * c * s.damping_rate)
+        if np.any(s.shear):
+            Z = _yielding(Z, EI * q**4, s.shear * q**2)
         if np.any(s.retardation):  # (1 + tau c d/dxi), P1 (22)
             Z = Z + 1j * (s.retardation * c * q) * (EI * q**4)
         return Z + _loss(k, s.loss) if np.any(s.loss) else Z
@@ -314,6 +316,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     k_v = b["tangential_stiffness_N_m2"] * (1.0 + s.stiffening)
     _positive_foundation(k_w)
     bending = (EI / R**4) * (1.0 - n**2) ** 2
+    if np.any(s.shear):
+        bending = bending / (1.0 + s.shear * q**2)
     Z = bending + (n**2 - 1.0) * ((_inflation_pb(task) * R + s.tension) / R**2) + k_w + k_v / n**2
     drag = (c / R) * (
         (b["radial_damping_N_s_m2"] + 2.0 * b["line_mass_kg_m"] * s.damping_rate) * n
@@ -324,6 +328,20 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     if np.any(s.retardation):
         Z = Z + 1j * (s.retardation * (c / R) * n) * bending
     return Z + _loss(k_w + k_v / n**2, s.loss) if np.any(s.loss) else Z
+
+
+def _yielding(
+    Z: FloatArray | ComplexArray, bent: FloatArray, shear: FloatArray
+) -> FloatArray | ComplexArray:
+    """Z of a beam that yields in shear: EJ q^4 / (1 + l^2 q^2) in place of EJ q^4."""
+    Z = Z - bent * (shear / (1.0 + shear))
+    if not np.all(Z.real > 0.0):
+        raise ModelError(
+            "at this speed a belt that yields so in shear does not hold its waves",
+            allowed="a speed below the belt's critical one is allowed",
+            do="lower belt_shear.length_m or the speed",
+        )
+    return Z
 
 
 def _loss(k: FloatArray | float, loss: FloatArray | float) -> ComplexArray:
@@ -423,7 +441,11 @@ def waveform(
         along = (1j * np.arange(MODES) / task.base["radius_m"]) ** ALONG_STRAIN[observable]
         return modes * along, 0.0
     if observable == "strain":
-        modes = sensed(task, hardened(task) * (lever_m * response(task).curvature))
+        modes = hardened(task) * (lever_m * response(task).curvature)
+        sheared = structure(task).shear
+        if np.any(sheared):  # the cross-section turns by less than the slope
+            modes = modes / (1.0 + sheared * (np.arange(MODES) / task.base["radius_m"]) ** 2)
+        modes = sensed(task, modes)
         for lever in task.hooks(lambda effect: effect.lever).values():
             modes = modes * lever()
         return modes * gain(task), baseline(task)

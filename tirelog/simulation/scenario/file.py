@@ -356,7 +356,7 @@ def _check_coupled(scenario: Scenario, file: str | None) -> None:
     """What a tire in motion cannot do."""
     for effect in scenario.effects:
         if effect.name not in _MOVING or (
-            effect.other and effect.name in ("gauge_length", "sensor_lag")
+            effect.form != "exact" and effect.name in ("gauge_length", "sensor_lag")
         ):
             what = f"effect {effect.name!r} in its form {effect.form!r}"
             known = ", ".join(_MOVING)

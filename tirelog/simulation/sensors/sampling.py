@@ -193,9 +193,12 @@ def _slow(world: World, trace: Trace, turns: FloatArray) -> FloatArray:
     angle = 2 * np.pi * turns
     # an accelerometer feels acceleration minus gravity; outwards is down at the patch, and
     # backwards towards the exit
-    return -GRAVITY_M_S2 * np.cos(angle) - world.drive.acceleration_at(trace.moment_s) * np.sin(
-        angle
-    )
+    forwards = world.drive.acceleration_at(trace.moment_s)
+    outwards = -GRAVITY_M_S2 * np.cos(angle) - forwards * np.sin(angle)
+    tilt = world.tilt(world.drive.speed_at(trace.moment_s))
+    if tilt is None:
+        return outwards
+    return outwards + tilt * (GRAVITY_M_S2 * np.sin(angle) - forwards * np.cos(angle))
 
 
 def vehicle_values(

@@ -23,6 +23,8 @@ from tirelog.simulation.steady.loads import Instants
 from tirelog.simulation.steady.operators import ComplexArray, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
+#: EJ of a scenario that gives none, by its truth [N m^2]
+BENDING_N_M2 = {"beam": 4.0, "ring": 2.0}
 #: lengths over which the other forms of damping and tension act [m]
 DAMPED_LENGTH_M, SHEAR_LENGTH_M = 0.02, 0.02
 #: iterations for the hardening foundation, and the change at which they end, over the largest
@@ -182,7 +184,7 @@ def carcass(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
 def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     """EJ w'''' + mu c^2 w'' + k w (+ what effects add) = p."""
     tire, warming = scenario.tire, scenario.nuisances.warming
-    cold = 4.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2
+    cold = tire.flexural_stiffness_N_m2 or BENDING_N_M2["beam"]
     bending = _warmed(cold, warming.bending_per_K, at)
     stiffness = _warmed(tire.foundation_stiffness_N_m2, warming.stiffness_per_K, at)
     one, _, d2, _, d4 = _derivatives(ring, at)
@@ -217,7 +219,7 @@ def _ring(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     # by the angle: as long as the belt is, it goes round once
     d1, d2, d3, d4 = (tire.rolling_radius_m**m * d for m, d in enumerate(others, 1))
     radius = tire.rolling_radius_m * at.stretch[:, None]
-    cold = 2.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2
+    cold = tire.flexural_stiffness_N_m2 or BENDING_N_M2["ring"]
     bending = _warmed(cold, warming.bending_per_K, at) / radius**4
     pressure = _warmed(scenario.conditions.inflation_pressure_Pa, warming.pressure_per_K, at)
     hoop = pressure * tire.width_belt_m / radius

@@ -24,6 +24,8 @@ from tirelog.vocabulary.arrays import FloatArray
 REFERENCE_SPEED_M_S = 20.0
 #: distance [km] after which planted wear has its full size
 WORN_OUT_KM = 40000.0
+#: a tread block that is struck at the entry: it dies away in [s], and swings at [Hz] (Heckl 1986)
+_STRUCK_S, _STRUCK_HZ = 0.0015, 250.0
 #: friction of bristles that adhere and of those that slide [N/N], on a road that the scenario says
 #: nothing of
 STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
@@ -107,7 +109,19 @@ def _heavier_side(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -
 
 
 def _impact(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
-    """A pulse at the entry edge, ~ v; other: a sudden rise that dies away into the patch."""
+    """A pulse at the entry edge, ~ v; other: a sudden rise that dies away into the patch.
+
+    apart: momentum of the blocks, ~ v^2, that swing on their own stiffness, fixed in time.
+    """
+    if effect.apart:
+        late = (x + effect["position"]) * (at.half_length / np.maximum(at.speed, 1.0))[:, None]
+        swing = np.where(
+            late >= 0.0,
+            np.exp(-np.maximum(late, 0.0) / _STRUCK_S) * np.cos(2.0 * np.pi * _STRUCK_HZ * late),
+            0.0,
+        )
+        size = (at.speed / REFERENCE_SPEED_M_S) ** 2 * at.load / (2 * at.half_length)
+        return p + effect["amplitude"] * size[:, None] * swing
     u = (x + effect["position"]) / effect["width"]
     shape = 1.05 * _pulse((u + 1.5) / 1.1) if effect.other else _gauss(u)
     return (
@@ -144,8 +158,14 @@ def _worn(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatA
 
 
 def _saddle(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
-    """Even: the shoulders of the patch carry more, ~ v^n F^m."""
+    """Even: the shoulders of the patch carry more, ~ v^n F^m; apart: a rib of each shoulder does.
+
+    Where the sidewall stands on the belt, within a tenth of the patch.
+    """
     size = effect["a"] * _powers(effect, at)
+    if effect.apart:
+        ribs = np.where(np.abs(x) < 1.0, _gauss((np.abs(x) - 0.8) / 0.1) - 0.15, 0.0)
+        return p * (1.0 + size[:, None] * ribs)
     return p * (1.0 + size[:, None] * np.where(np.abs(x) < 1.0, x**2 - 0.2, 0.0))
 
 
@@ -192,7 +212,15 @@ def pressure(
 
 
 def _smear(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> FloatArray:
-    """Convolution with exp(-|xi|/(s L)); other: a Gaussian of the same variance."""
+    """Convolution with exp(-|xi|/(s L)); other: a Gaussian of the same variance.
+
+    apart: asperities that the entry presses flat and that keep flat, so that they smear the entry's
+    half alone (contact grows with the load and does not shrink with it).
+    """
+    if effect.apart:
+        smeared = _smear(ring, replace(effect, form="exact"), p, at)
+        ahead = 0.5 - 0.5 * np.tanh(ring.xi_m / (0.3 * at.half_length[:, None]))
+        return smeared * ahead + p * (1.0 - ahead)
     width = effect["length"] * at.half_length[:, None]
     # the kernel's transform by its values on the grid, not by a formula: exact mean over cells near
     # its cusp

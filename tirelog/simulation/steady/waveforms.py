@@ -19,11 +19,11 @@ from tirelog.simulation.scenario.drive import Drive, Roughness, Wander
 from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors import ramp
-from tirelog.simulation.steady.carcass import carcass, curvature_operator
+from tirelog.simulation.steady.carcass import BENDING_N_M2, carcass, curvature_operator
 from tirelog.simulation.steady.contact import FlatRoadContact
 from tirelog.simulation.steady.loads import Friction, Instants, friction, parabola, pressure
 from tirelog.simulation.steady.operators import ComplexArray, Ring
-from tirelog.simulation.steady.strains import extra_strain, seen_by
+from tirelog.simulation.steady.strains import delaying, extra_strain, seen_by
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 
@@ -31,13 +31,18 @@ from tirelog.vocabulary.kinds import STRAIN_KINDS
 CATALOGUE_GRAVITY_M_S2 = 9.81
 #: the reference pressure of the planted effect `inflation` [Pa]
 REFERENCE_PRESSURE_PA = 2.0e5
+#: of the forms "apart": pitch of the tread's blocks [m], speed at which a wheel out of balance hops
+#: (13 Hz) [m/s], warming in which a soft adhesive grows e times softer [K], time in which a belt's
+#: textile cords creep [s]
+PITCH_M, HOP_M_S, SOFTENING_K, CREEP_S = 0.035, 25.0, 8.0, 20.0
 
 
 @dataclass(frozen=True)
 class Solution:
     """The carcass at b knots and one load.
 
-    Displacement `w` (b, points), contact edges (b,), slip onset (b,).
+    Displacement `w` (b, points), contact edges (b,), slip onset (b,); `between` (b, points) the
+    curvature between blocks of the tread that press with cos of their pitch.
     """
 
     w: FloatArray
@@ -45,6 +50,7 @@ class Solution:
     entry_m: FloatArray
     exit_m: FloatArray
     onset_m: FloatArray
+    between: FloatArray | None = None
 
 
 class World:
@@ -79,6 +85,9 @@ class World:
         if air is not None:
             speed = drive.speed_at(time_s) / 30.0
             load = load * (1.0 + air["coefficient"] * (0.8 * speed**1.6 if air.other else speed**2))
+        heavy = scenario.planted("imbalance")
+        if heavy is not None:
+            load = load + heavy["force_N"] * _of_imbalance(heavy, drive.speed_at(time_s))
         return load
 
     @property
@@ -112,10 +121,7 @@ class World:
         for order, size in enumerate(run_out.amplitudes_microstrain, 1):
             only = [0.0] * (order - 1) + [1e-6 * size]
             wave = wheel_harmonics(angle, only, run_out.phases_deg)
-            if isinstance(lag, Planted) and lag.other:
-                wave = wave / (1.0 + 0.5j * order * spin * tau) ** 2
-            else:
-                wave = wave / (1.0 + 1j * order * spin * tau)
+            wave = wave / delaying(lag or 0.0, 1j * order * spin * tau)
             if sensor.bandwidth_Hz is not None:
                 frequency = order * spin / (2.0 * np.pi)
                 wave = wave / np.sqrt(1.0 + (frequency / sensor.bandwidth_Hz) ** 4)
@@ -171,6 +177,21 @@ class World:
         )
         pressure: FloatArray = cold * (1.0 + per_K * self.temperature(time_s))
         return pressure
+
+    def _crept_pressure(self, time_s: FloatArray) -> FloatArray:
+        """The inflation pressure as cords that creep have followed it, CREEP_S late [Pa]."""
+        conditions, late = self.scenario.conditions, CREEP_S
+        warm = conditions.warm_up_time_s
+        if abs(warm - late) < 1e-3 * late:
+            late = 1.01 * late
+        course = 1.0 - (warm * np.exp(-time_s / warm) - late * np.exp(-time_s / late)) / (
+            warm - late
+        )
+        per_K = self.scenario.nuisances.warming.pressure_per_K
+        crept: FloatArray = conditions.inflation_pressure_Pa * (
+            1.0 + per_K * conditions.warm_up_K * course
+        )
+        return crept
 
     def half_length(self, load: FloatArray, time_s: FloatArray | float = 0.0) -> FloatArray:
         """Prescribed half length of the patch [m] at a load and the tire's temperature.
@@ -234,9 +255,23 @@ class World:
             # a slope along the grid is steeper than along the belt
             rubbed = replace(rubbed, radial=rubbed.radial / stretch[:, None])
         radial, along = self._components(p, rubbed)
-        w = carcass(scenario, ring, at).displacement(radial, along, start)
+        belt = carcass(scenario, ring, at)
+        w = belt.displacement(radial, along, start)
         onset = np.full(len(at), np.nan) if rubbed is None else rubbed.onset_m
-        return Solution(w, at, entry * stretch, exit_ * stretch, onset * stretch)
+        blocks = scenario.planted("tread_pitch")
+        between = None
+        if blocks is not None and blocks.apart:
+            # the pattern turns with the sensor: a p cos(Q (xi' - xi)) at the place xi' is
+            # a cos(Q xi') p cos(Q xi) + a sin(Q xi') p sin(Q xi) at the sensor's xi
+            turn = np.exp(2j * np.pi * ring.xi_m / PITCH_M)
+            between = sum(
+                part
+                * self.ring.inverse(
+                    self.curvature * self.ring.transform(belt.displacement(p * part, None))
+                )
+                for part in (turn.real, turn.imag)
+            )
+        return Solution(w, at, entry * stretch, exit_ * stretch, onset * stretch, between)
 
     def _components(
         self, p: FloatArray, rubbed: Friction | None
@@ -269,7 +304,16 @@ class World:
         behind = self.behind_first(sensor)
         extra = extra_strain(self.ring, self.scenario, solution.at, exit_m, behind)
         lever = self.lever(sensor)
+        blocks = self.scenario.planted("tread_pitch")
+        if solution.between is not None and blocks is not None:
+            bent = bent + self._block_share(blocks) / lever * self.ring.transform(solution.between)
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
+
+    def _block_share(self, blocks: Planted) -> float:
+        """a y of a pressure a p cos(2 pi s / P) by the strain per line load that it makes [m]."""
+        tire, wave = self.scenario.tire, 2.0 * np.pi / PITCH_M
+        bending = tire.flexural_stiffness_N_m2 or BENDING_N_M2[self.scenario.truth]
+        return blocks["strain_m_N"] * bending * wave**2
 
     def behind_first(self, sensor: Sensor) -> float:
         """Angle [rad] on the tire by which a sensor stands behind the first.
@@ -309,11 +353,39 @@ class World:
                 * (radius**2 * self.ring.derivatives[2] + self.ring.derivatives[0])
                 * spectrum
             )
+            tilt = self.tilt(at.speed)
+            if tilt is not None:  # of a belt that keeps its length a_t is -i / n times a_r
+                n = np.arange(spectrum.shape[-1])
+                spectrum = spectrum * (1.0 - 1j * tilt[:, None] / np.maximum(n, 1) * (n > 1))
             seen = seen_by(self.ring, spectrum, along, None, lag, sensor.bandwidth_Hz)
-            return self.ring.inverse(seen) - spin2 * radius * at.stretch[:, None]
+            wave = self.ring.inverse(seen) - spin2 * radius * at.stretch[:, None]
+            return self.gain(at.temperature_K)[:, None] * wave
         spectrum = self.strain(solution, sensor)
         seen = seen_by(self.ring, spectrum, along, gauge, lag, sensor.bandwidth_Hz)
-        return self.ring.inverse(seen)
+        return self.gain(at.temperature_K)[:, None] * self.ring.inverse(seen)
+
+    def gain(self, rise_K: FloatArray) -> FloatArray:
+        """What the sensor's reading is multiplied by when the tire is warmer by `rise_K` (b,).
+
+        1 + a dT; apart: an adhesive that softens the faster the warmer it is.
+        """
+        effect = self.scenario.planted("warm_gain")
+        if effect is None:
+            return np.ones_like(rise_K)
+        course = SOFTENING_K * np.expm1(rise_K / SOFTENING_K) if effect.apart else rise_K
+        return 1.0 + effect["gain_1_K"] * course
+
+    def tilt(self, speed: FloatArray) -> FloatArray | None:
+        """Tilt of an accelerometer (b,) [rad]; apart: of a mount that yields under its own weight.
+
+        With the square of the speed. None if none is planted.
+        """
+        effect = self.scenario.planted("sensor_tilt")
+        if effect is None:
+            return None
+        course = (speed / 20.0) ** 2 if effect.apart else np.ones_like(speed)
+        tilt: FloatArray = effect["tilt_rad"] * course
+        return tilt
 
     def _sensor_effects(
         self, sensor: Sensor
@@ -341,10 +413,28 @@ class World:
             total = total + tension["stretch_s2_m2"] * self.drive.speed_at(time_s) ** 2
         if drift is not None:
             total = total + drift["drift"] * self.warmed(time_s)
+        stretched = self.scenario.planted("belt_extension")
+        if stretched is not None:
+            air = self._crept_pressure(time_s) if stretched.apart else self.pressure(time_s)
+            more = air - stretched["reference_pressure_Pa"]
+            total = total + stretched["strain_1_Pa"] * more
         if self.scenario.nuisances.warming.strain_per_K:
             rise = self.temperature(time_s)
             total = total + self.scenario.nuisances.warming.strain_per_K * rise
         return total + self.run_out(time_s, sensor)
+
+
+def _of_imbalance(effect: Planted, speed: FloatArray) -> FloatArray:
+    """m r omega^2 at the patch, in its size at 20 m/s; apart: as a wheel passes it on that hops.
+
+    A mass on tire and damper: the part in phase with the force, largest below the hop and against
+    it above.
+    """
+    force = (speed / 20.0) ** 2
+    if not effect.apart:
+        return np.asarray(force, np.float64)
+    r = speed / HOP_M_S
+    return np.asarray(force * (1.0 - r**2) / ((1.0 - r**2) ** 2 + (0.4 * r) ** 2), np.float64)
 
 
 def wheel_harmonics(
