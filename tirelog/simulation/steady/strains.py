@@ -25,7 +25,7 @@ ROOM_K = 293.0
 #: damping of a filter that rings, as a share of the critical one (lag "apart")
 _RINGING = 0.25
 #: diameter of a fibre [m], and the strain with which it is drawn when it is glued at its ends
-_FIBRE_M, _DRAWN = 1.25e-4, 3.0e-4
+_FIBRE_M, _DRAWN = 1.25e-4, 6.0e-4
 
 
 def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
