@@ -5,16 +5,23 @@ The P1 factors stand beside a beam of finite differences that is not the product
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import tirelog
 from tests.strain.strain_truth import Beam
 from tirelog.api.models import forces, revolutions
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.model.presets import preset_model
 from tirelog.physics.model.worn import worn_model
+from tirelog.simulation import load_scenario, simulate, write_log
+from tirelog.simulation.scenario.schema import Manoeuvre
 
+SCENARIOS = Path(__file__).parents[2] / "sample_data" / "scenarios"
 EJ, K, MU, LEVER_M = 5e7 * 1.66e-8, 7.79e6, 0.676, 0.009
 
 
@@ -145,3 +152,19 @@ def test_p3_s_wear_lowers_the_strain_by_its_lever_arm():
     ]
     assert 0.4 < peaks[1] / peaks[0] < 0.5
     assert peaks[2] == pytest.approx(peaks[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "least", "most"), [
+    ("falling_factor", 0.65, 0.8), ("rising_factor", 1.06, 1.2),
+])  # fmt: skip
+def test_both_trends_are_in_the_logs(name, least, most, tmp_path):
+    """P1 Fig. 11 and its contrary, by the command on short logs of both scenarios."""
+    scenario = load_scenario(SCENARIOS / f"{name}.toml")
+    cruises = ((4.0, 9.0), (8.0, 9.0), (4.0, 22.0), (4.0, 22.0))
+    drive = tuple(Manoeuvre(seconds, speed) for seconds, speed in cruises)
+    log = tmp_path / "log.csv"
+    write_log(simulate(replace(scenario, manoeuvres=drive)), log)
+    table = tirelog.dissipation(log)
+    steady = table["speed_m_s"], table["dissipation_factor_1_m"]
+    slow, fast = (np.nanmedian(steady[1][np.abs(steady[0] - v) < 0.5]) for v in (9.0, 22.0))
+    assert least < fast / slow < most

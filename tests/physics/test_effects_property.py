@@ -9,7 +9,7 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
-from tirelog.physics import CATALOGUE, Model
+from tirelog.physics import BY_ID, CATALOGUE, Model, ModelEffect
 from tirelog.physics.effects.base import ACTS_ON
 from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -332,13 +332,16 @@ def test_sensor_lag_is_the_first_order_filter_in_time():
     assert np.abs(got - y).max() < 1e-4 * np.abs(x).max()
 
 
-def test_stiffening_balances_the_hardened_foundation():
-    """p - EJ w'''' - mu c^2 w'' - k (1 + k3 w^2) w = 0 by differences of the predicted
+@pytest.mark.parametrize(("law", "size"), [("hardens", 3e3), ("softens", 1.2e3)])
+def test_stiffening_balances_the_hardened_foundation(law, size):
+    """p - EJ w'''' - mu c^2 w'' - k (1 +- k3 w^2) w = 0 by differences of the predicted
     displacement.
     """
-    k3, k, EJ, mu = 3e3, 2e6, 4.0, 4.5
+    k, EJ, mu = 2e6, 4.0, 4.5
+    k3 = size if law == "hardens" else -size
     one = Conditions.of(1, speed_m_s=15.0)
-    model = Model.new("beam").with_effect("stiffening", cubic_1_m2=k3)
+    entry = replace(ModelEffect.of(BY_ID["stiffening"]), options={"law": law})
+    model = Model.new("beam").with_effect(entry, cubic_1_m2=size)
     step = 0.02
     phi = np.array([-0.6, -0.08, 0.0, 0.1, 0.5])
     w = np.stack(
@@ -351,7 +354,14 @@ def test_stiffening_balances_the_hardened_foundation():
     p = np.where(np.abs(xi) < L, 0.75 * 3600 / L**3 * (L**2 - xi**2), 0.0)
     rest = EJ * fourth + mu * 15.0**2 * second + k * (1 + k3 * w[3] ** 2) * w[3] - p
     assert np.abs(rest).max() < 2e-3 * p.max()
-    assert k3 * w[3].max() ** 2 > 0.2
+    assert abs(k3) * w[3].max() ** 2 > (0.2 if law == "hardens" else 0.09)
+
+
+def test_a_foundation_that_gives_way_is_refused():
+    entry = replace(ModelEffect.of(BY_ID["stiffening"]), options={"law": "softens"})
+    model = Model.new("beam").with_effect(entry, cubic_1_m2=2e4)
+    with pytest.raises(ModelError, match="gives way"):
+        model.predict(Conditions.of(1, speed_m_s=15.0), PHI)
 
 
 def test_thermal_drift_follows_temperature_where_it_varies_and_time_where_not():

@@ -23,6 +23,7 @@ LOGS: dict[str, str] = runpy.run_path(str(FOLDER / "make.py"))["LOGS"]
 WITHOUT_LOG = (
     "nuisances.toml",
     "falling_factor.toml",
+    "rising_factor.toml",
     "slip_onset.toml",
     "coasting.toml",
     "low_grip.toml",

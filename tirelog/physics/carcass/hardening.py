@@ -44,6 +44,12 @@ def hardened_load(
     for step in range(_STEPS):
         if step < _SETTLED:  # then it stays, so that the secants see one map
             m = 1.5 * np.max(w * w, axis=1, keepdims=True)
+            if np.any(1.0 + 2.0 * (s * m * H).real <= 0.0):  # 1 - 3 k3 w^2: nothing holds it
+                raise ModelError(
+                    "the softened foundation gives way",
+                    allowed="k3 w^2 below about 1/3 is allowed",
+                    do="lower stiffening.cubic_1_m2 or the load",
+                )
             soft, past = H / (1.0 + s * m * H), []
         rest = rfft(w * (w * w - m), axis=1, norm="forward")[:, :_MODES]
         new = irfft((P - s * rest) * soft, _GRID, axis=1, norm="forward")
