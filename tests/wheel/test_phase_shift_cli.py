@@ -171,3 +171,36 @@ def test_a_log_driven_fast_only_takes_the_calibrations_zero(logs, tmp_path, capf
     assert "zero of the phase shift: the calibration's" in err
     shifts = [float(row["phase_shift_deg"]) for row in rows(out)]
     assert abs(np.mean(shifts) - 0.2) < 0.02
+
+
+def test_two_accelerometers_give_two_values_per_turn_in_the_order_of_time(tmp_path, capfd):
+    """One of a true shift of 0.1 degree per m/s^2, at opposite places of the tire."""
+    drive = Drive((0, 8, 13, 18), (10, 10, 22, 22))
+    treads = [
+        Tread(seed=43_000 + i, place_rad=1.0 + i * np.pi, shift=lambda v, a: 0.1 * a)
+        for i in range(2)
+    ]
+    with h5py.File(tmp_path / "two.h5", "w") as file:
+        for name, values, unit in (
+            ("encoder", Encoder(seed=43_000).signal(drive), "V"),
+            *((f"a{i}", tread.signal(drive) / 9.80665, "g") for i, tread in enumerate(treads)),
+        ):
+            data = file.create_dataset(name, data=values.astype("f4"))
+            data.attrs["unit"], data.attrs["sampling_rate_Hz"] = unit, 10_000.0
+    setup = SETUP.format(driven="true").replace("/wheel/encoder", "encoder")
+    setup = setup.replace("[channels.acceleration]", "[channels.a0]")
+    own = setup[setup.index("[channels.a0]") :].replace("/wheel/acceleration", "a0")
+    setup = setup[: setup.index("[channels.a0]")] + own + own.replace("a0", "a1")
+    (tmp_path / "two.toml").write_text(setup)
+    status, out, _ = command(capfd, tmp_path / "two.h5", "--by-time")
+    assert status == 0
+    table, apart = rows(out), rows(command(capfd, tmp_path / "two.h5")[1])
+    time = np.array([float(row["time_s"]) for row in table])
+    assert (np.diff(time) > 0.0).all()
+    assert sorted(map(str, table)) == sorted(map(str, apart))
+    assert (np.diff([int(row["channel"][1]) for row in table]) != 0).mean() > 0.98
+    shift = np.array([float(row["phase_shift_deg"] or "nan") for row in table])
+    for name in ("a0", "a1"):
+        mine = np.array([row["channel"] == name for row in table])
+        pulled = np.nanmean(shift[mine & (time > 9.0) & (time < 12.0)])
+        assert abs(pulled - 0.24) < 0.03

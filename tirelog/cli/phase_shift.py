@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -46,13 +47,20 @@ def phase_shift(
         bool,
         typer.Option("--fit-forces", help="With --calibrate: force maps from the force channels."),
     ] = False,
+    in_time: Annotated[
+        bool,
+        typer.Option(
+            "--by-time",
+            help="Rows of all accelerometers of a log in the order of time.",
+        ),
+    ] = False,
     plot: Plot = None,
     quiet: Quiet = False,
 ) -> None:
     """Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4)."""
     from tirelog.errors import UsageError
     from tirelog.wheel.calibration_file import read_calibration
-    from tirelog.wheel.table import table
+    from tirelog.wheel.table import by_time, table
 
     if calibration is not None and calibrate is not None:
         raise UsageError(
@@ -74,19 +82,31 @@ def phase_shift(
         if applied is not None and applied.has_delay:
             session.note(applied.delay_remark)
         kept: list[EdgeTimes] = []
+        waiting: list[Mapping[str, object]] = []  # what is known of the log that is being read
         learning = calibrate is not None
         for _, part in session.parts(
             logs, "phase-shift", channel, calibration=applied, zero=zero, forces=learning
         ):
-            if not learning:
+            if not learning and not in_time:
                 writer.write(part.columns)
+            if in_time and not learning:
+                if waiting and waiting[0]["log"] != part.columns["log"]:
+                    writer.write(by_time(waiting))
+                    waiting = []
+                waiting.append(part.columns)
             if learning or plot is not None:
                 kept.append(part.found)
         if calibrate is not None:
             applied = _learn(session, kept, calibrate, fit_forces)
-            for passages in kept:
-                writer.write(table(passages, applied))
-        elif applied is None:
+            tables = [table(passages, applied) for passages in kept]
+            if in_time:
+                logs_of = dict.fromkeys(str(one["log"]) for one in tables)
+                tables = [by_time([t for t in tables if t["log"] == log]) for log in logs_of]
+            for one in tables:
+                writer.write(one)
+        if waiting:
+            writer.write(by_time(waiting))
+        if applied is None:
             session.note(
                 "no calibration: the detrended and corrected columns are empty; learn one with "
                 "--calibrate FILE"

@@ -8,7 +8,7 @@ Passages, Calibration --clean, force maps--> columns of the table, words
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -114,3 +114,19 @@ def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]
         columns |= {"longitudinal_force_N": force, "longitudinal_force_se_N": se}
         quality |= marked(outside, Quality.EXTRAPOLATED)
     return {**columns, "quality": quality_column(quality)}
+
+
+def by_time(parts: Sequence[Mapping[str, object]]) -> dict[str, object]:
+    """The rows of all accelerometers of one log in the order of time.
+
+    As many values per turn as accelerometers (P4, on arrays of sensors).
+    """
+    long = [
+        {
+            name: np.broadcast_to(np.asarray(column), np.asarray(part["time_s"]).shape)
+            for name, column in part.items()
+        }
+        for part in parts
+    ]
+    order = np.argsort(np.concatenate([part["time_s"] for part in long]), kind="stable")
+    return {name: np.concatenate([part[name] for part in long])[order] for name in long[0]}
