@@ -111,8 +111,7 @@ def plain(kind: str) -> tuple[FloatArray, FloatArray]:
         _TIMES_S.size, speed_m_s=at.speed, acceleration_m_s2=at.acceleration, load_N=at.load
     )
     angles = world.ring.xi_m / tire.rolling_radius_m
-    slopes = model.jacobian(drive, angles, model.free, surface="outer")
-    told = model.predict(drive, angles, surface="outer")
+    told, slopes = model.linearised(drive, angles, model.free, surface="outer")
     shifts = np.gradient(told, axis=1) * np.eye(_TIMES_S.size)[:, :, None]
     columns = [x.ravel() for x in (*slopes, *shifts, np.ones(told.shape))]
     sized = np.stack([c / np.linalg.norm(c) for c in columns if c.any()], axis=1)
