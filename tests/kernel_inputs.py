@@ -511,6 +511,12 @@ def _(rng: np.random.Generator) -> Arguments:
         "traction_gains": [(*form, 0.02, 0.3)],
         "_joint": [(columns, place, used, waves, 3, 0.02, 0.3, 0.002, told, best)],
         "_own_shift": [(np.linspace(1.0, 2.0, 9), 0.5), (np.zeros(9), 0.5)],
+        "_moved_on": [
+            (
+                *(values[0], motion[0], table, grids[0], 4, 0.001, 3, waves, 0.02, 0.3, 0.002),
+                *(told, best, np.zeros((61 + k.SPARE, k.FITTED + 1)), np.zeros(61)),
+            )
+        ],
         "onset_rows": [
             (
                 *form[:2],

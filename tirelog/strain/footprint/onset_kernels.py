@@ -236,6 +236,35 @@ def _own_shift(whole: FloatArray, most: float) -> float:
 
 
 @compiled
+def _moved_on(
+    values: FloatArray, motion: Record, table: FloatArray, grid: Record, onset: int, shift: float,
+    turns: int, waves: FloatArray, sigma: float, odd_sd: float, trust_m: float, told: Records,
+    best: FloatArray, columns: FloatArray, place: FloatArray,
+) -> tuple[int, int, int, float]:  # fmt: skip
+    """(samples used, first onset, the best one from there on, shift) of a row after `turns`.
+
+    The form stands at `shift` [m] at first, and then where the joint solution `best` moves it; the
+    onsets of `told` (t,) lie about the best one, which is `onset` at first.
+    """
+    wide, used, first, top = table.shape[1], 0, 0, 0
+    for turn in range(turns):
+        used, _ = look_up(
+            values, motion, table, grid, grid["shift_m"] + shift, 1.0, wide - 1, wide, columns,
+            place,
+        )  # fmt: skip
+        if used <= FITTED:
+            break
+        first = min(max(onset - told.size // 2, 0), waves.shape[1] - told.size)
+        top = _joint(
+            columns, place, used, waves, first, sigma, odd_sd, trust_m, told, best
+        )  # fmt: skip
+        onset = first + top
+        if turn < turns - 1:
+            shift += _own_shift(best, trust_m)
+    return used, first, top, shift
+
+
+@compiled
 def onset_rows(
     values: FloatArray, motion: Records, rough_values: FloatArray, rough_motion: Records,
     table: FloatArray, grid: Record, waves: FloatArray, fine: int, shift_m: FloatArray,
@@ -258,7 +287,7 @@ def onset_rows(
     the samples do of the best.
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    wide, near, most = table.shape[1], 2 * fine + 1, waves.shape[1]
+    wide, near = table.shape[1], 2 * fine + 1
     few = np.ascontiguousarray(waves[:, ::fine])
     told, near_told, best = (
         np.empty(few.shape[1], TRIED),
@@ -300,44 +329,22 @@ def onset_rows(
             if cost[k] == np.inf:
                 break
             cost[k] = np.inf
-            shift, now, used, top = moved[k], int(onset[k]), 0, 0
-            for turn in range(turns):
-                used, _ = look_up(
-                    rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + shift,
-                    1.0, wide - 1, wide, columns, place,
-                )  # fmt: skip
-                if used <= FITTED:
-                    break
-                first = min(max(now - fine, 0), most - near)
-                top = _joint(
-                    columns, place, used, waves, first, rough_sigma, odd_sd, trust_m,
-                    near_told, best,
-                )  # fmt: skip
-                now = first + top
-                if turn < turns - 1:
-                    shift += _own_shift(best, trust_m)
+            used, first, top, shift = _moved_on(
+                rough_values[row], rough_motion[row], table, grid, int(onset[k]), moved[k], turns,
+                waves, rough_sigma, odd_sd, trust_m, near_told, best, columns, place,
+            )  # fmt: skip
             if used > FITTED and best[HEIGHT] > 0.0 and near_told[top]["chi2"] < left:
-                chosen, kept, left = now, shift, near_told[top]["chi2"]
+                chosen, kept, left = first + top, shift, near_told[top]["chi2"]
             if left < enough * used:
                 break
         if chosen < 0:
             continue
-        made, top = found[row], 0
-        for turn in range(last_turns):
-            used, _ = look_up(
-                values[row], motion[row], table, grid, grid["shift_m"] + kept, 1.0, wide - 1, wide,
-                columns, place,
-            )  # fmt: skip
-            if used <= FITTED:
-                break
-            first = min(max(chosen - fine, 0), most - near)
-            top = _joint(
-                columns, place, used, waves, first, sigma, odd_sd, trust_m,
-                near_told, best,
-            )  # fmt: skip
-            chosen = first + top
-            if turn < last_turns - 1:
-                kept += _own_shift(best, trust_m)
+        made = found[row]
+        used, first, top, kept = _moved_on(
+            values[row], motion[row], table, grid, chosen, kept, last_turns, waves, sigma, odd_sd,
+            trust_m, near_told, best, columns, place,
+        )  # fmt: skip
+        chosen = first + top
         if used <= FITTED or not best[HEIGHT] > 0.0 or np.isnan(near_told[top]["chi2"]):
             continue
         middle = min(max(top, 1), near - 2)
