@@ -22,13 +22,15 @@ from tirelog.vocabulary.arrays import FloatArray
 #: microstrain, or 3,000 K.  Gratings of one fibre lie 5 to 40 nm apart, so twice as much would let
 #: a neighbour pass for it
 WAVELENGTH_SHARE = 0.02
-#: median strain that is said, and that is refused: silica breaks at 5 %, strips on rubber read 10 %
-#: at most; a tire's own is below 0.3 %
+#: median strain that is said, and that is refused: silica breaks at 5 %, strips on rubber read
+#: 10 % at most; a tire's own is below 0.3 %; twice the first leaves a wrong unit of up to seven
+#: times unsaid
 STRANGE_STRAIN, MOST_STRAIN = 0.01, 0.1
 #: speed of a vehicle [m/s]: aircraft take off at 100; twice as much lets speeds of 160 to 300 km/h
 #: pass that are written without their unit
 FASTEST_M_S = 150.0
-#: a channel is judged by so many of its samples, in so many pieces from all over the log
+#: a channel is judged by so many of its samples, in so many pieces from all over the log; twice as
+#: many look twice as long at the head of every command
 LOOKED_AT, PIECES = 4096, 8
 
 

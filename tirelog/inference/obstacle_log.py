@@ -31,7 +31,8 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 #: A hit is compared for this long [s] after the obstacle was reached. Twice as long takes more
 #: revolutions after each hit from the steady ones.
 WINDOW_S = 0.5
-#: Mean square over this time [s] that is so many times its median is no steady rolling.
+#: Mean square over this time [s] that is so many times its median is no steady rolling. Twice as
+#: many leave obstacles in the steady rolling that stand out 1.4 times as far.
 _SMOOTH_S, _STANDS_OUT = 0.01, 8.0
 #: Outbursts that are taken for hits at most, evenly over the log. Twice as many take twice as
 #: long.
@@ -40,7 +41,7 @@ _MOST_HITS = 12
 #: hits that are as near to an end.
 _ROOM_S = 0.1
 #: Revolutions without a passage that may be counted by the speed, and by how much of one the count
-#: may be off.
+#: may be off. Twice as far, 0.5, any number of turns fits.
 _LONGEST_GAP, _PLAIN = 20.0, 0.25
 #: Steady rolling nearest to a hit that it is compared with [s]. Twice as much averages over twice
 #: as many turns, and over twice as much of a speed that changes.

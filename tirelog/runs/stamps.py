@@ -24,10 +24,10 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: stamps looked at at once
 _CHUNK = 1 << 18
 #: a step below this share of the mean one belongs to the bunch before it; with that many of them
-#: the stamps come in bunches
+#: the stamps come in bunches; twice the first joins steps of up to 0.6 of the mean one to a bunch
 _SAME, _BUNCHED = 0.3, 0.45
-#: points on each side of a jump that say whether it lasts: for stamps much finer than a period, and
-#: for others
+#: points on each side of a jump that say whether it lasts: for stamps much finer than a period,
+#: and for others; twice as many need twice as long between two jumps
 _FEW, _MANY = 5, 60
 #: a pause is told if samples without a clock leave out this many usual steps; twice as many leave
 #: pauses of up to twenty steps unsaid

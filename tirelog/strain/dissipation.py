@@ -158,13 +158,15 @@ def _fours(slope: FloatArray, begin: int, energies: FloatArray, bends: FloatArra
 
 #: pass edge of the differentiator, in half lengths: wave number x half length
 PASS = 20.0
-#: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost
+#: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost;
+#: nearer to one, the filter needs many more coefficients
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
 #: means are taken of as many samples as leave this many per period of the pass edge; twice as many
 #: take twice as long and change what the filter passes no more
 OVERSAMPLING = 4.0
-#: a sample off its neighbours' cubic by more than these many sigmas and this share of the passages'
-#: height is bridged
+#: a sample off its neighbours' cubic by more than these many sigmas and this share of the
+#: passages' height is bridged; twice as much of either leaves spikes in that are half as large as
+#: what counts
 WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
 #: the patch with its shoulders, in half windows of the passages
 SHOULDERS = 1.6
@@ -175,7 +177,7 @@ MOST_AT_ONCE = 1 << 16
 #: not
 MOST_ERROR = 10.0
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
-#: moving average
+#: moving average; twice the step takes gentle braking for a constant speed
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
 
 

@@ -40,7 +40,8 @@ STANDSTILL_TURNS_S = 0.1
 #: a double is known to 1e-10
 ROUNDING = 1e-9
 #: a table that explains more than this share of the deviations repeats; another number of steps
-#: must explain so much more than the setup's
+#: must explain so much more than the setup's; twice the lead keeps a setup's wrong number of steps
+#: where both explain much
 REPEATS, BETTER = 0.8, 0.2
 
 

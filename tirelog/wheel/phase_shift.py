@@ -31,7 +31,7 @@ DEG = 180 / np.pi
 #: with the square; doubled, it is four times as large
 LOW_SPEED_M_S = 13.0
 #: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
-#: passages, within this range
+#: passages, within this range; twice the step or range takes gentle braking for a constant speed
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
 #: forces do not move the patch's usual place by more than this after a standstill; twice as much
 #: leaves moves of up to four degrees unsaid

@@ -39,19 +39,21 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: Nuisance numbers of a hit.
 NUISANCES = 4
-#: The patch centre of the model is sought this far [rad] from the passages, and compared at so many
-#: angles.
+#: The patch centre of the model is sought this far [rad] from the passages, and compared at so
+#: many angles. Twice as far reaches shapes that lie on the wrong side of the patch.
 _ALIGNED_RAD, _ALIGNED_AT = 0.15, 1024
 #: Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for what
 #: the start leaves to die away; twice as much drives that metre more.
 _RUN_UP_M = 1.0
 #: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns]
-#: from the rough time; then beside the best few on a fine grid and unsmoothed.
+#: from the rough time; then beside the best few on a fine grid and unsmoothed. Twice as coarse a
+#: grid needs signals smoothed as much more; twice as many of the best take twice as long.
 _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
 #: Angle [rad] from the patch centre within which the steady waveform is steep. Twice as much
 #: leaves an eighth less of the turn to find a hit's time by.
 _STEEP_RAD = 0.4
-#: Turns before and after the rough time between which the hit is sought.
+#: Turns before and after the rough time between which the hit is sought. Twice as far takes in the
+#: passages before and after the one that was hit.
 _BEFORE, _AFTER = 1.25, 0.5
 #: Largest phase [rad] of a hit, either way. Twice as much lets a hit that the model does not
 #: describe be turned as far until it seems to.

@@ -35,8 +35,9 @@ from tirelog.vocabulary.arrays import FloatArray
 #: phase; in stages twice as long it has become twice as large.
 _STAGES = ((0.03, 2e-3), (0.06, 1e-3), (0.12, 0.0), (0.2, 0.0))
 _WINDOW_S = _STAGES[-1][0]
-#: Steps of a stage at most, the share of the sum of squares that a further one has to gain, and the
-#: step of a parameter for its derivative, relative.
+#: Steps of a stage at most, the share of the sum of squares that a further one has to gain, and
+#: the step of a parameter for its derivative, relative. Twice as many steps take twice as long;
+#: twice as long ones double what is not linear in a slope.
 _STEPS, _SETTLED, _STEP = 6, 1e-2, 0.02
 #: Steps of a hit's time [s] and phase [rad] for their derivatives; the descent moves them at most
 #: ten times as far at once.

@@ -28,7 +28,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 #: 20 Hz to a thousandth of a degree; twice as far apart, to sixteen times that
 KNOT_STEP_S = 4e-3
 #: the local least squares take the passages within this time, at least and at most so many on each
-#: side
+#: side; twice as long averages noise of the teeth over twice as many, and flattens shakes of 20 Hz
 SPAN_S, LEAST_REACH, MOST_REACH = 14e-3, 3, 9
 #: whole teeth in the window may differ by this factor, for a cubic to follow them; twice as much
 #: lays cubics across starts and stops

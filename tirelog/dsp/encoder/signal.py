@@ -52,7 +52,8 @@ HYSTERESIS = 0.4
 #: many call a weak signal standstill, half as many take noise for teeth
 STILL_SIGMA = 6.0
 #: amplitudes of a log's pieces, those with so many swings, closer together than this do not follow
-#: the speed (a Hall sensor)
+#: the speed (a Hall sensor); nearer to one, a Hall sensor whose teeth differ counts as an
+#: inductive one
 STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 
 Read = Callable[[int, int], FloatArray]

@@ -30,7 +30,7 @@ from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth
-#: flank
+#: flank; nearer to one, a slow passage looks like turning back
 TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
 #: intervals looked at at once: small enough for the cache
 PIECE = 1 << 14

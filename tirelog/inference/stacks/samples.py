@@ -23,10 +23,11 @@ _STRIDE = 1 << 13
 #: turns to either side of a chunk whose samples are looked at too: what a refined passage moves is
 #: far less
 _MARGIN = 1
-#: a channel's step is looked for in so many of its samples, in so many runs from all over it
+#: a channel's step is looked for in so many of its samples, in so many runs from all over it;
+#: twice as many look twice as long
 _LOOKED_AT, _RUNS = 4096, 8
 #: fewest different values, and how far from whole steps they may lie [steps]: by chance values
-#: without steps do it once in 1e20
+#: without steps do it once in 1e20; twice as far from whole ones, chance does it once in 1e16
 _FEWEST_VALUES, _OFF_STEP = 12, 0.01
 
 

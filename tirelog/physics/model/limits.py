@@ -15,7 +15,7 @@ from tirelog.physics.model.model import Model
 #: driven at.
 LEAST_PRESSURE_PA = 5e3
 #: Speeds [m/s] and accelerations [m/s^2] that a tire is driven at; beyond them a number is in
-#: another unit.
+#: another unit. Twice as much lets a speed in km/h pass for m/s up to 400 km/h.
 FASTEST_M_S, HARDEST_M_S2 = 200.0, 100.0
 #: least, most and unit of each condition; a time of 1e7 s is a third of a year, a change of 300 K
 #: would burn the rubber

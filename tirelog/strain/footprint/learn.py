@@ -28,8 +28,9 @@ from tirelog.vocabulary.quality import good
 
 #: window of averages and fits in half lengths
 WINDOW = 2.7
-#: classes of speed: at most, as many as there are steps of this ratio; passages of all and at least
-#: of each, in clusters of neighbours
+#: classes of speed: at most, as many as there are steps of this ratio; passages of all and at
+#: least of each, in clusters of neighbours; twice as many passages or classes take twice as long;
+#: steps of twice the ratio average over forms that differ
 CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 6, 1.12, 480, 48, 6
 #: samples are averaged while they lie closer than this share of the half length
 STEP = 1.0 / 36.0

@@ -39,7 +39,8 @@ from tirelog.vocabulary.quality import good
 LEAST_SPEED_M_S = 0.3
 #: samples are averaged while they lie closer than this share of the half length, for the fit
 FIT_STEP = 1.0 / 36.0
-#: the same, while the rough place of a slip onset is looked for
+#: the same, while the rough place of a slip onset is looked for; twice as coarse, it has half of
+#: the samples and may begin beside the onset
 ROUGH_STEP = 1.0 / 9.0
 #: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
 #: far apart, an onset between two loses more of its gain

@@ -41,10 +41,11 @@ ONSET = np.dtype(
 #: error [m]
 TRIED = np.dtype([("chi2", "f8"), ("length", "f8"), ("length_se", "f8")])
 #: a traction of which the passage's other columns leave less than this share cannot be told from
-#: them; turns of its quadratic terms
+#: them; turns of its quadratic terms; twice as much tells fewer tractions
 LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
 #: a joint solution is trusted this share of the starts' spacing about where the form was put;
-#: beyond, its cost grows with this power
+#: beyond, its cost grows with this power; twice as far follows solutions that the next start is
+#: nearer to
 TRUST, FAR = 0.5, 4
 #: starts that are followed to their end at most; twice as many take up to twice as long where the
 #: first ones fail

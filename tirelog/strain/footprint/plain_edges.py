@@ -32,7 +32,7 @@ EDGES = np.dtype(
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
 #: steps towards an extremum, which lies no farther than this many columns from the column that is
-#: least
+#: least; twice as far reaches the next column's own extremum
 STEPS, FARTHEST = 4, 0.75
 #: samples per period of the low-pass' cut-off that need none between them to find an extremum;
 #: twice as many put one between the samples of logs up to twice the rate

@@ -36,7 +36,8 @@ MOST_AVERAGES = 4
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0
 #: forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its logarithm)
-#: change by no more than this, at so many speeds at most
+#: change by no more than this, at so many speeds at most; twice as coarse, half as many forms are
+#: tabled, and more lies between them
 TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
 #: parameters that all speeds share: bending length, tension at rest, inertia (tension per squared
 #: scaled speed), tread, tilt, d0, d1

@@ -29,7 +29,7 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 #: rounds of refining, at most; twice as many only help a refinement that has not settled by then
 ROUNDS = 6
 #: stop when the next step promises less than this of the whole chi-square, or the last changed it
-#: by less than this share
+#: by less than this share; twice as much of either ends a round earlier
 GOOD_ENOUGH, SMALL = 1.0, 1e-3
 #: shared columns of a class (bending length, tension, tread), and the place of tension among the
 #: columns of its table

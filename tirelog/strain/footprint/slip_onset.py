@@ -43,8 +43,9 @@ LEAST_GAIN = 20.0
 #: one misses: of those that pass fewer than one in ten thousand has no slip, at half of it one in a
 #: hundred of the worst logs
 TIMES_USUAL = 10.0
-#: free passages that are asked for that, and rows with less than this share of the gain beyond what
-#: free ones leave are not looked at
+#: free passages that are asked for that, and rows with less than this share of the gain beyond
+#: what free ones leave are not looked at; twice as many are told to 0.7 of the scatter, in twice
+#: the time
 ASKED, LEAST_SHARE = 96, 0.5
 #: an onset stands alone if others this far from it (share of the half length) leave so many more
 #: squared sigmas; half as many keep a hundredth more of the onsets
@@ -54,7 +55,8 @@ APART, ALONE = 0.28, 20.0
 #: as many of the first lose one onset in a hundred)
 JOINT_ODD_SD, TURNS, LAST_TURNS = 0.1, 4, 2
 #: squared sigmas per sample that a joint fit may leave before another start is followed, and up to
-#: which its onset is believed
+#: which its onset is believed; twice as much follows fewer starts, and believes onsets beside what
+#: a form does not describe
 ENOUGH, WORST_LEFT = 1.0, 4.0
 #: first places of the form, as shares of the half length beside its fit without traction
 START_SHIFTS = tuple(0.05 * k for k in range(-6, 7))

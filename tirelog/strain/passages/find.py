@@ -39,7 +39,7 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 FEWEST = 6
 #: which way radial acceleration's patch points is told from so many pieces of this length [s]: a
 #: turn or more above 2 m/s, and the level outside changes little within.  This share of each side
-#: is taken for wild: a fifth of the patch's own share of a turn
+#: is taken for wild: a fifth of the patch's own share of a turn; twice as many look twice as long
 SIGN_PIECES, SIGN_S, SIGN_CUT = 64, 1.0, 0.01
 
 

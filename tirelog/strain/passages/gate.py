@@ -44,7 +44,8 @@ MOST_MISFIT = 0.15
 #: share of pairs that may then fail.  Twice as much asks it of all logs
 FAINT, FAINT_UNLINKED = 0.09, 0.15
 #: departure of a turn's time from those beside it, relative, median; stop-and-go in town: 0.075,
-#: turns that are sometimes missed: 0.2 to 0.4
+#: turns that are sometimes missed: 0.2 to 0.4; twice as much would take logs in which turns are
+#: missed
 MOST_UNEVEN, FEWEST_TRIPLES = 0.15, 6
 
 

@@ -28,7 +28,8 @@ SIGNIFICANT = 4.0
 #: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink
 #: at random places between passages; that part of the error is proportional to it
 KINK = 0.8
-#: passages on either side whose accelerations tell how it changes, and the degree of their curve
+#: passages on either side whose accelerations tell how it changes, and the degree of their curve;
+#: twice as far tells it better at a steady pace, and rounds off the beginning of a braking
 REACH, DEGREE = 3, 3
 #: standard deviation of the jerk if nothing tells it: the acceleration itself, gained or lost over
 #: this many turns; twice as many halve the jerk and with it what is added to the error

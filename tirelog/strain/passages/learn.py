@@ -27,7 +27,8 @@ from tirelog.strain.passages.search import Pulses
 from tirelog.strain.passages.template import WIDEST_RAD, Template, learned_template
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: passages that the template is learnt from, in clusters of neighbours, and rounds
+#: passages that the template is learnt from, in clusters of neighbours, and rounds; twice as many
+#: tell the template to 0.7 of the noise, in twice the time
 LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
 #: the window that is learnt, in half widths
 LEARNT_HALF_WIDTHS = 3.0
@@ -35,7 +36,8 @@ LEARNT_HALF_WIDTHS = 3.0
 #: from passages with a tenth of something else in them
 ALIKE = 0.15
 #: stretches of angle over which the scatter between turns is told, from so many passages at most,
-#: and the passages that it takes: of fewer a spike is a large part
+#: and the passages that it takes: of fewer a spike is a large part; twice as many stretches have
+#: half of the samples each
 SCATTER_PARTS, SCATTER_FROM, FEWEST = 24, 60, 5
 
 

@@ -24,10 +24,12 @@ from tirelog.strain.passages.search import Pulses
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import FloatArray
 
-#: relative uncertainty of the speed from neighbouring passages, and from a pulse's width
+#: relative uncertainty of the speed from neighbouring passages, and from a pulse's width; twice as
+#: much lets the noise of a passage move its speed twice as far
 STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
 #: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in
-#: it), or not the tire at all
+#: it), or not the tire at all; twice as much of either keeps pulses that are half as like a
+#: passage
 STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
 #: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would
 #: miss short stops

@@ -32,7 +32,8 @@ ONE_TURN = (0.7, 1.4)
 TOO_CLOSE_TURNS = 0.25
 #: width of the joined halves against the widths around
 JOINED_WIDTH = (0.6, 1.5)
-#: pulses on either side whose widths tell the speed, and rounds of dropping
+#: pulses on either side whose widths tell the speed, and rounds of dropping; twice as many pulses
+#: tell it of a speed that changes over twice as many
 REACH, ROUNDS = 3, 3
 
 

@@ -36,7 +36,7 @@ LEAST_SIGMAS = 8.0
 #: as much drops passages beside higher ones
 PLATEAU_SHARE = 0.4
 #: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a
-#: car's wheel) nothing is looked for
+#: car's wheel) nothing is looked for; twice the least leaves wheels below 4.2 m/s without passages
 LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 
 

@@ -17,14 +17,16 @@ import numpy as np
 from tirelog.strain.passages.fit_kernels import POINT, spline_curve
 from tirelog.vocabulary.arrays import FloatArray, Records
 
-#: knots over the template's window, and points of its table
+#: knots over the template's window, and points of its table; twice as many knots follow edges
+#: twice as sharp, with half of the samples for each
 INTERVALS, TABLE = 40, 4096
 #: smoothing: weight of the squared third differences against the mean number of samples in a knot
 #: interval; twice as much smooths what is narrower than a knot interval further
 SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
-#: bounds of that window on either side of the middle [rad]
+#: bounds of that window on either side of the middle [rad]; half of the first is 1.5 cm on a car's
+#: wheel, twice the second a quarter of a turn
 NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8
 #: half of the contact length over half of the width at half level, roughly, for both carcasses
 LENGTH_TO_WIDTH = 1.25

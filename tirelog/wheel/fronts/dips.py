@@ -31,7 +31,8 @@ DEGREE = np.pi / 180
 PIECE = 1 << 17
 #: bins worked on at once, and their overlap: a turn and a half
 CORE, OVERLAP = 360 * 128, 540
-#: a dip that is shorter or longer than this is no patch [deg]
+#: a dip that is shorter or longer than this is no patch [deg]; half of it is 1 cm on a car's
+#: wheel, twice of it most of the lower half
 NARROWEST, WIDEST = 4, 70
 #: the level is taken from this range beside each front [deg]; half of the first lies in the lobes
 #: of the front, twice the second reaches beyond the top of the wheel

@@ -32,7 +32,8 @@ from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.fronts.dips import DEGREE
 from tirelog.wheel.fronts.samples import Flanks, groups, normalised, ranges
 
-#: passages without a fault that a form needs, and of which at most it is learnt
+#: passages without a fault that a form needs, and of which at most it is learnt; twice as many of
+#: the latter tell the form to 0.7 of the noise
 LEAST, MOST = 40, 400
 #: reach of the form on the outer side and on the inner one, in half widths of the patch
 OUTER, INNER = 1.0, 0.8
@@ -53,7 +54,8 @@ DEGREE_OF_FLANK = 5
 FLANK_REACH = 1.5
 #: steps that centre the window on the steepest place; twice as many take twice as long for it
 CENTRINGS = 4
-#: steps of the least squares, and the longest of them [deg]
+#: steps of the least squares, and the longest of them [deg]; twice as long ones could leave the
+#: flank
 STEPS, LONGEST = 3, 1.0
 
 
