@@ -8,11 +8,20 @@ from typing import Any
 import numpy as np
 
 from tirelog.simulation.rolling.belt import Belt
+from tirelog.simulation.rolling.circulant_kernel import HALF
 from tirelog.simulation.rolling.profile import Profile
 from tirelog.simulation.rolling.splines import Splines
-from tirelog.simulation.rolling.step_kernel import DRIVE
-from tirelog.simulation.rolling.tire import Rider, RollingTire, Standing, TireMotion, standing
+from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
+from tirelog.simulation.rolling.tire import (
+    POINTS,
+    Rider,
+    RollingTire,
+    Standing,
+    TireMotion,
+    standing,
+)
 from tirelog.simulation.scenario.schema import TrueTire
+from tirelog.vocabulary.arrays import FloatArray
 
 RADIUS, LINE_MASS, EI, K_W, K_V, PB = 0.3, 3.15, 2.0, 6.3e5, 5.1e5, 1.2e5 * 0.14
 LEVEL = Profile(np.array([0.0, 1.0]), np.zeros(2))
@@ -67,3 +76,43 @@ def moved(tire: RollingTire, ran: tuple[np.ndarray, np.ndarray], every: int = 1)
 def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> Rider:
     bent = -lever_m / RADIUS**2
     return Rider(of.splines.functional(angle_rad, {1: bent, 3: bent})[None])
+
+
+def energy_J(tire: RollingTire) -> float:
+    """Kinetic and elastic energy [J] of belt, hub and tread springs on a level road.
+
+    In the frame that goes with the drive; the load's potential is not in it. Rates are those
+    before this moment's kick.
+    """
+    belt, state = tire.belt, tire.state
+    M, G, S, K = (
+        belt.full(a) for a in (belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness)
+    )
+    v, u, spin, rate = tire.v, tire.u, state["spin_rad_s"], state["hub_rate_m_s"]
+    wave, own = (
+        np.sin(belt.splines.middle_rad + state["angle_rad"]),
+        np.cos(belt.splines.middle_rad + state["angle_rad"]),
+    )
+    turning = 0.5 * tire.constants["spin_inertia_kg_m2"] * spin**2
+    turning += spin * belt.radius_m * tire.constants["mean_inertia_kg"] * float(u.sum())
+    moving = 0.5 * u @ M @ u + spin * u @ G @ v + 0.5 * spin**2 * v @ S @ v
+    moving += rate * belt.carried * (u @ wave + spin * v @ own)
+    hub = 0.5 * (belt.tire.hub_mass_kg + belt.mass_kg) * rate**2
+    pressed = np.maximum(-_heights(tire), 0.0)
+    tread = (
+        0.5 * belt.tire.tread_stiffness_N_m2 * tire.constants["pitch_m"] * float(pressed @ pressed)
+    )
+    return float(turning + moving + hub + 0.5 * v @ K @ v + tread)
+
+
+def _heights(tire: RollingTire) -> FloatArray:
+    """Height (points,) of the tread."""
+    points, size = tire._circle.size, tire.v.size
+    element = np.arange(points) // POINTS
+    living = tire.v[(element[:, None] + np.arange(LIVING) - HALF) % size]
+    along, slope = (np.einsum("ik,ik->i", np.tile(each, (size, 1)), living) for each in tire._basis)
+    phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) + tire.state["angle_rad"]
+    return np.asarray(
+        tire.state["hub_z_m"] - (tire.belt.radius_m - slope) * np.cos(phi) + along * np.sin(phi),
+        float,
+    )

@@ -17,6 +17,7 @@ from tirelog.api.results import (
     FitOfLogs,
     LadderOfLogs,
     ProposalOfLogs,
+    filled,
 )
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
@@ -296,7 +297,7 @@ def diagnose(
             progress=progress,
         )
         result = by_group.with_stability(result, stability)
-    return DiagnosisOfLogs.of(result)
+    return filled(DiagnosisOfLogs, result)
 
 
 def ladder(
@@ -330,14 +331,15 @@ def ladder(
     found = _known(measured)
     if propose:
         _one_grating(found, "propose", "climb without --propose, or measure one channel")
-    return LadderOfLogs.of(
+    return filled(
+        LadderOfLogs,
         climbing.ladder(
             found.revolutions,
             model,
             effects=_candidates(model, effects),
             proposing=propose,
             progress=progress or _silent,
-        )
+        ),
     )
 
 
@@ -384,7 +386,8 @@ def propose(
     """
     found = _known(measured)
     _one_grating(found, "propose", "measure one channel; diagnose tells which says what")
-    return ProposalOfLogs.of(
+    return filled(
+        ProposalOfLogs,
         proposing.propose(
             found.stacks,
             model,
@@ -392,7 +395,7 @@ def propose(
             despite=despite,
             shape=shape,
             progress=progress or _silent,
-        )
+        ),
     )
 
 

@@ -32,7 +32,7 @@ FORM_IN_DOUBT = 1.2
 Answer = TypeVar("Answer")
 
 
-def _filled(kind: type[Answer], base: Any, **more: Any) -> Answer:
+def filled(kind: type[Answer], base: Any, **more: Any) -> Answer:
     """An answer with the fields of its base."""
     return kind(**{f.name: getattr(base, f.name) for f in fields(base)}, **more)
 
@@ -82,7 +82,7 @@ class ComparisonOfLogs(Comparison):
         """The comparison with what was said of obstacles."""
         if isinstance(comparison, cls):  # a diagnosis that names nothing has one for both
             return comparison
-        return _filled(cls, comparison, obstacles=obstacles, aside=aside)
+        return filled(cls, comparison, obstacles=obstacles, aside=aside)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -139,11 +139,6 @@ class ComparisonOfLogs(Comparison):
 class DiagnosisOfLogs(Diagnosis):
     """Which effect is missing (see `Diagnosis`)."""
 
-    @classmethod
-    def of(cls, diagnosis: Diagnosis) -> DiagnosisOfLogs:
-        """The same, to show."""
-        return _filled(cls, diagnosis)
-
     @cached_property
     def before(self) -> ComparisonOfLogs:
         """The comparison of the model as it came."""
@@ -198,11 +193,6 @@ class DiagnosisOfLogs(Diagnosis):
 class ProposalOfLogs(Proposal):
     """The unknown effect written down (see `Proposal`)."""
 
-    @classmethod
-    def of(cls, proposal: Proposal) -> ProposalOfLogs:
-        """The same, to show."""
-        return _filled(cls, proposal)
-
     def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
         """The measured shape with its band, and what is left before and after; the figure.
 
@@ -229,11 +219,6 @@ class ProposalOfLogs(Proposal):
 @dataclass(frozen=True)
 class LadderOfLogs(Ladder):
     """Effects added one by one (see `Ladder`)."""
-
-    @classmethod
-    def of(cls, ladder: Ladder) -> LadderOfLogs:
-        """The same, to show."""
-        return _filled(cls, ladder)
 
     def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
         """The error falling to the floor, step by step; the figure.

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from tirelog.errors import UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt
-from tirelog.simulation.rolling.circulant_kernel import HALF
 from tirelog.simulation.rolling.profile import Profile
 from tirelog.simulation.rolling.step_kernel import MOMENT
 from tirelog.vocabulary.arrays import FloatArray, Records
@@ -283,51 +282,6 @@ class RollingTire:
                 do="lower them, or give a stiffer tire",
             )
         return moments, read
-
-    def energy_J(self) -> float:
-        """Kinetic and elastic energy [J] of belt, hub and tread springs on a level road.
-
-        In the frame that goes with the drive; the load's potential is not in it. Rates are those
-        before this moment's kick.
-        """
-        belt, state = self.belt, self.state
-        M, G, S, K = (
-            belt.full(a) for a in (belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness)
-        )
-        v, u, spin, rate = self.v, self.u, state["spin_rad_s"], state["hub_rate_m_s"]
-        wave, own = (
-            np.sin(belt.splines.middle_rad + state["angle_rad"]),
-            np.cos(belt.splines.middle_rad + state["angle_rad"]),
-        )
-        turning = 0.5 * self.constants["spin_inertia_kg_m2"] * spin**2
-        turning += spin * belt.radius_m * self.constants["mean_inertia_kg"] * float(u.sum())
-        moving = 0.5 * u @ M @ u + spin * u @ G @ v + 0.5 * spin**2 * v @ S @ v
-        moving += rate * belt.carried * (u @ wave + spin * v @ own)
-        hub = 0.5 * (belt.tire.hub_mass_kg + belt.mass_kg) * rate**2
-        pressed = np.maximum(-self._heights(), 0.0)
-        tread = (
-            0.5
-            * belt.tire.tread_stiffness_N_m2
-            * self.constants["pitch_m"]
-            * float(pressed @ pressed)
-        )
-        return float(turning + moving + hub + 0.5 * v @ K @ v + tread)
-
-    def _heights(self) -> FloatArray:
-        """Height (points,) of the tread."""
-        points, size = self._circle.size, self.v.size
-        element = np.arange(points) // POINTS
-        living = self.v[(element[:, None] + np.arange(kernel.LIVING) - HALF) % size]
-        along, slope = (
-            np.einsum("ik,ik->i", np.tile(each, (size, 1)), living) for each in self._basis
-        )
-        phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) + self.state["angle_rad"]
-        return np.asarray(
-            self.state["hub_z_m"]
-            - (self.belt.radius_m - slope) * np.cos(phi)
-            + along * np.sin(phi),
-            float,
-        )
 
 
 def _directions(angle_rad: NDArray[np.floating[Any]]) -> Records:
