@@ -77,3 +77,22 @@ def test_kernels_load_no_linear_algebra_and_leave_it_to_be_imported():
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout
     assert said.split()[-2:] == ["False", "scipy.linalg.cython_blas"]
+
+
+def test_a_named_tuple_that_has_another_name_since_is_no_fault_of_the_cache(tmp_path):
+    """The cache's index names the types that a kernel takes; an upgrade may rename them."""
+    text = (
+        "from typing import NamedTuple\nfrom tirelog.runtime import compiled\n"
+        "class {0}(NamedTuple):\n    x: float\n"
+        "@compiled\ndef whole(room):\n    return 2.0 * room.x\n"
+        "print(whole({0}(3.0)), sum(whole.stats.cache_hits.values()))"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    for name, hits in (("Room", 0), ("Room", 1), ("Space", 0), ("Space", 1)):
+        source = tmp_path / "roomy_kernel.py"
+        if not source.exists() or source.read_text() != text.format(name):
+            source.write_text(text.format(name))
+        command = [sys.executable, "-c", "import roomy_kernel"]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+        assert done.stdout.split() == ["6.0", str(hits)], done.stderr[-500:]

@@ -12,8 +12,9 @@ for the compiler. With NUMBA_DISABLE_JIT=1 the same source runs as plain Python:
 same numbers. No fast-math: sums keep their order, so results do not depend on the machine's vector
 width.
 
-numba knows a cached kernel by its own file only; one that calls kernels of other files is forgotten
-here if those were edited since.
+numba knows a cached kernel by its own file only, and reads what it has cached before it looks
+whether that is outdated. A kernel is forgotten here if its file, or one whose kernels it calls, was
+edited since: else one whose types have other names by now would end the process.
 
 numba takes half a second to start and 110 MB; modules with kernels are imported inside the
 functions that need them.
@@ -137,17 +138,19 @@ def _numba_without_blas() -> None:
 
 
 def _forget_outdated(kernel: Any, made: Any) -> None:
-    """Remove the cache's index of a kernel that is older than a file it was compiled from."""
+    """Remove the cache's index of a kernel if it is older than a file it was compiled from."""
     own = Path(kernel.__code__.co_filename)
     called = (kernel.__globals__.get(name) for name in kernel.__code__.co_names)
     sources = frozenset({own}).union(*(_sources_of(other) for other in called))
     setattr(made, _SOURCES, sources)
-    if len(sources) == 1 or made.stats.cache_path is None:
+    if made.stats.cache_path is None:
         return
-    for index in Path(made.stats.cache_path).glob(f"{own.stem}.{kernel.__qualname__}-*.nbi"):
-        with suppress(OSError):  # another process may have been faster
-            if index.stat().st_mtime <= max(source.stat().st_mtime for source in sources):
-                index.unlink()
+    line, python = kernel.__code__.co_firstlineno, sys.version_info
+    name = f"{own.stem}.{kernel.__qualname__}-{line}.py{python.major}{python.minor}{sys.abiflags}"
+    index = Path(made.stats.cache_path) / f"{name}.nbi"
+    with suppress(OSError):  # there is none, or another process was faster
+        if index.stat().st_mtime <= max(source.stat().st_mtime for source in sources):
+            index.unlink()
 
 
 def _sources_of(called: Any) -> frozenset[Path]:
