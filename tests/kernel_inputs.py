@@ -630,14 +630,23 @@ def _(rng: np.random.Generator) -> Arguments:
 
 @inputs_of("strain.dissipation")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.dissipation import ENERGY, Scratch
+    from tirelog.strain.dissipation import ENERGY, StripScratch
 
     values, side = rng.normal(size=300).cumsum(), rng.normal(size=13)
     rows, low, high = np.array([2, 0]), np.array([110, 190]), np.array([190, 390])
     slope = rng.normal(size=60)
     return {
         "revolution_sums": [
-            (values, 100, side, Scratch(*np.zeros((3, 300))), rows, low, high, np.zeros(3, ENERGY))
+            (
+                values,
+                100,
+                side,
+                StripScratch(*np.zeros((3, 300))),
+                rows,
+                low,
+                high,
+                np.zeros(3, ENERGY),
+            )
         ],
         "_derivative": [(values, side, np.zeros(300)), (values[:20].copy(), side, np.zeros(20))],
         "_fours": [(slope, 2, np.zeros(60), np.zeros(60))],
@@ -703,10 +712,12 @@ def _(rng: np.random.Generator) -> Arguments:
 def _(rng: np.random.Generator) -> Arguments:
     from tests.simulation.rolls import LEVEL, belt, orders, rolling, strain_rider
     from tirelog.simulation.rolling import step_kernel as kernel
-    from tirelog.simulation.rolling.profile import Profile
+    from tirelog.simulation.rolling.profile import TrueProfile
 
     made = belt(32, bristle_stiffness_N_m2=3e7, radial_damping_N_s_m2=300.0)
-    hill = Profile(np.array([0.0, 0.02, 0.05, 0.06]), np.array([0.0, 0.004, 0.004, 0.0]), 1e-4, 0.2)
+    hill = TrueProfile(
+        np.array([0.0, 0.02, 0.05, 0.06]), np.array([0.0, 0.004, 0.004, 0.0]), 1e-4, 0.2
+    )
     step, size = 2.5e-5, 32
     tires = [rolling(made, speed=8.0, load=2000.0, profile=p, step=step) for p in (LEVEL, hill)]
     for tire in tires:
@@ -715,7 +726,7 @@ def _(rng: np.random.Generator) -> Arguments:
     rider = strain_rider(made, 0.3).rows
 
     def work() -> Any:
-        return kernel.Work(*rng.normal(size=(8, size)), np.zeros(11))
+        return kernel.StepRoom(*rng.normal(size=(8, size)), np.zeros(11))
 
     def room() -> Any:
         return np.zeros(1, kernel.CONTACT)[0]

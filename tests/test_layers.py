@@ -150,3 +150,13 @@ def test_no_module_imports_scipy_stats() -> None:
         if "scipy.stats" in ast.unparse(node) or "from scipy import stats" in ast.unparse(node)
     ]
     assert wrong == []
+
+
+def test_a_class_has_a_name_of_its_own() -> None:
+    """Who meets a name in the package finds one class of it."""
+    homes: dict[str, list[str]] = {}
+    for name, path in modules().items():
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(name)
+    assert {word: found for word, found in homes.items() if len(found) > 1} == {}

@@ -7,7 +7,7 @@ import numpy as np
 from tests.diagnosis.toy import stack
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.shared import SharedEffects
-from tirelog.inference.metric.offsets import Levelled, Nuisance, Offsets
+from tirelog.inference.metric.offsets import Levelled, Offsets, ProjectedOut
 from tirelog.inference.metric.projection import orthonormal, solve_scaled, without
 from tirelog.inference.metric.whitening import whitener
 
@@ -107,7 +107,7 @@ def test_offsets_are_projected_out_like_a_column_a_log():
     np.testing.assert_allclose(offsets.fit(x)[0], level, rtol=1e-8)
     both = without(orthonormal(np.concatenate([dense, other], axis=-1)), x)
     np.testing.assert_allclose(
-        Nuisance.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x),
+        ProjectedOut.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x),
         both,
         atol=1e-9,
     )

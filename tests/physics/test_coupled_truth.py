@@ -33,13 +33,13 @@ from tirelog.physics.moving.modes import natural_modes
 from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat
-from tirelog.simulation.rolling.profile import Profile
+from tirelog.simulation.rolling.profile import TrueProfile
 
 pytestmark = pytest.mark.xdist_group("coupled truth")  # one worker makes what these tests share
 
 SPEED, LOAD, LEVER, THETA, DAMPING = 20.0, 3000.0, 3e-4, -1.2, 100.0
 BEGIN, HEIGHT, LENGTH = 0.5, 0.005, 0.04
-CLEAT = Profile(np.array([0.5, 0.51, 0.53, 0.54]), np.array([0.0, HEIGHT, HEIGHT, 0.0]))
+CLEAT = TrueProfile(np.array([0.5, 0.51, 0.53, 0.54]), np.array([0.0, HEIGHT, HEIGHT, 0.0]))
 STEP, SETTLING = 2.5e-5, 24000
 
 

@@ -19,7 +19,7 @@ from tests.diagnosis.planted import MODEL, since_exit, stack
 from tests.report.test_page import data, numbers
 from tirelog.cli.history import history_file
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
-from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
 from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
@@ -288,7 +288,7 @@ HOSTILE = "<b>x</b>"
 
 def proposal(status: str = "formula") -> Proposal:
     phi = np.linspace(-np.pi, np.pi, 32, endpoint=False)
-    formula = Formula("A * (speed / 20)", "strain", "a hump", "(speed / 20)", 1e-12)
+    formula = FoundFormula("A * (speed / 20)", "strain", "a hump", "(speed / 20)", 1e-12)
     numbers = {"A": {"value": 1.2e-5, "se": 3e-7, "unit": "1"}}
     shape = MeasuredShape(
         "patch", "strain", "1", np.linspace(-2, 2, 9), 1e-5 * np.hanning(9), np.full(9, 1e-7), 1, 9

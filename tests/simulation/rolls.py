@@ -9,7 +9,7 @@ import numpy as np
 
 from tirelog.simulation.rolling.belt import Belt
 from tirelog.simulation.rolling.circulant_kernel import HALF
-from tirelog.simulation.rolling.profile import Profile
+from tirelog.simulation.rolling.profile import TrueProfile
 from tirelog.simulation.rolling.splines import Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
 from tirelog.simulation.rolling.tire import (
@@ -24,7 +24,7 @@ from tirelog.simulation.scenario.schema import TrueTire
 from tirelog.vocabulary.arrays import FloatArray
 
 RADIUS, LINE_MASS, EI, K_W, K_V, PB = 0.3, 3.15, 2.0, 6.3e5, 5.1e5, 1.2e5 * 0.14
-LEVEL = Profile(np.array([0.0, 1.0]), np.zeros(2))
+LEVEL = TrueProfile(np.array([0.0, 1.0]), np.zeros(2))
 STEP = 2.5e-5
 
 
@@ -61,7 +61,7 @@ def rolling(
     speed: float,
     load: float,
     start: Standing | None = None,
-    profile: Profile = LEVEL,
+    profile: TrueProfile = LEVEL,
     step: float = STEP,
 ) -> RollingTire:
     return RollingTire(

@@ -16,7 +16,7 @@ from scipy.linalg import circulant as dense_circulant
 
 from tirelog.simulation.rolling import circulant_kernel as banded
 from tirelog.simulation.rolling import step_kernel as kernel
-from tirelog.simulation.rolling.profile import Profile
+from tirelog.simulation.rolling.profile import TrueProfile
 from tirelog.simulation.rolling.splines import Splines, circulant
 from tirelog.simulation.rolling.tire import Standing, standing
 
@@ -164,33 +164,33 @@ def test_a_torque_in_the_air_winds_up_and_spins() -> None:
     ("profile", "x", "height", "slope"),
     [
         (
-            Profile(np.array([1.0, 1.01, 1.03, 1.04]), np.array([0.0, 0.01, 0.01, 0.0])),
+            TrueProfile(np.array([1.0, 1.01, 1.03, 1.04]), np.array([0.0, 0.01, 0.01, 0.0])),
             1.005,
             0.005,
             1.0,
         ),
         (
-            Profile(np.array([1.0, 1.01, 1.03, 1.04]), np.array([0.0, 0.01, 0.01, 0.0])),
+            TrueProfile(np.array([1.0, 1.01, 1.03, 1.04]), np.array([0.0, 0.01, 0.01, 0.0])),
             1.02,
             0.01,
             0.0,
         ),
         (
-            Profile(np.array([1.0, 1.01, 1.03, 1.04]), np.array([0.0, 0.01, 0.01, 0.0])),
+            TrueProfile(np.array([1.0, 1.01, 1.03, 1.04]), np.array([0.0, 0.01, 0.01, 0.0])),
             2.0,
             0.0,
             0.0,
         ),
         (
-            Profile(np.array([0.0, 1.0]), np.zeros(2), 0.004, 0.8),
+            TrueProfile(np.array([0.0, 1.0]), np.zeros(2), 0.004, 0.8),
             0.2,
             0.004,
             0.004 * 2 * np.pi / 0.8,
         ),
-        (Profile(np.array([0.0, 1.0]), np.zeros(2), 0.004, 0.8), -0.2, 0.0, 0.0),
+        (TrueProfile(np.array([0.0, 1.0]), np.zeros(2), 0.004, 0.8), -0.2, 0.0, 0.0),
     ],
 )
-def test_road_at_a_distance(profile: Profile, x: float, height: float, slope: float) -> None:
+def test_road_at_a_distance(profile: TrueProfile, x: float, height: float, slope: float) -> None:
     constants = rolling(
         belt(64), speed=0.0, load=0.0, start=Standing(np.zeros(64), 1.0, 0.0), profile=profile
     ).constants

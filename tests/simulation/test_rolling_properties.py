@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tirelog.simulation.rolling.profile import Profile
+from tirelog.simulation.rolling.profile import TrueProfile
 from tirelog.simulation.rolling.tire import TireMotion, standing
 from tirelog.simulation.scenario.schema import Sensor
 
@@ -35,12 +35,12 @@ pytestmark = pytest.mark.xdist_group("rolling")  # one worker makes what these t
 
 SPEED, LOAD, LEVER = 20.0, 3000.0, 3e-4
 DAMPED = {"radial_damping_N_s_m2": 100.0, "tangential_damping_N_s_m2": 100.0}
-CLEAT = Profile(np.array([12.2, 12.21, 12.23, 12.24]), np.array([0.0, 0.005, 0.005, 0.0]))
+CLEAT = TrueProfile(np.array([12.2, 12.21, 12.23, 12.24]), np.array([0.0, 0.005, 0.005, 0.0]))
 
 
 @cache
 def rolled(
-    elements: int, profile: Profile = LEVEL, seconds: float = 0.1, step: float = STEP
+    elements: int, profile: TrueProfile = LEVEL, seconds: float = 0.1, step: float = STEP
 ) -> TireMotion:
     """Steady rolling with damping, settled over 0.6 s (12 m); the belt's strain at 0.3 rad."""
     of = belt(elements, **DAMPED)
@@ -56,7 +56,7 @@ def rolled(
     return moved(tire, ran)
 
 
-Profile.__hash__ = object.__hash__  # type: ignore[method-assign]
+TrueProfile.__hash__ = object.__hash__  # type: ignore[method-assign]
 
 
 def test_frequencies_converge_with_the_sixth_power_of_the_elements() -> None:

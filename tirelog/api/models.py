@@ -14,7 +14,7 @@ from tirelog.data.recording import Conditions
 from tirelog.data.setup import RoadSetup, Setup
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.physics.model import file
-from tirelog.physics.model.forces import Section, force_columns
+from tirelog.physics.model.forces import StripSection, force_columns
 from tirelog.physics.model.limits import check_conditions, check_model
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -266,12 +266,12 @@ def modes(model: Model, *, speed_m_s: float = 0.0, **asked: Any) -> dict[str, li
     return {name: [row[name] for row in rows] for name in TABLES["modes"]}
 
 
-def _section(setup: Setup) -> Section | None:
+def _section(setup: Setup) -> StripSection | None:
     """The strip that a setup's [tire] describes; None if it lacks one of its three numbers."""
     tire = setup.tire
     if tire.viscosity_Pa_s is None or tire.section_height_m is None or tire.width_m is None:
         return None
-    return Section(tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
+    return StripSection(tire.viscosity_Pa_s, tire.section_height_m, tire.width_m)
 
 
 def angles(count: int = ANGLES) -> FloatArray:

@@ -9,7 +9,7 @@ from tirelog.cli.common import page
 from tirelog.errors import printable
 
 if TYPE_CHECKING:
-    from tirelog.drafts.contents import Contents, Found
+    from tirelog.drafts.contents import Contents, FoundSeries
 
 #: columns of a page: as wide as a terminal, and no wider than one reads with ease
 _WIDEST = 100
@@ -59,7 +59,7 @@ def _beside(log: str) -> str:
     return (stem.rsplit(".", 1)[0] if "." in stem.rsplit("/", 1)[-1] else stem) + ".toml"
 
 
-def _facts(one: Found) -> str:
+def _facts(one: FoundSeries) -> str:
     """Range, rate, size and first values."""
     known = one.known
     if not known.size:
@@ -76,7 +76,7 @@ def _facts(one: Found) -> str:
     return "; ".join(facts + ([one.series.note] if one.series.note else []))
 
 
-def _likely(one: Found) -> str:
+def _likely(one: FoundSeries) -> str:
     if one.guess.kind == "signal":
         return f"kind unknown: {one.guess.reason}"
     return f"likely {one.guess.kind} in {one.guess.unit}: {one.guess.reason}"

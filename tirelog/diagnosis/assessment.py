@@ -18,7 +18,7 @@ from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.diagnosis.signatures import Signature
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric.offsets import Nuisance, Offsets
+from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -62,10 +62,10 @@ class Assessed:
         )
 
 
-def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
+def nuisance(base: Base, more: FloatArray | None = None) -> ProjectedOut:
     """The whitened base Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit."""
     parts = [base.fit.moving] if more is None else [base.fit.moving, more]
-    return Nuisance.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
+    return ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
 
 
 def assess(

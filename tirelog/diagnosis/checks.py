@@ -18,7 +18,7 @@ from tirelog.diagnosis.rules import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.sign_flips import gain_and_error
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric.offsets import Nuisance, Offsets
+from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import solve_scaled
 from tirelog.inference.nuisances import condition_slopes
 from tirelog.vocabulary.arrays import FloatArray
@@ -66,7 +66,7 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     if base.cells.phi.shape[1] == 1:
         return ()  # one number per revolution has no shape
     cells, white = base.cells, base.noise
-    other = Nuisance.of(Offsets.of(cells, white), white(base.fit.moving))
+    other = ProjectedOut.of(Offsets.of(cells, white), white(base.fit.moving))
     measured = other.without(white(np.nan_to_num(cells.values - base.fit.prediction)))
     random, used = np.random.default_rng(seed), white.inverse_sd > 0.0
     statistics = _statistics(base, used)
@@ -148,7 +148,7 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
     cells, logs = base.cells, np.unique(base.cells.log)
     if base.excess <= LEAST_SHARE_OF_FLOOR * base.floor.square or logs.size < 2:
         return ()
-    other = Nuisance.of(Offsets.of(cells, base.white), base.white(base.fit.moving))
+    other = ProjectedOut.of(Offsets.of(cells, base.white), base.white(base.fit.moving))
     residual = other.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
     found = []
     for condition, slope in condition_slopes(cells, base.fit).items():

@@ -29,7 +29,7 @@ from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.inference.base import Base, TogetherBase, apart, thinned
 from tirelog.inference.cells.together import model_of
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric.offsets import Nuisance
+from tirelog.inference.metric.offsets import ProjectedOut
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.inference.scatter import load_derivative
 from tirelog.vocabulary.arrays import FloatArray
@@ -280,7 +280,7 @@ def _shapes(base: Base) -> FloatArray:
 
 def _score(
     base: Base,
-    taken: Nuisance,
+    taken: ProjectedOut,
     residual: FloatArray,
     columns: FloatArray,
     factor: FloatArray | float = 1.0,
@@ -369,7 +369,7 @@ def describe(base: Base) -> Leftover:
 
 
 def _exponent(
-    base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray
+    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray
 ) -> tuple[float, bool]:
     """The exponent of speed with which free shapes explain most.
 
@@ -397,13 +397,13 @@ def _crosses_zero(base: Base) -> bool:
 
 
 def _explained_by_exponent(
-    base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, speed: FloatArray
+    base: Base, taken: ProjectedOut, residual: FloatArray, columns: FloatArray, speed: FloatArray
 ) -> list[float]:
     return [_explained(_score(base, taken, residual, columns, speed**e)) for e in FINE_EXPONENTS]
 
 
 def _one_side(
-    base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float
+    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray, exponent: float
 ) -> str | None:
     """'entry' or 'exit' if shapes on that side alone explain what both sides do.
 

@@ -16,8 +16,7 @@ from tirelog.diagnosis.beside import groups_of
 from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.shared import SharedEffects
-from tirelog.inference.metric.offsets import Nuisance as Projected
-from tirelog.inference.metric.offsets import Offsets
+from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.nuisances import frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.nuisances import Nuisance
@@ -116,7 +115,7 @@ def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
 
 def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatArray]:
     """Posterior means (K,) and covariance (K, K), base parameters and offsets free."""
-    other = Projected.of(Offsets.of(base.cells, base.white), base.white(base.fit.moving))
+    other = ProjectedOut.of(Offsets.of(base.cells, base.white), base.white(base.fit.moving))
     columns = other.without(base.white(effects.columns * effects.sd))
     flat = columns.reshape(-1, len(effects))
     residual = other.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))

@@ -43,7 +43,7 @@ EXAMPLES = 3
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundSeries:
     """A series with what its first samples tell.
 
     `unit` as the log spells it ('' if it does not); `rate_Hz` None if no stamps and no rate are
@@ -74,7 +74,7 @@ class Contents:
     format: str
     start: str | None
     time: str
-    found: tuple[Found, ...]
+    found: tuple[FoundSeries, ...]
     remarks: tuple[str, ...]
     losses: tuple[str, ...]
     whole: bool
@@ -163,7 +163,7 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
             unit = setup.unit or ""
             if samples.size:
                 guess = guessed(one.source, unit, samples, rate)
-                found.append(Found(one, unit, rate, duration, samples, guess))
+                found.append(FoundSeries(one, unit, rate, duration, samples, guess))
     order = {one: k for k, one in enumerate(names.values())}
     found.sort(key=lambda one: order[one.series])
     report = reader.report
@@ -183,7 +183,7 @@ def _with_source(sentence: str, names: dict[str, Series]) -> str:
     return sentence
 
 
-def _twins(found: list[Found]) -> list[Found]:
+def _twins(found: list[FoundSeries]) -> list[FoundSeries]:
     """The series, gratings that hardly move taken for twins of those that do."""
     gratings = [one for one in found if one.guess.kind == "fbg_strain"]
     moves = {id(one): float(np.ptp(np.quantile(one.known, [0.02, 0.98]))) for one in gratings}

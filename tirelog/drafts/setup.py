@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.data.setup import parse_setup
-from tirelog.drafts.contents import Contents, Found, contents
+from tirelog.drafts.contents import Contents, FoundSeries, contents
 from tirelog.drafts.surface import likely_surface
 from tirelog.errors import TirelogError
 from tirelog.runs.ingest import is_file, open_recording
@@ -49,7 +49,7 @@ name = ""
 
 
 @dataclass(frozen=True)
-class Draft:
+class SetupDraft:
     """A setup's text, and the sentences to say about it."""
 
     text: str
@@ -57,7 +57,7 @@ class Draft:
     guesses: int
 
 
-def draft(log: str) -> Draft:
+def draft(log: str) -> SetupDraft:
     """A first setup for the log at a path ('-' for standard input).
 
     ReadError: nothing in it can be read.
@@ -67,7 +67,7 @@ def draft(log: str) -> Draft:
     text = _text(inside, chosen, {})
     if is_file(log):
         text = _text(inside, chosen, _surfaces(log, text))
-    return Draft(text, len(chosen), len(marks(text)))
+    return SetupDraft(text, len(chosen), len(marks(text)))
 
 
 def marks(text: str) -> list[int]:
@@ -79,10 +79,10 @@ def marks(text: str) -> list[int]:
     ]
 
 
-def _channels(inside: Contents) -> dict[str, Found]:
+def _channels(inside: Contents) -> dict[str, FoundSeries]:
     """The series worth a channel, by the channel's name: those of a likely kind, else all."""
     likely = [one for one in inside.found if one.guess.kind != "signal"]
-    named: dict[str, Found] = {}
+    named: dict[str, FoundSeries] = {}
     for one in likely or inside.found:
         plain = re.sub(r"[^\w.+-]+", "_", one.series.source.strip("/#")).strip("_.") or "channel"
         plain = f"column_{plain}" if plain.isdigit() else plain
@@ -106,7 +106,7 @@ def _surfaces(log: str, text: str) -> dict[str, str]:
         return {}
 
 
-def _text(inside: Contents, chosen: dict[str, Found], surfaces: dict[str, str]) -> str:
+def _text(inside: Contents, chosen: dict[str, FoundSeries], surfaces: dict[str, str]) -> str:
     parts = [_HEAD.format(log=_shown(inside.log), mark=MARK)]
     twins = {n: one for n, one in chosen.items() if one.guess.kind == "fbg_temperature"}
     for name, one in chosen.items():
@@ -121,7 +121,7 @@ def _text(inside: Contents, chosen: dict[str, Found], surfaces: dict[str, str]) 
     return "".join(parts)
 
 
-def _channel(name: str, one: Found, twins: dict[str, Found], surface: str) -> str:
+def _channel(name: str, one: FoundSeries, twins: dict[str, FoundSeries], surface: str) -> str:
     kind, unit = one.guess.kind, one.guess.unit
     lines = [
         f"\n[channels.{_key(name)}]",
@@ -168,11 +168,11 @@ def _log(inside: Contents) -> str:
     return "\n".join(lines) + "\n\n"
 
 
-def _middle(one: Found) -> float:
+def _middle(one: FoundSeries) -> float:
     return float(np.median(one.known)) if one.known.size else 0.0
 
 
-def _range(one: Found) -> str:
+def _range(one: FoundSeries) -> str:
     if not one.known.size:
         return " (all lost)"
     rate = f", {one.rate_Hz:.6g} Hz" if one.rate_Hz else ""

@@ -20,7 +20,7 @@ from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import predicted
 from tirelog.inference.fit.cells import Fit
-from tirelog.inference.metric.offsets import Nuisance, Offsets
+from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import Normal, per_manoeuvre, solve_scaled
 from tirelog.inference.metric.whitening import Whitener, whitener
 from tirelog.vocabulary.arrays import FloatArray
@@ -188,7 +188,7 @@ def scatter_between(
     values = solve_scaled(normal.gram, normal.right)
     trend = trend_columns(cells)
     hat = trend @ np.linalg.pinv(trend)
-    other, seen = Nuisance.of(Offsets.of(cells, used), used(fit.jacobian)), used(columns)
+    other, seen = ProjectedOut.of(Offsets.of(cells, used), used(fit.jacobian)), used(columns)
     between = []
     for i in range(2):
         unit = np.broadcast_to(np.eye(2)[i], normal.right.shape)
@@ -200,7 +200,7 @@ def scatter_between(
     return between[0], between[1]
 
 
-def _taken(cells: Cells, other: Nuisance, column: FloatArray) -> float:
+def _taken(cells: Cells, other: ProjectedOut, column: FloatArray) -> float:
     """How many of the effects of single manoeuvres the fit and the offsets take, at most all.
 
     By the share of each one's whitened `column` (C, m) that lies in their span.

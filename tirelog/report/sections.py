@@ -119,7 +119,7 @@ def _about(recording: Recording) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Group:
+class ChannelRows:
     """A channel of a log in a figure: its name in the legend, rows, colour and symbol."""
 
     name: str
@@ -128,7 +128,7 @@ class Group:
     symbol: str
 
 
-def groups(table: pd.DataFrame, colours: LogColours) -> list[Group]:
+def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     """The table's channels (of each log); at most DRAWN_CHANNELS.
 
     Of several logs each has its colour, and symbols tell its channels apart.
@@ -137,7 +137,7 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[Group]:
     names = short_names(logs)
     several = max(len(logs), len(colours)) > 1
     alone = table["channel"].nunique() == 1  # then the log says it all
-    found: list[Group] = []
+    found: list[ChannelRows] = []
     drawn: dict[str, int] = {}
     for (log, channel), rows in table.groupby(["log", "channel"], sort=False, observed=True):
         number = drawn.setdefault(str(log), 0)
@@ -146,13 +146,13 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[Group]:
         if len(logs) > 1:
             name = names[str(log)] if alone else f"{names[str(log)]}: {channel}"
         colour = colours(str(log)) if several else number
-        found.append(Group(name, rows, colour, SYMBOLS[number % len(SYMBOLS)]))
+        found.append(ChannelRows(name, rows, colour, SYMBOLS[number % len(SYMBOLS)]))
         if len(found) == DRAWN_CHANNELS:
             break
     return found
 
 
-def points(found: Sequence[Group], x: str, y: str, **marker: Any) -> list[dict[str, Any]]:
+def points(found: Sequence[ChannelRows], x: str, y: str, **marker: Any) -> list[dict[str, Any]]:
     """A column against another, a trace per group."""
     return [
         dots(g.rows[x], g.rows[y], g.name, g.colour, marker={"symbol": g.symbol, **marker})
@@ -161,7 +161,7 @@ def points(found: Sequence[Group], x: str, y: str, **marker: Any) -> list[dict[s
 
 
 def ways(
-    found: Sequence[Group],
+    found: Sequence[ChannelRows],
     x: str,
     columns: Mapping[str, str],
     factor: float = 1.0,

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.simulation.scenario.drive import (
-    Drive,
     Roughness,
+    TrueDrive,
     Wander,
     drive_of,
     roughness_of,
@@ -100,7 +100,7 @@ def with_true_radius(scenario: Scenario) -> Scenario:
 
 def _solved(
     scenario: Scenario,
-    drive: Drive,
+    drive: TrueDrive,
     roughness: Roughness,
     wander: Wander,
     moments: dict[str, Trace],

@@ -47,7 +47,7 @@ ENERGY = np.dtype([("slope2", "f8"), ("change2", "f8")])
 _TILE = 512
 
 
-class Scratch(NamedTuple):
+class StripScratch(NamedTuple):
     """Room for the samples worked on at once, (n,) each: slope, and sums of fours of samples."""
 
     slope: FloatArray
@@ -55,9 +55,9 @@ class Scratch(NamedTuple):
     bends: FloatArray
 
 
-def scratch_of(samples: int) -> Scratch:
+def scratch_of(samples: int) -> StripScratch:
     """Room for so many samples."""
-    return Scratch(*np.empty((len(Scratch._fields), samples)))
+    return StripScratch(*np.empty((len(StripScratch._fields), samples)))
 
 
 @compiled
@@ -65,7 +65,7 @@ def revolution_sums(
     values: FloatArray,
     first: int,
     side: FloatArray,
-    scratch: Scratch,
+    scratch: StripScratch,
     rows: IntArray,
     low: IntArray,
     high: IntArray,

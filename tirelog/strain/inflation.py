@@ -42,7 +42,7 @@ class InflationOfChannel:
 
     channel: Channel
     inflation: Inflation
-    series: Series
+    series: InflationSeries
     columns: dict[str, Any]
     remarks: tuple[str, ...]
 
@@ -186,7 +186,7 @@ LEAK_SIGMAS = 7.0
 
 
 @dataclass(frozen=True)
-class Series:
+class InflationSeries:
     """Means of MEAN_S: times, strain and pressure, shape (n,).
 
     `time_s`, `strain`, `pressure_Pa` (NaN without); `noise` of a mean of the strain.
@@ -265,7 +265,7 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
 
 def series(
     strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
-) -> Series:
+) -> InflationSeries:
     """The means of a strain channel with the pressure at the same times.
 
     `ends_Pa`: pressures at begin and end if there is no channel. With `ends_Pa` the pressure is
@@ -294,10 +294,12 @@ def series(
         )
     else:
         pressures = np.full(time.size, np.nan)
-    return Series(time[known], values[known], pressures[known], float(np.median(error[known])))
+    return InflationSeries(
+        time[known], values[known], pressures[known], float(np.median(error[known]))
+    )
 
 
-def _rates(values: Series) -> FloatArray:
+def _rates(values: InflationSeries) -> FloatArray:
     """Rate of the strain at each mean [1/s], over RATE_MEANS to either side."""
     padded = np.pad(values.strain, RATE_MEANS, mode="edge")
     when = np.pad(values.time_s, RATE_MEANS, mode="edge")
@@ -305,7 +307,7 @@ def _rates(values: Series) -> FloatArray:
     return (padded[width:] - padded[:-width]) / np.maximum(when[width:] - when[:-width], 1e-9)
 
 
-def inflation_stretches(values: Series) -> tuple[NDArray[np.bool_], IntArray]:
+def inflation_stretches(values: InflationSeries) -> tuple[NDArray[np.bool_], IntArray]:
     """Whether each stretch is a ramp, and the first mean of each, plus the end.
 
     Short ones go to their neighbours.
@@ -343,7 +345,7 @@ def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, flo
     )
 
 
-def _lost(values: Series, low: int, high: int) -> float:
+def _lost(values: InflationSeries, low: int, high: int) -> float:
     """Strain lost at the stop [low, high); 0 within the noise.
 
     From its highest to its lowest after that, a little beyond its own ends.
@@ -356,7 +358,7 @@ def _lost(values: Series, low: int, high: int) -> float:
 
 
 def _row(
-    values: Series, name: str, low: int, high: int, *, measured: bool
+    values: InflationSeries, name: str, low: int, high: int, *, measured: bool
 ) -> dict[str, float | str]:
     """One stretch of the means [low, high); `measured`: the pressure was recorded."""
     part = slice(low, high)
@@ -390,7 +392,7 @@ def _row(
 
 def inflation(
     strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
-) -> tuple[Inflation, Series]:
+) -> tuple[Inflation, InflationSeries]:
     """The static test of one strain channel: its stretches, and the means they come from."""
     values = series(strain, pressure, ends_Pa)
     ramps, edges = inflation_stretches(values)

@@ -21,7 +21,7 @@ _ENTRY = "((-L - xi) % (2 * pi * R))"
 
 
 @dataclass(frozen=True)
-class Frame:
+class FormFrame:
     """A coordinate u in which a form stands still.
 
     `text` and `unit` of u; `offset` the text of u - at; `side`: "round" (the wheel's angle), "both"
@@ -58,28 +58,29 @@ def _by_factors(first: float, last: float, number: int) -> FloatArray:
     return np.geomspace(first, last, number)
 
 
-FRAMES: tuple[Frame, ...] = (
-    Frame("wheel_angle", "at a place of the wheel", "phi", "rad", "round",
-          np.deg2rad([3.0, 6.0, 12.0, 24.0, 45.0]), np.deg2rad(np.arange(-180.0, 180.0, 6.0)),
-          offset="((phi - at + pi) % (2 * pi) - pi)"),
-    Frame("patch", "along the patch (xi / L)", "(xi / L)", "1", "both",
-          _by_factors(0.1, 5.0, 9), _evenly(-3.0, 3.0, 25)),
-    Frame("tread", "along the tread about the patch centre", "xi", "m", "both",
-          _by_factors(0.02, 0.5, 8), _evenly(0.02, 0.86, 22)),
-    Frame("time_since_exit", "in the time since the exit edge", f"({_EXIT} / speed)", "s", "one",
-          _by_factors(0.0015, 0.08, 8), _evenly(0.002, 0.04, 20), _by_factors(25.0, 420.0, 36)),
-    Frame("distance_since_exit", "in the distance since the exit edge", _EXIT, "m", "one",
-          _by_factors(0.015, 0.6, 8), _evenly(0.03, 0.51, 17), _by_factors(1.4, 20.0, 28)),
-    Frame("time_before_entry", "in the time before the entry edge", f"({_ENTRY} / speed)", "s",
-          "one", _by_factors(0.0015, 0.08, 5), _evenly(0.004, 0.04, 10),
-          _by_factors(25.0, 420.0, 18)),
-    Frame("distance_before_entry", "in the distance before the entry edge", _ENTRY, "m", "one",
-          _by_factors(0.015, 0.6, 5), _evenly(0.06, 0.5, 8), _by_factors(1.4, 20.0, 14)),
-    Frame("after_exit", "behind the exit edge, in half lengths of the patch", "((xi - L) / L)",
-          "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
-    Frame("before_entry", "ahead of the entry edge, in half lengths of the patch",
-          "((-L - xi) / L)", "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
-    Frame("none", "all around", "1", "1", "none", np.ones(1), np.ones(2)),
+FRAMES: tuple[FormFrame, ...] = (
+    FormFrame("wheel_angle", "at a place of the wheel", "phi", "rad", "round",
+              np.deg2rad([3.0, 6.0, 12.0, 24.0, 45.0]), np.deg2rad(np.arange(-180.0, 180.0, 6.0)),
+              offset="((phi - at + pi) % (2 * pi) - pi)"),
+    FormFrame("patch", "along the patch (xi / L)", "(xi / L)", "1", "both",
+              _by_factors(0.1, 5.0, 9), _evenly(-3.0, 3.0, 25)),
+    FormFrame("tread", "along the tread about the patch centre", "xi", "m", "both",
+              _by_factors(0.02, 0.5, 8), _evenly(0.02, 0.86, 22)),
+    FormFrame("time_since_exit", "in the time since the exit edge", f"({_EXIT} / speed)", "s",
+              "one", _by_factors(0.0015, 0.08, 8), _evenly(0.002, 0.04, 20),
+              _by_factors(25.0, 420.0, 36)),
+    FormFrame("distance_since_exit", "in the distance since the exit edge", _EXIT, "m", "one",
+              _by_factors(0.015, 0.6, 8), _evenly(0.03, 0.51, 17), _by_factors(1.4, 20.0, 28)),
+    FormFrame("time_before_entry", "in the time before the entry edge", f"({_ENTRY} / speed)", "s",
+              "one", _by_factors(0.0015, 0.08, 5), _evenly(0.004, 0.04, 10),
+              _by_factors(25.0, 420.0, 18)),
+    FormFrame("distance_before_entry", "in the distance before the entry edge", _ENTRY, "m", "one",
+              _by_factors(0.015, 0.6, 5), _evenly(0.06, 0.5, 8), _by_factors(1.4, 20.0, 14)),
+    FormFrame("after_exit", "behind the exit edge, in half lengths of the patch", "((xi - L) / L)",
+              "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
+    FormFrame("before_entry", "ahead of the entry edge, in half lengths of the patch",
+              "((-L - xi) / L)", "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
+    FormFrame("none", "all around", "1", "1", "none", np.ones(1), np.ones(2)),
 )  # fmt: skip
 
 
@@ -211,7 +212,7 @@ EXPONENTS = ("n", "m")
 class Form:
     """A profile in a frame at a stage: a formula without its law."""
 
-    frame: Frame
+    frame: FormFrame
     profile: Profile
     stage: Stage
 

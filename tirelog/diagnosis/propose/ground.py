@@ -22,7 +22,7 @@ import numpy as np
 from tirelog.diagnosis.assessment import nuisance
 from tirelog.inference.base import Base
 from tirelog.inference.fit.cells import Problem
-from tirelog.inference.metric.offsets import Nuisance
+from tirelog.inference.metric.offsets import ProjectedOut
 from tirelog.inference.metric.whitening import Whitener
 from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.user_effects import CONDITIONS, PLACES
@@ -54,7 +54,7 @@ class Ground:
     def __init__(self, base: Base) -> None:
         self.base = base
         cells, model = base.cells, base.model
-        self.taken: Nuisance = nuisance(base)
+        self.taken: ProjectedOut = nuisance(base)
         white = base.white
         self._cell = Whitener(white.inverse_sd, white.basis, white.shrink)
         C = len(cells)

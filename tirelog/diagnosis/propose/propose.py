@@ -33,7 +33,7 @@ from tirelog.diagnosis.propose.measured_shapes import (
     measured_shapes,
     without_twins,
 )
-from tirelog.diagnosis.propose.results import Formula, Locked, Proposal, Term
+from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
 from tirelog.diagnosis.propose.scan import Scanned, scan
 from tirelog.diagnosis.rules import (
     ALARM_P,
@@ -402,9 +402,9 @@ def _terms(climb: _Climb, model: Model) -> Iterable[Term]:
         )
 
 
-def _formula(draft: Draft, text: str) -> Formula:
+def _formula(draft: Draft, text: str) -> FoundFormula:
     free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
-    return Formula(
+    return FoundFormula(
         text,
         draft.acts_on,
         draft.atom.form.words,

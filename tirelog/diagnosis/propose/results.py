@@ -17,7 +17,7 @@ from tirelog.vocabulary.observables import shown
 
 
 @dataclass(frozen=True)
-class Formula:
+class FoundFormula:
     """One way to write a term.
 
     `expression` and `acts_on` as in a model file, `words` and `law` to read ("1": always the same),
@@ -40,8 +40,8 @@ class Term:
     """
 
     name: str
-    formula: Formula
-    as_good: tuple[Formula, ...]
+    formula: FoundFormula
+    as_good: tuple[FoundFormula, ...]
     numbers: Mapping[str, Mapping[str, Any]]
     p: float
     tried: int
@@ -201,13 +201,13 @@ class Proposal:
         return told
 
 
-def _said(formula: Formula) -> str:
+def _said(formula: FoundFormula) -> str:
     law = "always the same" if formula.law == "1" else f"growing as {formula.law}"
     return f"{formula.words}, {law}, acting on {formula.acts_on}"
 
 
-def _formula(formula: Formula) -> dict[str, Any]:
-    return {name: getattr(formula, name) for name in Formula.__dataclass_fields__}
+def _formula(formula: FoundFormula) -> dict[str, Any]:
+    return {name: getattr(formula, name) for name in FoundFormula.__dataclass_fields__}
 
 
 def _term(term: Term) -> dict[str, Any]:

@@ -150,7 +150,7 @@ class Shrunk:
 
 
 @dataclass(frozen=True)
-class Nuisance:
+class ProjectedOut:
     """What is projected out of residual and signatures.
 
     The offsets, and the span of other whitened columns beside them.
@@ -160,7 +160,7 @@ class Nuisance:
     basis: FloatArray
 
     @classmethod
-    def of(cls, offsets: Offsets, columns: FloatArray) -> Nuisance:
+    def of(cls, offsets: Offsets, columns: FloatArray) -> ProjectedOut:
         """`columns` (C, m, k) whitened; they are used up."""
         before = np.linalg.norm(stacked(columns), axis=0)
         left = offsets.without(columns)

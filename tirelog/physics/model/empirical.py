@@ -39,7 +39,7 @@ AMPLITUDE = Parameter("amplitude", "", "factor on the measured shape", 1.0, -10.
 
 
 @dataclass(frozen=True)
-class Frame:
+class ShapeFrame:
     """A coordinate in which a shape may stand still.
 
     `coordinate` in the language of expressions, its `unit`, `words` for a sentence; `acts_on` the
@@ -56,19 +56,21 @@ class Frame:
 
 _EXIT = "((xi - L) % (2 * pi * R))"
 _ENTRY = "((-L - xi) % (2 * pi * R))"
-FRAMES: Mapping[str, Frame] = {
+FRAMES: Mapping[str, ShapeFrame] = {
     frame.name: frame
     for frame in (
-        Frame("wheel_angle", "phi", "rad", "along the wheel's angle", periodic=2.0 * np.pi),
-        Frame(
+        ShapeFrame("wheel_angle", "phi", "rad", "along the wheel's angle", periodic=2.0 * np.pi),
+        ShapeFrame(
             "patch", "xi / L", "1", "along the patch (xi / L)",
             ("strain", "radial_acceleration", "contact_pressure"),
         ),
-        Frame("time_since_exit", f"{_EXIT} / speed", "s", "in the time since the exit edge"),
-        Frame("distance_since_exit", _EXIT, "m", "in the distance since the exit edge"),
-        Frame("time_before_entry", f"{_ENTRY} / speed", "s", "in the time before the entry edge"),
-        Frame("distance_before_entry", _ENTRY, "m", "in the distance before the entry edge"),
-        Frame("speed", "speed", "m/s", "along the speed", ("load",)),
+        ShapeFrame("time_since_exit", f"{_EXIT} / speed", "s", "in the time since the exit edge"),
+        ShapeFrame("distance_since_exit", _EXIT, "m", "in the distance since the exit edge"),
+        ShapeFrame(
+            "time_before_entry", f"{_ENTRY} / speed", "s", "in the time before the entry edge"
+        ),
+        ShapeFrame("distance_before_entry", _ENTRY, "m", "in the distance before the entry edge"),
+        ShapeFrame("speed", "speed", "m/s", "along the speed", ("load",)),
     )
 }  # fmt: skip
 ACTS_ON = tuple(dict.fromkeys(stage for frame in FRAMES.values() for stage in frame.acts_on))

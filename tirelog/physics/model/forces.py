@@ -47,7 +47,7 @@ _N = np.arange(MODES, dtype=np.float64)
 
 
 @dataclass(frozen=True)
-class Section:
+class StripSection:
     """The strip of rubber under the grating.
 
     eta [Pa s], height h [m], width b [m].
@@ -64,7 +64,7 @@ def force_columns(
     *,
     slip_angle_deg: float = 0.0,
     camber_deg: float = 0.0,
-    section: Section | None = None,
+    section: StripSection | None = None,
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model forces`, each (n,); NaN for what this model does not have.
 
@@ -89,7 +89,7 @@ def force_columns(
 
 
 def _of_task(
-    task: Task, n: int, slip_angle_deg: float, camber_deg: float, section: Section | None
+    task: Task, n: int, slip_angle_deg: float, camber_deg: float, section: StripSection | None
 ) -> dict[str, FloatArray]:
     """The columns of one block of revolutions, each (n,)."""
     site, R, speed = loaded_site(task)[0], task.base["radius_m"], task.drive.speed_m_s
@@ -166,7 +166,7 @@ def _power(task: Task) -> FloatArray:
     return power
 
 
-def _section_power(task: Task, section: Section) -> tuple[FloatArray, FloatArray]:
+def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, FloatArray]:
     """(eta J c^2 int w'''^2 ds of P1 (25), eta A c^2 int eps'^2 ds of (27)) [W], (n or 1, 1)."""
     R, lever = task.base["radius_m"], task.base["lever_arm_m"]
     curved = hardened(task) * response(task).curvature

@@ -28,7 +28,7 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 SEEN = np.dtype([("s_m", "f8"), ("z_m", "f8"), ("depth_m", "f8"), ("call", "f8")])
 
 
-class Pressed(NamedTuple):
+class NodeForces(NamedTuple):
     """What the road does to nodes: forces (j,) [N/m] along it and upwards; per length [J/m] the
     energies of springs and bristles, and what sliding took.
     """
@@ -76,7 +76,7 @@ def places(
 def press(
     s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: Records,
     bristles: FloatArray, start: int, nodes: int, k_t: float, c_x: float, mu: float, now: float,
-) -> Pressed:  # fmt: skip
+) -> NodeForces:  # fmt: skip
     """The road's forces on nodes (j,), and energies.
 
     was (M,) of SEEN, of the call before or earlier; bristles (M,) [m]; k_t, c_x [N/m^2]. A
@@ -117,7 +117,7 @@ def press(
             f_z[i] += c_x * held * steep / long
         node = was[j]
         node["s_m"], node["z_m"], node["depth_m"], node["call"] = s[i], z[i], gap, now
-    return Pressed(f_s, f_z, sprung, clung, lost)
+    return NodeForces(f_s, f_z, sprung, clung, lost)
 
 
 @compiled

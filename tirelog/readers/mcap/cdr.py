@@ -34,7 +34,7 @@ FIELD = re.compile(r"^\s*([\w/]+)(?:<=\d+)?(\[(?:<=)?\d*\])?\s+([A-Za-z]\w*)\b\s
 
 
 @dataclass(frozen=True)
-class Member:
+class CdrMember:
     """A field of a definition.
 
     `length` is None for one value, -1 for a sequence, else the length of a fixed array.
@@ -45,9 +45,9 @@ class Member:
     length: int | None
 
 
-def parse_definitions(name: str, text: str) -> tuple[str, dict[str, list[Member]]]:
+def parse_definitions(name: str, text: str) -> tuple[str, dict[str, list[CdrMember]]]:
     """(name of the root, definitions by `package/Type`) of a concatenated ros2msg schema."""
-    definitions: dict[str, list[Member]] = {}
+    definitions: dict[str, list[CdrMember]] = {}
     for key, body in [*BUILTIN_TIME.items(), *_sections(name, text)]:
         package = key.split("/")[0]
         members = []
@@ -61,7 +61,7 @@ def parse_definitions(name: str, text: str) -> tuple[str, dict[str, list[Member]
             digits = re.sub(r"\D", "", match[2] or "")
             fixed = bool(match[2]) and "<" not in match[2] and digits
             members.append(
-                Member(kind, match[3], None if not match[2] else int(digits) if fixed else -1)
+                CdrMember(kind, match[3], None if not match[2] else int(digits) if fixed else -1)
             )
         definitions[key] = members
     return _key(name), definitions
@@ -86,7 +86,7 @@ class CdrTemplate:
     """The walk over one message."""
 
     def __init__(
-        self, data: bytes, definitions: dict[str, list[Member]], wants: list[Want]
+        self, data: bytes, definitions: dict[str, list[CdrMember]], wants: list[Want]
     ) -> None:
         if len(data) < ENCAPSULATION or data[1] not in (0, 1):
             raise NoPlanError
@@ -192,7 +192,7 @@ class CdrTemplate:
         self.at += -(self.at - ENCAPSULATION) % size
 
 
-def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> bool:
+def is_bounded(data: bytes, root: str, definitions: dict[str, list[CdrMember]]) -> bool:
     """True if a message can be decoded in bounded memory.
 
     It is small, or can be walked and holds no more than MOST_PARTS parts beside its plain lists of
@@ -205,7 +205,7 @@ def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> 
 
 
 def cdr_plan(
-    data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]
+    data: bytes, root: str, definitions: dict[str, list[CdrMember]], wants: list[Want]
 ) -> MessagePlan:
     """The plan of one ROS 2 message.  NoPlanError if it has none."""
     return CdrTemplate(data, definitions, wants).walk(

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.readers.mcap.json_shapes import Shape, read_messages, shape_of
+from tirelog.readers.mcap.json_shapes import MessageShape, read_messages, shape_of
 from tirelog.readers.mcap.source import Want
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class JsonReader:
     """Reads the messages of one channel, and remembers the shape that they had last."""
 
     def __init__(self) -> None:
-        self.shape: Shape | None = None
+        self.shape: MessageShape | None = None
 
     def read(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn] | None:
         """The columns of the table's JSON messages, one object each, or None."""

@@ -98,7 +98,7 @@ class _Cell:
 
 
 @dataclass(frozen=True)
-class Shape:
+class MessageShape:
     """The form of one message: its texts, and the cells that each want reads.
 
     `texts` before, between and behind its numbers are joined, and cut at `edges`; each want has its
@@ -112,7 +112,7 @@ class Shape:
     wanted: list[tuple[list[int], bool]]
 
 
-def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
+def shape_of(message: bytes, wants: list[Want]) -> MessageShape | None:
     """The shape of `message`; None without one.
 
     So if it is no object of numbers, or a want is none of them.
@@ -136,7 +136,7 @@ def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
     slots[used] = np.arange(len(used))
     texts = b"".join(message[a:b] for a, b in edges)
     cuts = np.cumsum([0] + [b - a for a, b in edges])
-    return Shape(
+    return MessageShape(
         np.frombuffer(texts, np.uint8),
         cuts,
         slots,
@@ -205,7 +205,7 @@ def _number(value: Any) -> int:
     return value.number
 
 
-def read_messages(table: MessageTable, shape: Shape) -> list[FieldColumn] | None:
+def read_messages(table: MessageTable, shape: MessageShape) -> list[FieldColumn] | None:
     """The columns of the table's messages; None if not all have this shape."""
     from tirelog.readers.mcap.columns import FieldColumn
     from tirelog.readers.text.digits import bytes_of

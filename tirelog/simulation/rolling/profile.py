@@ -31,7 +31,7 @@ RAMP_M = 0.01
 
 
 @dataclass(frozen=True)
-class Profile:
+class TrueProfile:
     """A road's profile: a broken line and a sine.
 
     `corner_m`, `height_m` (n,) the broken line, level outside; plus amplitude (1 - cos(2 pi
@@ -48,13 +48,13 @@ class Profile:
         return float(self.height_m.max()) + 2.0 * max(self.amplitude_m, 0.0)
 
 
-def profile_of(road: Road, radius_m: float, distance_m: float) -> Profile:
+def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
     """The scenario's profile over `distance_m` of driving.
 
     UsageError for one that a tire of this radius cannot roll over.
     """
     if road.kind == "flat":
-        return Profile(np.array([0.0, 1.0]), np.zeros(2))
+        return TrueProfile(np.array([0.0, 1.0]), np.zeros(2))
     begin = (
         _needed(road, "position_m")[0] if road.kind in ("step", "cleat") else road.position_m or 0.0
     )
@@ -71,7 +71,7 @@ def profile_of(road: Road, radius_m: float, distance_m: float) -> Profile:
             do="mend it",
         )
     _check(corner, height, radius_m)
-    return Profile(corner, height)
+    return TrueProfile(corner, height)
 
 
 def begins(road: Road, distance_m: float) -> FloatArray:
@@ -196,7 +196,7 @@ def _check_rise(rise_m: float, radius_m: float) -> None:
         )
 
 
-def _wave(road: Road, radius_m: float, begin_m: float) -> Profile:
+def _wave(road: Road, radius_m: float, begin_m: float) -> TrueProfile:
     amplitude, wavelength = _needed(road, "amplitude_m", "wavelength_m")
     if not wavelength > 0.0:
         raise UsageError(
@@ -211,4 +211,4 @@ def _wave(road: Road, radius_m: float, begin_m: float) -> Profile:
         )
     if wavelength < 4.0 * radius_m:
         _check_rise(2.0 * abs(amplitude), radius_m)
-    return Profile(np.array([begin_m, begin_m + 1.0]), np.zeros(2), amplitude, wavelength)
+    return TrueProfile(np.array([begin_m, begin_m + 1.0]), np.zeros(2), amplitude, wavelength)

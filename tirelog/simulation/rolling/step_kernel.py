@@ -101,7 +101,7 @@ class Basis(NamedTuple):
     slope: FloatArray
 
 
-class Work(NamedTuple):
+class StepRoom(NamedTuple):
     """Room for one step, (N,) each; `place` (11,) holds the stencil K - W^2 S."""
 
     load: FloatArray
@@ -236,7 +236,7 @@ def touch(
 @compiled
 def kick(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
-    middles: Records, mass: Factors, order: Record, step: float, torque: float, work: Work,
+    middles: Records, mass: Factors, order: Record, step: float, torque: float, work: StepRoom,
 ) -> tuple[float, float, float]:  # fmt: skip
     """The sidewall's force on the hub backwards and upwards, and the spin.
 
@@ -307,7 +307,7 @@ def kick(
 @compiled
 def belt_step(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
-    middles: Records, system: Factors, step: float, work: Work,
+    middles: Records, system: Factors, step: float, work: StepRoom,
 ) -> None:  # fmt: skip
     """The belt moves on by a step [s] at a steady spin, and wheel and hub with it.
 
@@ -361,7 +361,7 @@ def run_steps(
     """
     size = v.size
     mass, system = factors(size), factors(size)
-    work = Work(
+    work = StepRoom(
         np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size),
         np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(2 * HALF + 1),
     )  # fmt: skip

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tirelog.errors import UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt
-from tirelog.simulation.rolling.profile import Profile
+from tirelog.simulation.rolling.profile import TrueProfile
 from tirelog.simulation.rolling.step_kernel import MOMENT
 from tirelog.vocabulary.arrays import FloatArray, Records
 
@@ -151,7 +151,7 @@ class RollingTire:
     def __init__(
         self,
         belt: Belt,
-        profile: Profile,
+        profile: TrueProfile,
         start: Standing,
         *,
         speed_m_s: float,

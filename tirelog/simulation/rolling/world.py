@@ -26,7 +26,7 @@ from tirelog.simulation.rolling.profile import profile_of
 from tirelog.simulation.rolling.splines import Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.rolling.tire import Rider, RollingTire, TireMotion, standing
-from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Drive, Roughness
+from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Roughness, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange
 from tirelog.simulation.sensors.wheel import longitudinal_force
@@ -71,7 +71,7 @@ class RolledWorld(World):
     UsageError if the physics refuses it.
     """
 
-    def __init__(self, scenario: Scenario, drive: Drive, roughness: Roughness) -> None:
+    def __init__(self, scenario: Scenario, drive: TrueDrive, roughness: Roughness) -> None:
         super().__init__(scenario, drive, roughness)
         #: the drive as ordered, its angle the distance over the radius; `drive` has the wheel's own
         #: angle once it has rolled

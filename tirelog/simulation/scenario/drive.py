@@ -86,7 +86,7 @@ def _rounded(values: FloatArray, width_s: float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Drive:
+class TrueDrive:
     """Everything that moves, on the grid `time_s` (n,).
 
     Speed [m/s], acceleration, relative load, regimes as stretches; `radius_m` the rolling radius
@@ -170,7 +170,7 @@ class Drive:
         return time
 
 
-def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
+def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     """The scenario's manoeuvres as a Drive."""
     parts = drive_stretches(scenario, random)
     radius = scenario.tire.rolling_radius_m
@@ -188,7 +188,7 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
     spinning = CubicSpline(time, speed / stretch_of(grows, speed)) if grows.growth else spline
     angle = spinning.antiderivative()
     angle.c /= radius
-    return Drive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
+    return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
 
 
 def stretch_of(grows: RollingRadius, speed_m_s: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ def lagrange(place: FloatArray, points: int) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Places:
+class KnotPlaces:
     """Where n samples lie in a table of b knots and `points` angles.
 
     First flat index (n,) and weights.
@@ -66,7 +66,9 @@ class Places:
     width: int
 
     @classmethod
-    def of(cls, knots: int, points: int, time_place: FloatArray, angle_turns: FloatArray) -> Places:
+    def of(
+        cls, knots: int, points: int, time_place: FloatArray, angle_turns: FloatArray
+    ) -> KnotPlaces:
         """The places of samples in the table.
 
         `time_place` in knots from the table's first; `angle_turns` the tread angle in turns,
@@ -157,7 +159,7 @@ def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArr
                 )
             moment = trace.moment_s[here]
             after = (moment - span.start_s) / span.step_s + 1.0
-            places = Places.of(chunk.knots, world.ring.points, after, turns[name][here])
+            places = KnotPlaces.of(chunk.knots, world.ring.points, after, turns[name][here])
             values[name][here] = _with_load(places, tables[key], world.fluctuation(moment))
     for name, trace in riding.items():
         values[name] += _slow(world, trace, turns[name])
@@ -176,7 +178,7 @@ def _parabola(waves: list[FloatArray]) -> list[FloatArray]:
     ]
 
 
-def _with_load(places: Places, tables: list[FloatArray], fluctuation: FloatArray) -> FloatArray:
+def _with_load(places: KnotPlaces, tables: list[FloatArray], fluctuation: FloatArray) -> FloatArray:
     value = places.read(tables[-1])
     for table in reversed(tables[:-1]):
         value = places.read(table) + fluctuation * value

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.simulation.scenario.drive import Drive
+from tirelog.simulation.scenario.drive import TrueDrive
 from tirelog.simulation.steady.waveforms import Solution, World
 
 #: knots of an ordinary chunk, and steps of the cells that are quick or not as a whole
@@ -53,7 +53,7 @@ class KnotChunk:
 
 
 def plan_knots(
-    drive: Drive, step_s: float, quick: bool, start_s: float, end_s: float
+    drive: TrueDrive, step_s: float, quick: bool, start_s: float, end_s: float
 ) -> list[Span]:
     """The spans from start_s to end_s, in order.
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.drive import Drive, Roughness, Wander
+from tirelog.simulation.scenario.drive import Roughness, TrueDrive, Wander
 from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors import ramp
@@ -57,7 +57,11 @@ class World:
     """One scenario with its drawn road: gives instants, solutions and waveforms."""
 
     def __init__(
-        self, scenario: Scenario, drive: Drive, roughness: Roughness, wander: Wander | None = None
+        self,
+        scenario: Scenario,
+        drive: TrueDrive,
+        roughness: Roughness,
+        wander: Wander | None = None,
     ) -> None:
         self.scenario, self.drive, self.roughness = scenario, drive, roughness
         self.wander = wander or Wander()

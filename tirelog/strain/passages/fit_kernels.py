@@ -79,7 +79,7 @@ class Scratch(NamedTuple):
     bend: FloatArray
 
 
-class Step(NamedTuple):
+class TemplateFit(NamedTuple):
     """A solution of y = a + b T + c T' + d phi T'.
 
     offset, height    a and b [channel's unit]
@@ -322,7 +322,7 @@ def _shapes(
 
 
 @compiled
-def _step(count: int, hold: float, scratch: Scratch) -> Step:
+def _step(count: int, hold: float, scratch: Scratch) -> TemplateFit:
     """One Gauss-Newton step of the first `count` samples of a window.
 
     Residuals of all samples that are there (0 for lost ones) go to `scratch`. The stretch is held
@@ -369,7 +369,7 @@ def _solve(
     diagonal: tuple[float, float, float, float],
     below: tuple[float, float, float, float, float, float],
     right: tuple[float, float, float, float],
-) -> Step:
+) -> TemplateFit:
     """The solution of four normal equations, and two diagonal elements of the inverse.
 
     The last two elements, by L D L'. `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is
@@ -393,7 +393,7 @@ def _solve(
     d = r3 * i3
     c = r2 * i2 - l32 * d
     b = r1 * i1 - l21 * c - l31 * d
-    return Step(r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3)
+    return TemplateFit(r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3)
 
 
 @compiled

@@ -60,7 +60,7 @@ STEPS, LONGEST = 3, 1.0
 
 
 @dataclass(frozen=True)
-class Form:
+class FrontForm:
     """The mean flank in levels outside over the angle from the front [rad].
 
     From `low` to `high`: a cubic spline with even knots, by the `weights` (k + 3,) of the bumps
@@ -156,7 +156,7 @@ def _some(rows: IntArray) -> IntArray:
 
 def _learn(
     channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float], step: float
-) -> Form:
+) -> FrontForm:
     """The least-squares cubic spline through the samples of all `flanks`, aligned by place."""
     low, high = reach
     size = max(round((high - low) / step), 4) + 3
@@ -175,7 +175,7 @@ def _learn(
                 left += np.bincount((at + j) * size + at + k, one * other, size * size).reshape(
                     size, size
                 )
-    return Form(np.asarray(np.linalg.solve(left, right), dtype=np.float64), low, high)
+    return FrontForm(np.asarray(np.linalg.solve(left, right), dtype=np.float64), low, high)
 
 
 def _samples(
@@ -195,7 +195,7 @@ def _samples(
 
 
 def _shifts(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, form: Form
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, form: FrontForm
 ) -> tuple[FloatArray, FloatArray]:
     """(places [rad] at which the form fits best, standard errors), shape (n,).
 
