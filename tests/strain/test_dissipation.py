@@ -11,7 +11,7 @@ import pytest
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Recording
 from tirelog.data.setup import LogConditions, Setup, Tire
-from tirelog.dsp.differentiator import bridged, differentiator, response
+from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.plots.dissipation import said
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation, moving_average, steady_stretches
@@ -21,6 +21,16 @@ from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 
 CALM = {"height": 1.0, "drift": 0.0}
+
+
+def response(coefficients, rate_Hz, frequency_Hz):
+    """Gain of the filter over that of an ideal derivative at `frequency_Hz`."""
+    half = coefficients.size // 2
+    omega = 2.0 * np.pi * np.asarray(frequency_Hz, float) / rate_Hz
+    place = np.arange(1, half + 1)
+    gain = 2.0 * np.sin(np.multiply.outer(omega, place)) @ coefficients[:half][::-1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(omega == 0, 1.0, gain / (omega * rate_Hz))
 
 
 def dissipation_of(recording):

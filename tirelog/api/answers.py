@@ -17,7 +17,7 @@ from tirelog.api.results import (
     FitOfLogs,
     LadderOfLogs,
     ProposalOfLogs,
-    filled,
+    answer_of,
 )
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
@@ -297,7 +297,7 @@ def diagnose(
             progress=progress,
         )
         result = by_group.with_stability(result, stability)
-    return filled(DiagnosisOfLogs, result)
+    return answer_of(DiagnosisOfLogs, result)
 
 
 def ladder(
@@ -331,7 +331,7 @@ def ladder(
     found = _known(measured)
     if propose:
         _one_grating(found, "propose", "climb without --propose, or measure one channel")
-    return filled(
+    return answer_of(
         LadderOfLogs,
         climbing.ladder(
             found.revolutions,
@@ -386,7 +386,7 @@ def propose(
     """
     found = _known(measured)
     _one_grating(found, "propose", "measure one channel; diagnose tells which says what")
-    return filled(
+    return answer_of(
         ProposalOfLogs,
         proposing.propose(
             found.stacks,

@@ -32,7 +32,7 @@ FORM_IN_DOUBT = 1.2
 Answer = TypeVar("Answer")
 
 
-def filled(kind: type[Answer], base: Any, **more: Any) -> Answer:
+def answer_of(kind: type[Answer], base: Any, **more: Any) -> Answer:
     """An answer with the fields of its base."""
     return kind(**{f.name: getattr(base, f.name) for f in fields(base)}, **more)
 
@@ -82,7 +82,7 @@ class ComparisonOfLogs(Comparison):
         """The comparison with what was said of obstacles."""
         if isinstance(comparison, cls):  # a diagnosis that names nothing has one for both
             return comparison
-        return filled(cls, comparison, obstacles=obstacles, aside=aside)
+        return answer_of(cls, comparison, obstacles=obstacles, aside=aside)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -67,7 +67,7 @@ def write_json(value: dict[str, Any], output: Path | None) -> None:
         part.write_text(text, encoding="utf-8")
 
 
-def columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
+def columns_of_rows(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
     """Rows as columns; what a row lacks is NaN or empty text."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     texts = {name for name in names if any(isinstance(row.get(name), str) for row in rows)}
@@ -124,7 +124,7 @@ def compare(
             )
             with session.table("compare", output, format) as table:
                 for rows in parts:
-                    table.write(columns_of(rows))
+                    table.write(columns_of_rows(rows))
         elif format == "json" or (output is not None and output.suffix == ".json"):
             write_json(result.to_json(), output)
         elif format is not None or output is not None:

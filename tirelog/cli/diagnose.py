@@ -20,7 +20,7 @@ from tirelog.cli.common import (
     keeps_hashes,
     say,
 )
-from tirelog.cli.compare import columns_of, measured_and_model, write_json
+from tirelog.cli.compare import columns_of_rows, measured_and_model, write_json
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
@@ -80,7 +80,7 @@ def diagnose(
             write_json(result.to_json(), output)
         elif format is not None or output is not None:
             with session.table("diagnose", output, format) as table:
-                table.write(columns_of(_rows(result)))
+                table.write(columns_of_rows(_rows(result)))
         else:
             from tirelog.cli.discrepancy_page import diagnosis_page
 

@@ -24,7 +24,7 @@ from tirelog.cli.common import (
     keeps_hashes,
     say,
 )
-from tirelog.cli.compare import columns_of, measured_and_model, write_json
+from tirelog.cli.compare import columns_of_rows, measured_and_model, write_json
 from tirelog.cli.targets import in_a_folder
 from tirelog.errors import printable
 
@@ -97,7 +97,7 @@ def ladder(
             return
         rows = [dict(row) for row in result.strengths_by_log] if by_log else result.rows()
         with session.table("ladder", output, format) as table:  # nothing added: names, no rows
-            table.write(columns_of(rows) or {name: [] for name in _BY_LOG})
+            table.write(columns_of_rows(rows) or {name: [] for name in _BY_LOG})
 
 
 #: columns of --by-log

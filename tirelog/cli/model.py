@@ -20,7 +20,7 @@ from tirelog.cli.common import (
     SetupFile,
     say,
 )
-from tirelog.cli.model_predict import Model_, forces, modes, predict, setup_of
+from tirelog.cli.model_predict import Model_, forces, modes, predict, setup_in
 from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def new(
 
     model, remarks = new_model(
         carcass,
-        setup_of(setup),
+        setup_in(setup),
         observable=None if observable is None else _words(observable),
         contact=contact,
         values=_assignments(sets),
@@ -190,7 +190,7 @@ def add(
     changed = read.with_effect(
         effect_called(effect, effects or read.effects_file, asked=effects is not None)
     ).with_values(_assignments(sets, f"{effect}."))
-    given = setup_of(setup)
+    given = setup_in(setup)
     save_model(with_gauge_length(changed, given) if effect == "gauge_length" else changed, output)
 
 

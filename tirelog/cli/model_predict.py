@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
 
 
-def setup_of(path: Path | None) -> Setup | None:
+def setup_in(path: Path | None) -> Setup | None:
     """The setup in a file, None if none is given."""
     from tirelog.data.setup import load_setup
 
@@ -145,7 +145,7 @@ def predict(
     from tirelog.errors import UsageError
     from tirelog.physics.model.from_setup import known_surface
 
-    read, given = models.load_model(model, effects=effects), setup_of(setup)
+    read, given = models.load_model(model, effects=effects), setup_in(setup)
     conditions = conditions_given(
         given,
         {"time_s": time, "temperature_K": temperature},
@@ -220,7 +220,7 @@ def forces(
     from tirelog.api import models
     from tirelog.cli.ranges import conditions_given
 
-    read, given = models.load_model(model, effects=effects), setup_of(setup)
+    read, given = models.load_model(model, effects=effects), setup_in(setup)
     conditions = conditions_given(
         given,
         {"time_s": 0.0},

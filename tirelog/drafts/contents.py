@@ -38,8 +38,6 @@ from tirelog.vocabulary.arrays import FloatArray
 _BLOCKS = 48
 #: samples of a series that are kept
 _MOST_SAMPLES = 1 << 17
-#: first samples shown
-EXAMPLES = 3
 
 
 @dataclass(frozen=True)

@@ -53,16 +53,6 @@ def differentiator(rate_Hz: float, edge_Hz: float, averaged: int = 1) -> FloatAr
     return np.concatenate([side[::-1], [0.0], -side])
 
 
-def response(coefficients: FloatArray, rate_Hz: float, frequency_Hz: FloatArray) -> FloatArray:
-    """Gain of the filter over that of an ideal derivative at `frequency_Hz`."""
-    half = coefficients.size // 2
-    omega = 2.0 * np.pi * np.asarray(frequency_Hz, float) / rate_Hz
-    place = np.arange(1, half + 1)
-    gain = 2.0 * np.sin(np.multiply.outer(omega, place)) @ coefficients[:half][::-1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(omega == 0, 1.0, gain / (omega * rate_Hz))
-
-
 def bridged(values: FloatArray, wild: float) -> FloatArray:
     """`values` (n,) with lost and wild samples replaced.
 

@@ -12,11 +12,11 @@ def strain_channels(recording: Recording) -> list[Channel]:
     channels = recording.of_kind(*STRAIN_KINDS)
     if not channels:
         wanted = f"channels of kind {' and '.join(STRAIN_KINDS)}"
-        raise lacking(recording, "no strain channel", wanted)
+        raise no_channel(recording, "no strain channel", wanted)
     return channels
 
 
-def lacking(recording: Recording, what: str, wanted: str) -> UsageError:
+def no_channel(recording: Recording, what: str, wanted: str) -> UsageError:
     """The error of a log without a channel that is needed; it tells those that there are."""
     have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
     return UsageError(

@@ -19,7 +19,7 @@ import numpy as np
 from tirelog.data.bounds import doubt_of_radius
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.errors import UsageError
-from tirelog.strain.channels import lacking
+from tirelog.strain.channels import no_channel
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.strain.passages.surface import passages_of
@@ -222,7 +222,7 @@ def speed_channels(recording: Recording) -> list[Channel]:
     channels = recording.of_kind("radial_acceleration")
     if not channels:
         wanted = "strain, wheel_encoder and radial_acceleration"
-        raise lacking(recording, "no channel tells the speed", wanted)
+        raise no_channel(recording, "no channel tells the speed", wanted)
     return channels
 
 

@@ -129,12 +129,8 @@ def _of_task(
     return {name: np.broadcast_to(column, (n, 1))[:, 0] for name, column in found.items()}
 
 
-def critical_speed(task: Task) -> FloatArray:
-    """c_cr [m/s] of a beam with all effects, (n or 1, 1), P1 (5); NaN of a ring, which has none."""
-    return _critical(task)
-
-
 def _critical(task: Task) -> FloatArray:
+    """c_cr [m/s] of a beam with all effects, (n or 1, 1), P1 (5); NaN of a ring, which has none."""
     if task.carcass == "ring":
         return np.full((1, 1), np.nan)
     b, s = task.base, structure(task)
