@@ -160,3 +160,13 @@ def test_a_class_has_a_name_of_its_own() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 homes.setdefault(node.name, []).append(name)
     assert {word: found for word, found in homes.items() if len(found) > 1} == {}
+
+
+def test_a_long_file_says_why() -> None:
+    silent = [
+        name
+        for name, path in modules().items()
+        if len((text := path.read_text()).splitlines()) > 500
+        and "longer than others" not in " ".join((ast.get_docstring(ast.parse(text)) or "").split())
+    ]
+    assert silent == []

@@ -4,7 +4,8 @@
 
 The dataclasses are the schema: a key is allowed if it is a field, a number must be finite and
 inside the field's range, and an unknown key is refused with its line, what is allowed and the
-nearest spelling. Units are only checked here; `ingest` converts.
+nearest spelling. Units are only checked here; `ingest` converts. The file is longer than others,
+since a schema is to be read in one place.
 """
 
 from __future__ import annotations
