@@ -10,7 +10,7 @@ from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import polished
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
 from tirelog.diagnosis.propose.ground import Ground
-from tirelog.diagnosis.propose.measured_shapes import hats, measured_shapes
+from tirelog.diagnosis.propose.measured_shapes import hats_on, measured_shapes
 from tirelog.diagnosis.propose.scan import Atom, columns_of, polish, scan, strengths, unit_columns
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -124,10 +124,10 @@ def test_hats_interpolate_straight_lines_and_close_on_themselves() -> None:
     nodes, values = np.array([0.0, 0.1, 0.4, 1.0]), np.array([1.0, -2.0, 0.5, 3.0])
     x = np.linspace(-0.5, 1.5, 77)
     np.testing.assert_allclose(
-        hats(x, nodes) @ values, np.interp(x, nodes, values, left=0.0, right=0.0), atol=1e-14
+        hats_on(x, nodes) @ values, np.interp(x, nodes, values, left=0.0, right=0.0), atol=1e-14
     )
     round_nodes = np.append(nodes, 1.5)
-    found = hats(x, round_nodes, 1.5) @ np.append(values, values[0])
+    found = hats_on(x, round_nodes, 1.5) @ np.append(values, values[0])
     np.testing.assert_allclose(found, np.interp(x, nodes, values, period=1.5), atol=1e-12)
 
 

@@ -20,7 +20,7 @@ from tests.readers.mcap_files import (
 )  # fmt: skip
 from tirelog.readers.mcap import decode as mcap_decode
 from tirelog.readers.mcap import order as mcap_order
-from tirelog.readers.mcap.source import parse_path, split_source
+from tirelog.readers.mcap.source import parse_path, topic_and_field
 
 STEP_NS = 400_000
 N = 1500
@@ -371,7 +371,7 @@ def test_lost_peaks_are_lost(path):
     ],
 )
 def test_sources(source, topic, tokens):
-    found, path = split_source(source)
+    found, path = topic_and_field(source)
     assert (found, parse_path(path).tokens) == (topic, tokens)
 
 

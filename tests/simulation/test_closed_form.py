@@ -11,7 +11,7 @@ from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.steady.carcass import carcass, curvature_operator
 from tirelog.simulation.steady.contact import FlatRoadContact
-from tirelog.simulation.steady.loads import friction, parabola
+from tirelog.simulation.steady.loads import friction, true_parabola
 from tirelog.simulation.steady.operators import Ring, central_weights
 
 from .worlds import instants, scenario, world
@@ -88,7 +88,7 @@ def test_beam_carries_the_load_on_its_foundation() -> None:
 
 def test_parabola_carries_the_load_whatever_its_length(ring: Ring) -> None:
     for half_length in (0.04, 0.0581, 0.0587):
-        p = parabola(ring, np.array([half_length]), np.array([3000.0]))[0]
+        p = true_parabola(ring, np.array([half_length]), np.array([3000.0]))[0]
         assert p.sum() * ring.step_m == pytest.approx(3000.0, rel=1e-12)
         middle = 0.75 * 3000.0 / half_length
         assert p[ring.points // 2] == pytest.approx(middle, rel=1e-4)
@@ -155,13 +155,13 @@ def test_slip_onset_of_the_literature() -> None:
     """
     ring = Ring(8192, 2 * np.pi * R)
     at = instants(11.11, 400 * 9.81, 0.05, 0.15)
-    rubbed = friction(ring, TRACTION, parabola(ring, at.half_length, at.load), at)
+    rubbed = friction(ring, TRACTION, true_parabola(ring, at.half_length, at.load), at)
     assert rubbed.onset_m[0] == pytest.approx(0.035, abs=2e-5)
     assert abs(rubbed.radial.sum() * ring.step_m) < 1e-9
     assert rubbed.tangential.max() > 0  # braking: towards the exit
     assert rubbed.tangential.min() >= 0
     driving = friction(
-        ring, TRACTION, parabola(ring, at.half_length, at.load), replace(at, slip=-at.slip)
+        ring, TRACTION, true_parabola(ring, at.half_length, at.load), replace(at, slip=-at.slip)
     )
     assert np.array_equal(driving.tangential, -rubbed.tangential)
 
@@ -172,7 +172,7 @@ def test_a_road_of_low_grip_slips_sooner() -> None:
     at = instants(11.11, 400 * 9.81, 0.05, 0.1)
     icy = {"static_friction": 0.3, "sliding_friction": 0.2, "lever_m": 0.018}
     icy["slip_stiffness_ratio"] = 0.8 / 0.3
-    pressure = parabola(ring, at.half_length, at.load)
+    pressure = true_parabola(ring, at.half_length, at.load)
     rubbed = friction(ring, Planted("traction", "exact", icy), pressure, at)
     assert rubbed.onset_m[0] == pytest.approx(0.05 * (1.0 - 2.0 * 0.1 * 0.8 / 0.3), abs=3e-5)
     slides = (ring.xi_m > 0.03) & (ring.xi_m < 0.048)

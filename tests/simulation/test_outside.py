@@ -111,7 +111,7 @@ def test_stiffening_satisfies_its_own_equation() -> None:
     operator.
     """
     from tirelog.simulation.steady.carcass import carcass
-    from tirelog.simulation.steady.loads import parabola
+    from tirelog.simulation.steady.loads import true_parabola
 
     for form, power, scale in (("exact", 2, 1.0), ("other", 1, 0.008)):
         w = world(effects=[{"name": "stiffening", "cubic_1_m2": 3000.0, "form": form}])
@@ -120,7 +120,7 @@ def test_stiffening_satisfies_its_own_equation() -> None:
         linear = 1.0 / carcass(w.scenario, w.ring, at).radial
         force = w.ring.inverse(linear * w.ring.transform(solution[None, :]))[0]
         force += 2.0e6 * 3000.0 * scale * np.abs(solution) ** power * solution
-        p = parabola(w.ring, at.half_length, at.load)[0]
+        p = true_parabola(w.ring, at.half_length, at.load)[0]
         smooth = np.exp(-0.5 * (w.ring.xi_m / 0.004) ** 2)
         kernel = w.ring.kernel(smooth)
         residual = w.ring.inverse(w.ring.transform(force - p) * kernel)

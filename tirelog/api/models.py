@@ -63,7 +63,7 @@ def load_model(path: Path, *, effects: Path | None = None) -> Model:
     return file.load_model(File(path), effects=None if effects is None else File(effects))
 
 
-def conditions_of(conditions: Conditions | Mapping[str, Any]) -> Conditions:
+def given_conditions(conditions: Conditions | Mapping[str, Any]) -> Conditions:
     """The conditions, from fields by name: numbers, or arrays of one length, shape (n,).
 
     UsageError: no such field, or arrays of several lengths.
@@ -131,7 +131,7 @@ def predict(
     >>> wave.shape, float(wave.min()) < 0
     ((1, 1024), True)
     """
-    given = conditions_of(conditions)
+    given = given_conditions(conditions)
     check_conditions(given)
     check_model(model)
     chosen = angles() if phi_rad is None else np.asarray(phi_rad, float)
@@ -177,7 +177,7 @@ def revolutions(
     and the conditions, the load as the model has it. `modes`: the last mode of a waveform, all of
     them by default. UsageError and ModelError as `predict`.
     """
-    given, phi = conditions_of(conditions), angles(points)
+    given, phi = given_conditions(conditions), angles(points)
     check_conditions(given)
     check_model(model)
     n = len(given)
@@ -208,7 +208,7 @@ def forces(
     With a setup that gives viscosity, height and width of the tread strip also its powers.
     UsageError and ModelError as `predict`.
     """
-    given = conditions_of(conditions)
+    given = given_conditions(conditions)
     check_conditions(given)
     check_model(model)
     return force_columns(
@@ -242,7 +242,7 @@ def passage(
     from tirelog.physics.moving.course import course_of, passage_columns
     from tirelog.physics.moving.transient import driven
 
-    given = conditions_of(conditions)
+    given = given_conditions(conditions)
     check_conditions(given)
     check_model(model)
     load_N = float(given.load_N[0]) if given.known("load_N") else model.values["load_N"]
@@ -320,7 +320,7 @@ def contributions(
     >>> list(parts), float(abs(parts["interaction"]).max()) < 1e-12
     (['base', 'water_film', 'interaction'], True)
     """
-    given = conditions_of(conditions)
+    given = given_conditions(conditions)
     settled = model.resolved(given)  # what depends on all revolutions, once for every part
 
     def predicted(one: Model) -> FloatArray:

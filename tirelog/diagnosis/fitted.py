@@ -39,7 +39,7 @@ def fit_channels_measured(
                 or an unknown nuisance
     UsageError  there is nothing to fit, or it is not what the model predicts
     """
-    pieces = [part for channel in channels for part in parts_of(measured_pieces(channel))]
+    pieces = [part for channel in channels for part in measured_parts(measured_pieces(channel))]
     _refuse(pieces, model)
     cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
     start = without_motion_parameters(model)
@@ -80,7 +80,7 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
                 )
 
 
-def parts_of(pieces: Pieces | PiecesTogether) -> tuple[Pieces, ...]:
+def measured_parts(pieces: Pieces | PiecesTogether) -> tuple[Pieces, ...]:
     """The pieces of each observable."""
     return pieces.parts if isinstance(pieces, PiecesTogether) else (pieces,)
 

@@ -27,8 +27,8 @@ from tirelog.strain.footprint.plain_edges import (
     AlongTread,
     Edges,
     along_tread,
+    distance_along,
     find_edges,
-    travelled,
 )
 from tirelog.strain.footprint.windows import gather_windows
 from tirelog.vocabulary.arrays import FloatArray
@@ -127,7 +127,7 @@ def _measured(
         _UPSAMPLED,
     )
     times = np.array([row["entry_time_s"], row["exit_time_s"]], float) - float(row["time_s"])
-    entry, leave = travelled(times, v, a)
+    entry, leave = distance_along(times, v, a)
     return _Passage(
         row,
         acceleration,

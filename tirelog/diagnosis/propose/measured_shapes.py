@@ -103,7 +103,7 @@ class _Hats:
     likely: float
 
 
-def hats(x: FloatArray, nodes: FloatArray, period: float | None = None) -> FloatArray:
+def hats_on(x: FloatArray, nodes: FloatArray, period: float | None = None) -> FloatArray:
     """Linear B-splines on nodes (k,), at x (...): (..., k); nothing outside the nodes."""
     if period is not None:
         x = (x - nodes[0]) % period + nodes[0]
@@ -160,7 +160,7 @@ def _hats(ground: Ground, frame: str, acts_on: str) -> _Hats:
         nodes = np.linspace(float(coordinate.min()), float(coordinate.max()), _SPEEDS)
         whole = np.array([0.0, 1e3])
         change = _response(ground, acts_on, frame, whole, np.ones(2))
-        columns = change[..., None] * hats(coordinate, nodes)
+        columns = change[..., None] * hats_on(coordinate, nodes)
         likely = _LIKELY[acts_on] * float(np.mean(ground.values["load"]))
         return _Hats(frame, acts_on, nodes, columns, likely)
     if known.periodic is None:
@@ -168,7 +168,7 @@ def _hats(ground: Ground, frame: str, acts_on: str) -> _Hats:
         nodes = nodes[: int(np.searchsorted(nodes, reach)) + 1] if nodes[0] == 0.0 else nodes
     shape = ground.residual.shape
     below, above = (
-        hats(np.broadcast_to(at, shape), nodes, known.periodic)
+        hats_on(np.broadcast_to(at, shape), nodes, known.periodic)
         for at in ground.at_ends(known.coordinate, {})
     )
     columns = 0.5 * (below + above)

@@ -102,7 +102,7 @@ def _neighbours(modes: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     return ahead, behind
 
 
-def hub_forces(
+def ring_hub_forces(
     pressure: ComplexArray,
     traction: ComplexArray | None,
     carcass: RingCarcass,

@@ -569,12 +569,12 @@ def baseline(task: Task) -> FloatArray | float:
 def hub_forces(task: Task) -> FloatArray:
     """(F_x, F_z) [N] of a ring, (2, n or 1).
 
-    `ring.hub_forces` at the pressure and traction of the task.
+    `ring.ring_hub_forces` at the pressure and traction of the task.
     """
     pressed = pressure(task)
     carcass = ring_carcass(task)
     return np.stack(
-        ring.hub_forces(
+        ring.ring_hub_forces(
             pressed.normal, pressed.traction, carcass, task.drive.speed_m_s[:, 0] / carcass.R
         )
     )

@@ -23,9 +23,9 @@ from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
     SourceColumn,
     column,
+    dataset_and_index,
     first_number,
     names,
-    split_source,
     walk,
 )
 from tirelog.readers.rates import unit_by_size
@@ -74,7 +74,7 @@ class TimeColumn:
 
 def find_columns(file: h5py.File, source: str) -> SourceColumn:
     """The column that `source` means.  ReadError if there is none, or it is refused."""
-    path, field, index = split_source(source)
+    path, field, index = dataset_and_index(source)
     item = walk(file, path)
     if isinstance(item, h5py.Dataset):
         return column(path, item, field, index)

@@ -235,7 +235,7 @@ def names(file: h5py.File) -> list[str]:
     return found[:MOST_NAMES]
 
 
-def split_source(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
+def dataset_and_index(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
     """(dataset path, field or column, index) of a source.
 
     None in the index is ':'. ReadError if it does not parse.

@@ -24,7 +24,7 @@ from tirelog.errors import ReadError, nearest
 from tirelog.readers.base import Group, RawBlock, ReadReport
 from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder
 from tirelog.readers.mcap.records import RECORD_ERRORS, RecordChunk, Records
-from tirelog.readers.mcap.source import FieldError, Want, parse_path, split_source
+from tirelog.readers.mcap.source import FieldError, Want, parse_path, topic_and_field
 from tirelog.readers.mcap.topic import Topic
 from tirelog.readers.mcap.walk import MessageTable, split_pieces
 
@@ -88,7 +88,7 @@ class McapLog:
         wants: dict[str, dict[str, Want]] = {}
         for name, channel in self.setup.channels.items():
             try:
-                topic, field = split_source(channel.source)
+                topic, field = topic_and_field(channel.source)
                 wants.setdefault(topic, {})[name] = parse_path(field)
             except ReadError as problem:
                 self.report.losses.append(f"channel {name}: {problem.message}")

@@ -41,7 +41,7 @@ class FieldError(ValueError):
         self.known, self.name = known, name
 
 
-def split_source(source: str) -> tuple[str, str]:
+def topic_and_field(source: str) -> tuple[str, str]:
     """(topic, field path) of a source.  ReadError if it does not parse."""
     match = re.fullmatch(r"(.+):((?:[^:\[\]]|\[[^\[\]]*\])+)", source.strip())
     if match is None:

@@ -82,7 +82,7 @@ class Instants:
         return replace(self, **arrays)
 
 
-def parabola(ring: Ring, half_length: FloatArray, load: FloatArray) -> FloatArray:
+def true_parabola(ring: Ring, half_length: FloatArray, load: FloatArray) -> FloatArray:
     """Cell means of 3 F/(4 L^3) (L^2 - xi^2) inside +-L, shape (b, points)."""
     near = ring.window(float(half_length.max()))
     borders = ring.borders_m[near.start : near.stop + 1]

@@ -21,7 +21,7 @@ from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors import ramp
 from tirelog.simulation.steady.carcass import BENDING_N_M2, carcass, curvature_operator
 from tirelog.simulation.steady.contact import FlatRoadContact
-from tirelog.simulation.steady.loads import Friction, Instants, friction, parabola, pressure
+from tirelog.simulation.steady.loads import Friction, Instants, friction, pressure, true_parabola
 from tirelog.simulation.steady.operators import ComplexArray, Ring
 from tirelog.simulation.steady.strains import delaying, extra_strain, seen_by
 from tirelog.vocabulary.arrays import FloatArray
@@ -251,7 +251,7 @@ class World:
             base, entry, exit_ = touch.pressure, touch.entry_m, touch.exit_m
             at = replace(at, half_length=0.5 * (exit_ - entry))
         else:
-            base = parabola(ring, at.half_length, at.load)
+            base = true_parabola(ring, at.half_length, at.load)
         p = pressure(ring, scenario.effects, base, at)
         traction = scenario.planted("traction")
         rubbed = friction(ring, traction, p, at) if traction is not None else None

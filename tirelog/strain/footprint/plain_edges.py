@@ -59,7 +59,7 @@ class Edges:
     exit_height: FloatArray
 
 
-def travelled(
+def distance_along(
     time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
 ) -> FloatArray:
     """Distance [m] along the tread after `time_s` from the patch centre; broadcasts."""
@@ -125,7 +125,7 @@ def along_tread(
     )
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
     return AlongTread(
-        travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second
+        distance_along(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second
     )
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.runtime import compiled
 from tirelog.strain.footprint.kernels import motion_of
-from tirelog.strain.footprint.plain_edges import travelled
+from tirelog.strain.footprint.plain_edges import distance_along
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: numbers in the windows that are given at a time: what works on them does so without leaving the
@@ -66,7 +66,7 @@ class PatchWindows:
         """Distance of each sample from the patch centre along the tread, shape (n, m)."""
         rows = motion[:, None]
         time = (np.arange(self.values.shape[1]) - rows["centre"]) / rows["rate_Hz"]
-        return travelled(time, rows["speed_m_s"], rows["acceleration_m_s2"])
+        return distance_along(time, rows["speed_m_s"], rows["acceleration_m_s2"])
 
     def reduced(self, averaged: int) -> PatchWindows:
         """The same windows with `averaged` neighbouring columns as one."""

@@ -93,7 +93,7 @@ def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArr
     return curve
 
 
-def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
+def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
     """(middle, half width) of the crossings of half of the height, or None without such.
 
     The height is above the ends' mean.
@@ -119,7 +119,7 @@ def learned_template(sums: CurveSums, window: float) -> Template | None:
     """
     coefficients = sums.coefficients()
     grid = np.linspace(-window, window, TABLE)
-    found = half_level(grid, _curve(coefficients, grid, window)[0])
+    found = half_height(grid, _curve(coefficients, grid, window)[0])
     if found is None:
         return None
     middle, half_width = found
