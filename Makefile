@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test test-slow test-extras test-versions coverage bench lint hidden nuisances fuzz docs reference outputs gallery
+.PHONY: demo test test-slow test-extras test-versions coverage bench lint hidden nuisances calibration fuzz docs reference outputs gallery
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -70,6 +70,10 @@ hidden: .venv/.dev
 # other tires and plans from seed 20000 on; NUISANCES="--seeds 1-4 --effects all" for others
 nuisances: .venv/.dev
 	$(BIN)/python -m benchmarks.nuisances $(NUISANCES)
+
+# cases to calibrate a verdict's probability; CALIBRATION="--fit FILE.csv" makes the table of them
+calibration: .venv/.dev
+	$(BIN)/python -m benchmarks.calibration $(CALIBRATION)
 
 # another seed each time; FUZZ="--seed 1 --only 17" carries one case out again
 fuzz: .venv/.dev

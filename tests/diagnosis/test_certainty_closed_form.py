@@ -97,8 +97,8 @@ def test_what_was_asked_otherwise_than_any_case_is_said(model, selected, grating
 def test_the_sentence_says_what_it_rests_on():
     known = {**TABLE, "name": {**NAME, "lacking": ["effect that no catalogue has"], "terms": {}}}
     assert certainty_of(MARKS, known).sentence == (
-        "Right in 80 of 100 like cases (by 40 simulated ones of 20 tires, 2026-11-22; among them "
-        "is no effect that no catalogue has)."
+        "Right in 80 of 100 like cases (40 simulated, 20 tires, 2026-11-22; none had an effect "
+        "that no catalogue has)."
     )
 
 

@@ -182,11 +182,11 @@ class Certainty:
         """The same in words."""
         if self.probability is None:
             return f"No calibration for this kind: {self.reason}."
-        but = f"; among them is no {' and no '.join(self.lacking)}" if self.lacking else ""
+        but = f"; none had an {' or an '.join(self.lacking)}" if self.lacking else ""
         of_100 = math.floor(100.0 * self.probability + 1e-9)  # no more than is known
         return (
-            f"Right in {of_100} of 100 like cases (by {self.cases} simulated ones of {self.tires} "
-            f"tires, {self.date}{but})."
+            f"Right in {of_100} of 100 like cases ({self.cases} simulated, {self.tires} tires, "
+            f"{self.date}{but})."
         )
 
     def to_json(self) -> dict[str, Any]:
