@@ -65,7 +65,8 @@ _ALIKE = 0.5
 #: true cases move them by half
 _PSEUDO = 2.0
 _SLOPE = 1.0
-#: class of verdicts -> fewest cases that a table is made of
+#: fewest drives that the row of a class is made of; half as many would be no more than the
+#: pseudo-cases
 _FEWEST = 8
 #: probabilities that are counted together in a report
 _BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
@@ -152,15 +153,20 @@ def counted(rows: Iterable[Row]) -> list[Row]:
 # ---- the fit ------------------------------------------------------------------------------------
 
 
-def tire(row: Row) -> tuple[object, ...]:
-    """Cases of one tire, log and effect are alike beside their nuisances."""
+def tires(rows: Iterable[Row]) -> int:
+    """Of how many tires the cases are: a seed draws one."""
+    return len({(row.seed, row.carcass) for row in rows})
+
+
+def drive(row: Row) -> tuple[object, ...]:
+    """Cases of one tire, drive and effect are alike beside their nuisances."""
     return row.seed, row.carcass, row.planted, row.size
 
 
 def weights(rows: Sequence[Row]) -> FloatArray:
     """Of each row by how many cases it counts: the priors' shares, and what like cases tell."""
-    size = Counter(map(tire, rows))
-    own = np.array([1.0 / (1.0 + (size[tire(r)] - 1) * _ALIKE) for r in rows])
+    size = Counter(map(drive, rows))
+    own = np.array([1.0 / (1.0 + (size[drive(r)] - 1) * _ALIKE) for r in rows])
     missing = [missing_in(r) for r in rows]
     total = {name: sum(o for o, m in zip(own, missing) if m == name) for name in set(missing)}
     raw = own * np.array([MISSING[m] / total[m] for m in missing])
@@ -239,22 +245,23 @@ def table(rows: Iterable[Row], today: date) -> tomlkit.TOMLDocument:
     out = tomlkit.document()
     out.add(tomlkit.comment("made by `python -m benchmarks.calibration --fit`; do not edit"))
     out["date"] = today.isoformat()
-    out["cases"], out["tires"] = len(some), len({tire(r) for r in some})
+    out["cases"], out["tires"] = len(some), tires(some)
     out["seeds"] = ranges({r.seed for r in some})
     out["priors"] = {"missing": MISSING, "carcasses": CARCASSES, "nuisances": list(NUISANCES)}
     for kind in CLASSES:
         at = [i for i, r in enumerate(some) if class_of(r.status) == kind]
         own = [some[i] for i in at]
-        if len({tire(r) for r in own}) < _FEWEST:
+        count = len({drive(r) for r in own})
+        if count < _FEWEST:
             continue
         found = fitted(own, weight[at], OF_CLASS[kind])
         there = {missing_in(r) for r in some}
         lacks = {"outside": "effect that no catalogue has", "catalogue": "effect of the catalogue"}
         out[kind] = {
             "cases": len(own),
-            "tires": len({tire(r) for r in own}),
+            "tires": tires(own),
             "right": sum(map(is_right, own)),
-            "effective": round(min(float(weight[at].sum()), len({tire(r) for r in own})), 1),
+            "effective": round(min(float(weight[at].sum()), count), 1),
             "carcasses": sorted({r.carcass for r in own}),
             "manoeuvres": [min(r.manoeuvres for r in own), max(r.manoeuvres for r in own)],
             "lacking": [words for name, words in lacks.items() if name not in there],

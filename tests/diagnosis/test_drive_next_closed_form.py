@@ -53,6 +53,6 @@ def test_a_row_as_a_sentence():
         "calibrated": False,
     }  # fmt: skip
     assert drive_sentences([row]) == [
-        "To be surer: cruise at 8 m/s, 2 times (1.2 min): +25.0 points expected of even odds, 20 "
+        "To be surer: cruise at 8 m/s, 2 times (1.2 min): +25.0 points expected from even odds, 20 "
         "per minute, by telling wear from traction; wear from drift."
     ]

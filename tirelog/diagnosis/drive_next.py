@@ -244,7 +244,7 @@ def drive_sentences(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
         pairs = "; ".join(f"{one} from {other}" for one, other in row["separates"])
         points, rate = 100.0 * row["gain"], 100.0 * row["gain_per_minute"]
-        odds = "" if row["calibrated"] else " of even odds"
+        odds = "" if row["calibrated"] else " from even odds"
         said.append(
             f"To be surer: {row['manoeuvre']}, {times} ({row['minutes']:.1f} min): +{points:.1f} "
             f"points expected{odds}, {rate:.2g} per minute, by telling {pairs}."
