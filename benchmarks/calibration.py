@@ -18,18 +18,19 @@ The priors, which a table is true for (`drawn`):
               catalogue's and another, as likely each
     nuisances 0 to 4 at once in 20, 35, 25, 15 and 5 % of cases, any as likely
 
-What is right stands in `is_right`. A row of `benchmarks.nuisances` is a case as well: rows count by
-the share that the priors give to what is missing in them, and cases of one tire count as what they
-tell together.
+What is right stands in `is_right`. Rows of `benchmarks.nuisances` and `benchmarks.hidden` are cases
+as well: rows count by the share that the priors give to what is missing in them, and cases of one
+drive count as what they tell together.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import date
@@ -43,6 +44,7 @@ from scipy.optimize import minimize
 
 import tirelog
 from benchmarks.cases import IN_CATALOGUE, OUTSIDE
+from benchmarks.hidden import KINDS as HIDDEN
 from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import FIRST_DRAWN, CaseOf, several
 from benchmarks.nuisances import Row, append_rows, names, read_rows, row_of, seeds_of, written
@@ -118,25 +120,32 @@ def is_right(row: Row) -> bool:
     """Is the verdict true as a sentence?
 
     none     nothing was planted, or less than NEGLIGIBLE
-    name     what is named is what was planted, or the set holds it; nothing else is named
+    name     what is named is what was planted, or the sets hold it; nothing else is named
+    part     nothing is named that was not planted, alone or in a set
     unknown  what was planted is outside the catalogue
     """
-    kind = class_of(row.status)
+    kind, planted = class_of(row.status), planted_in(row)
     if kind == "none":
-        return not row.planted or row.planted_excess < NEGLIGIBLE
+        return not planted or row.planted_excess < NEGLIGIBLE
     if kind == "unknown":
-        return row.planted in OUTSIDE
+        return missing_in(row) == "outside"
     sets = [set(group) for group in json.loads(row.sets)]
-    of_truth = {name for group in sets if row.planted in group for name in group}
+    of_truth = {name for group in sets if group & planted for name in group}
     claimed = names(row) | {name for group in sets for name in group}
-    return bool(row.planted) and row.planted in claimed and names(row) <= {row.planted} | of_truth
+    true = bool(names(row)) and names(row) <= planted | of_truth
+    return true and (planted <= claimed or kind == "part")
+
+
+def planted_in(row: Row) -> set[str]:
+    """The effects that are planted in a case."""
+    return set(row.planted.split("+")) - {""}
 
 
 def missing_in(row: Row) -> str:
     """What is missing in a case, as the priors call it."""
     if not row.planted:
         return "nothing"
-    return "outside" if row.planted in OUTSIDE else "catalogue"
+    return "outside" if planted_in(row) & set(OUTSIDE) else "catalogue"
 
 
 def counted(rows: Iterable[Row]) -> list[Row]:
@@ -150,12 +159,34 @@ def counted(rows: Iterable[Row]) -> list[Row]:
     ]
 
 
+def rows_of(file: Path) -> list[Row]:
+    """The cases in a file of this benchmark, of `nuisances` or of `hidden`."""
+    with file.open(newline="", encoding="utf-8") as stream:
+        rows = csv.DictReader(stream)
+        if "verdict" in (rows.fieldnames or ()):
+            return [of_hidden(row) for row in rows if row["kind"] not in ("parted",)]
+    return read_rows(file)
+
+
+def of_hidden(row: Mapping[str, str]) -> Row:
+    """A row of `benchmarks.hidden`: the numbers of manoeuvres are not in it."""
+    excess, after = float(row["excess_over_floor"]) ** 2, float(row["after_over_floor"])
+    before = math.sqrt(1.0 + excess)
+    return Row(
+        row["kind"], int(row["seed"]), "beam", row["planted"], row["kind"], 1.0,
+        excess if row["planted"] else 0.0, row["verdict"], row["selected"], row["group"],
+        float(row["removed"]), before, after if row["selected"] else before,
+        float(row["chi2_before"]), float(row["chi2_after"]), excess, after**2 - 1.0, 0,
+        float(row["seconds"]), "", logs=3,
+    )  # fmt: skip
+
+
 # ---- the fit ------------------------------------------------------------------------------------
 
 
 def tires(rows: Iterable[Row]) -> int:
-    """Of how many tires the cases are: a seed draws one."""
-    return len({(row.seed, row.carcass) for row in rows})
+    """Of how many tires the cases are: a seed draws one, those of `benchmarks.hidden` are one."""
+    return len({("one", 0) if row.world in HIDDEN else (row.carcass, row.seed) for row in rows})
 
 
 def drive(row: Row) -> tuple[object, ...]:
@@ -252,7 +283,8 @@ def table(rows: Iterable[Row], today: date) -> tomlkit.TOMLDocument:
         at = [i for i, r in enumerate(some) if class_of(r.status) == kind]
         own = [some[i] for i in at]
         count = len({drive(r) for r in own})
-        if count < _FEWEST:
+        manoeuvres = [r.manoeuvres for r in own if r.manoeuvres]
+        if count < _FEWEST or not manoeuvres:
             continue
         found = fitted(own, weight[at], OF_CLASS[kind])
         there = {missing_in(r) for r in some}
@@ -263,7 +295,7 @@ def table(rows: Iterable[Row], today: date) -> tomlkit.TOMLDocument:
             "right": sum(map(is_right, own)),
             "effective": round(min(float(weight[at].sum()), count), 1),
             "carcasses": sorted({r.carcass for r in own}),
-            "manoeuvres": [min(r.manoeuvres for r in own), max(r.manoeuvres for r in own)],
+            "manoeuvres": [min(manoeuvres), max(manoeuvres)],
             "lacking": [words for name, words in lacks.items() if name not in there],
             "intercept": round(found.intercept, 4),
             "terms": {
@@ -336,7 +368,7 @@ def main() -> None:
     parser.add_argument("--report", type=Path, nargs="+")
     options = parser.parse_args()
     if options.fit or options.report:
-        rows = [row for file in options.fit or options.report for row in read_rows(file)]
+        rows = [row for file in options.fit or options.report for row in rows_of(file)]
         if options.fit:
             beside = Path(certainty.__file__).parent / certainty.TABLE
             out = options.output or beside

@@ -5,7 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.drive_next import drive_sentences, expected_gain, probability_after
+from tirelog.diagnosis.drive_next import (
+    by_the_minute,
+    drive_sentences,
+    expected_gain,
+    probability_after,
+)
 from tirelog.diagnosis.separation import ALLOWED
 
 BY_NAME = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
@@ -56,3 +61,13 @@ def test_a_row_as_a_sentence():
         "To be surer: cruise at 8 m/s, 2 times (1.2 min): +25.0 points expected from even odds, 20 "
         "per minute, by telling wear from traction; wear from drift."
     ]
+
+
+def test_formulas_that_are_as_good_part_by_the_minute():
+    slow = {"manoeuvre": "a", "separation_sigma": 3.0, "repeats": 1, "minutes": 10.0}
+    quick = {"manoeuvre": "b", "separation_sigma": 1.5, "repeats": 4, "minutes": 2.0}
+    rows = by_the_minute([slow, quick])
+    assert [row["manoeuvre"] for row in rows] == ["b", "a"]
+    # four runs of 1.5 are one of 3: Phi(1.5) in place of even odds
+    assert [row["gain"] for row in rows] == pytest.approx([0.933193 - 0.5] * 2, abs=1e-5)
+    assert rows[0]["gain_per_minute"] == pytest.approx(rows[0]["gain"] / 2.0)

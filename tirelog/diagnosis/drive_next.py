@@ -237,6 +237,15 @@ def _hidden(found: Found, p: float) -> list[Rival]:
     return rivals
 
 
+def by_the_minute(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of `separation.advise` for two that are as likely each, best per minute first."""
+    told = []
+    for row in rows:
+        gain = expected_gain(0.5, 0.5, row["separation_sigma"] * row["repeats"] ** 0.5)
+        told.append({**row, "gain": gain, "gain_per_minute": gain / row["minutes"]})
+    return sorted(told, key=lambda row: -row["gain_per_minute"])
+
+
 def drive_sentences(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Each row as a sentence."""
     said = []

@@ -15,6 +15,7 @@ from tirelog.diagnosis.beside import (
 )
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
+from tirelog.diagnosis.drive_next import by_the_minute
 from tirelog.diagnosis.leftover import leading_shape
 from tirelog.diagnosis.locked import untouched
 from tirelog.diagnosis.naming import quiet, worth_it
@@ -418,8 +419,8 @@ def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
     for choice, base in zip(climb.choices, climb.bases, strict=False):
         if len(choice.as_good) > 1:
             rivals = [(draft.read, draft.base.model) for draft in choice.as_good[:2]]
-            rows, notes = advise(base, rivals, most=1)
-            return list(rows), notes
+            rows, notes = advise(base, rivals)
+            return [by_the_minute(rows)[0]] if rows else [], notes
     return [], []
 
 
