@@ -39,7 +39,7 @@ def test_p_over_many_tires():
 
 def test_a_verdict_that_stands_is_said_to():
     said = Stability("log", WHOLE, (without("a"), without("b"), without("c"))).sentence
-    assert said == "The verdict stands: it is the same without any one of the 3 logs."
+    assert said == "The verdict stands: it is the same without any one of 3 logs."
 
 
 def test_a_verdict_that_hangs_on_one_log_says_on_which():
@@ -48,13 +48,24 @@ def test_a_verdict_that_hangs_on_one_log_says_on_which():
         without("b"),
         without("c", "", (), problem="needs water_depth_mm"),
         without("d", "ambiguous", ("wear",)),
+        without("e", "too_few", ()),
     )
     found = Stability("tire", WHOLE, others)
     assert found.sentence == (
-        "The verdict hangs on single tires, 3 of 4: without a it is nothing missing; without c "
-        "nothing could be asked (needs water_depth_mm); without d it is ambiguous (wear)."
+        "The verdict hangs on single tires, 2 of 3: without a it is nothing missing; without d it "
+        "is ambiguous (wear). Not to be told: without c: needs water_depth_mm; without "
+        "e: too few manoeuvres are left."
     )
-    assert [row["same"] for row in found.to_json()["without"]] == [False, True, False, False]
+    assert [row["same"] for row in found.to_json()["without"]] == [
+        False,
+        True,
+        None,
+        False,
+        None,
+    ]
+    assert Stability("log", WHOLE, others[-1:]).sentence.startswith(
+        "Whether the verdict hangs on single logs cannot be told. Not to be told: "
+    )
 
 
 def test_each_tire_alone_and_what_chance_does_among_so_many():

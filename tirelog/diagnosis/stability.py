@@ -48,6 +48,11 @@ class Answer:
     problem: str = ""
 
     @property
+    def tested(self) -> bool:
+        """Was anything tested: it could be asked, and there were manoeuvres enough?"""
+        return self.verdict not in ("", "too_few")
+
+    @property
     def said(self) -> str:
         """The verdict and its names."""
         names = " or ".join(self.selected) if self.verdict == "ambiguous" else ""
@@ -69,30 +74,38 @@ class Stability:
     @property
     def changed(self) -> tuple[Answer, ...]:
         """Where another thing is said."""
-        return tuple(a for a in self.without if not alike(a, self.whole))
+        return tuple(a for a in self.without if a.tested and not alike(a, self.whole))
 
     @property
     def sentence(self) -> str:
-        """Whether the verdict stands, and where it does not."""
-        changed = self.changed
-        if not changed:
-            return (
-                f"The verdict stands: it is the same without any one of the "
-                f"{len(self.without)} {self.by}s."
+        """Whether the verdict stands, where it does not, and where it cannot be told."""
+        changed, untold = self.changed, [a for a in self.without if not a.tested]
+        told = len(self.without) - len(untold)
+        if changed:
+            each = "; ".join(f"without {a.group} it is {a.said}" for a in changed[:_TOLD])
+            more = f"; and {len(changed) - _TOLD} more" if len(changed) > _TOLD else ""
+            said = (
+                f"The verdict hangs on single {self.by}s, {len(changed)} of {told}: {each}{more}."
             )
-        each = "; ".join(
-            f"without {a.group} "
-            + (f"it is {a.said}" if a.verdict else f"nothing could be asked ({a.problem})")
-            for a in changed[:_TOLD]
-        )
-        more = f"; and {len(changed) - _TOLD} more" if len(changed) > _TOLD else ""
-        return (
-            f"The verdict hangs on single {self.by}s, {len(changed)} of {len(self.without)}: "
-            f"{each}{more}."
-        )
+        else:
+            said = (
+                f"The verdict stands: it is the same without any one of {told} {self.by}s."
+                if told
+                else f"Whether the verdict hangs on single {self.by}s cannot be told."
+            )
+        if untold:
+            reasons = "; ".join(
+                f"without {a.group}: {a.problem or 'too few manoeuvres are left'}"
+                for a in untold[:_TOLD]
+            )
+            rest = f"; and {len(untold) - _TOLD} more" if len(untold) > _TOLD else ""
+            said += f" Not to be told: {reasons}{rest}."
+        return said
 
     def to_json(self) -> dict[str, Any]:
-        rows = [asdict(a) | {"same": alike(a, self.whole)} for a in self.without]
+        rows = [
+            asdict(a) | {"same": alike(a, self.whole) if a.tested else None} for a in self.without
+        ]
         told: dict[str, Any] = plain_values(
             {"by": self.by, "sentence": self.sentence, "without": rows}
         )
@@ -130,14 +143,14 @@ class Each:
     @property
     def inclusion(self) -> dict[str, float]:
         """Of each effect that is named somewhere the share of those asked that name it."""
-        asked = [a for a in self.answers if a.verdict and a.verdict != "too_few"]
+        asked = [a for a in self.answers if a.tested]
         named = Counter(name for a in self.lacking for name in a.selected)
         return {name: n / len(asked) for name, n in named.most_common()}
 
     @property
     def sentence(self) -> str:
         """How many lack something, which effect how often, and whether they say the same."""
-        asked = [a for a in self.answers if a.verdict and a.verdict != "too_few"]
+        asked = [a for a in self.answers if a.tested]
         lacking, count = self.lacking, len(asked)
         if not asked:
             return f"No {self.by} alone has manoeuvres enough for a test."
