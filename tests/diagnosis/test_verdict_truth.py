@@ -285,7 +285,7 @@ def test_what_the_logs_hold_is_not_advised(two_pressures):
     assert not near["cruise at 15 m/s after ten minutes"]
 
 
-def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures):
+def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, monkeypatch):
     hidden = Step(two_pressures, (), {"water_film": "does nothing here"}, (), None, ())
     found = Found(two_pressures, (hidden,), two_pressures)
     rows = drive_next(found, "nothing_missing", 0.9)
@@ -301,6 +301,9 @@ def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures):
         "To be surer: cruise at 20 m/s in 2 mm of water, once (10.4 min): +2."
     )
     assert drive_next(found, "unknown", 0.9) == []
+    # what the logs hold already is not
+    monkeypatch.setattr("tirelog.diagnosis.drive_next.driven", lambda base, manoeuvre: True)
+    assert drive_next(found, "nothing_missing", 0.9) == []
 
 
 def test_what_a_wheel_may_do_as_well_parts_less(two_pressures):

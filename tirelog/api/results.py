@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.drive_next import drive_sentences
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
 from tirelog.diagnosis.propose.results import Proposal
@@ -183,6 +184,7 @@ class DiagnosisOfLogs(Diagnosis):
                 self.certainty.sentence,
                 errors,
                 *self.notes,
+                *drive_sentences(self.drive_next),
                 *self.before.remarks,
                 f"next: {self.next_command}",
             ),
