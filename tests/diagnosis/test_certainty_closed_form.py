@@ -88,6 +88,7 @@ BEAM = Model.new("beam", radius_m=0.3)
         (BEAM.with_effect("wear"), (), False, "this one holds effects already"),
         (Model.new("beam", "patch_length"), (), False, "these logs have patch_length"),
         (BEAM, ("my_own",), False, "my_own is not of it"),
+        (BEAM.with_nuisance("wheel", "off"), (), False, "this model says which"),
     ],
 )
 def test_what_was_asked_otherwise_than_any_case_is_said(model, selected, gratings, said):

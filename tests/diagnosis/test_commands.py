@@ -145,8 +145,11 @@ def test_of_one_log_none_can_be_left_out(folder, capfd):
     new = ["model", "new", "--observable", "patch_length", "--setup", setup, "-o", str(model)]
     assert run([*new, "--quiet"]) == 0
     log = ["diagnose", str(folder / "log_0.csv"), "--model", str(model), "--quiet"]
-    assert run([*log, "--leave-one-out"]) == 2
-    assert "one log alone: none can be left out" in capfd.readouterr().err
+    for by in ("log", "tire"):
+        assert run([*log, "--leave-one-out", by]) == 2
+        assert f"one {by} alone: none can be left out" in capfd.readouterr().err
+    assert run([*log, "--leave-one-out", "wheel"]) == 2
+    assert "allowed are log, tire" in capfd.readouterr().err
     assert run([*log, "--bootstrap", "50"]) == 0
     assert "No calibration for this kind: " in capfd.readouterr().out
 

@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 from tirelog.api.logs import Logs, Path, each_log
@@ -242,7 +242,7 @@ def diagnose(
     *,
     effects: Iterable[Effect] = (),
     bootstrap: int = 0,
-    leave_one_out: bool = False,
+    leave_one_out: bool | Mapping[str, Sequence[str]] = False,
     progress: Progress | None = None,
 ) -> DiagnosisOfLogs:
     """Which effect the model lacks, which cannot be told apart, and what to drive next.
@@ -258,8 +258,9 @@ def diagnose(
         file that the model was read with.
     bootstrap : int
         Draw the manoeuvres anew so many times: ``inclusion`` says how often each effect is named.
-    leave_one_out : bool
-        Diagnose without each log in turn: ``stability`` says where the verdict changes.
+    leave_one_out : bool or mapping
+        Diagnose without each log in turn, or without the logs of each tire by its name:
+        ``stability`` says where the verdict changes.
     progress : callable, optional
         Hears what is being done, a sentence at a time.
 
@@ -280,24 +281,44 @@ def diagnose(
         )
     asked, candidates = _known(measured).revolutions, _candidates(model, effects)
     progress = progress or _silent
-    pieces = comparing.measured_pieces(asked) if leave_one_out else None
+    pieces = comparing.measured_pieces(asked) if leave_one_out is not False else None
+    groups: Mapping[str, Sequence[str]] = {}
+    by = "log" if leave_one_out is True else "tire"
     if pieces is not None:
-        by_group.refuse_one(by_group.logs_of(pieces), "log", "none can be left out")
+        known = by_group.logs_of(pieces)
+        groups = known if isinstance(leave_one_out, bool) else _of_these(leave_one_out, known)
+        by_group.refuse_one(groups, by, "none can be left out")
     result = diagnosing.diagnose(asked, model, effects=candidates, progress=progress)
     if bootstrap:
         progress(f"drawing the manoeuvres {bootstrap} times")
         result = by_group.with_draws(result, bootstrap, candidates)
     if pieces is not None:
         stability = by_group.leave_one_out(
-            by_group.logs_of(pieces),
+            groups,
             partial(by_group.of_logs, pieces),
             model,
             result,
+            by=by,
             effects=candidates,
             progress=progress,
         )
         result = by_group.with_stability(result, stability)
     return answer_of(DiagnosisOfLogs, result)
+
+
+def _of_these(
+    groups: Mapping[str, Sequence[str]], known: Mapping[str, Sequence[str]]
+) -> dict[str, list[str]]:
+    """The groups, of the logs that were measured; UsageError: one of these is in none."""
+    count = {log: sum(log in logs for logs in groups.values()) for log in known}
+    if wrong := [log for log, n in count.items() if n != 1]:
+        raise UsageError(
+            f"{wrong[0]} is in {count[wrong[0]]} of the groups to leave out",
+            allowed="each log is in one",
+            do="mend leave_one_out",
+        )
+    own = {name: [log for log in known if log in logs] for name, logs in groups.items()}
+    return {name: logs for name, logs in own.items() if logs}
 
 
 def ladder(

@@ -167,7 +167,10 @@ def keeps_hashes(output: Path | None, format: str | None) -> bool:
 
 
 class Session:
-    """One command's work on its logs; `hashed` if it tells their sha256."""
+    """One command's work on its logs; `hashed` if it tells their sha256.
+
+    `tires`: the logs that were read, by the tire that their setups name.
+    """
 
     def __init__(self, setup: Path | None, quiet: bool = False, *, hashed: bool = False) -> None:
         self.quiet, self._hashed = quiet, hashed
@@ -183,6 +186,7 @@ class Session:
         self._began = time.monotonic()
         self._tables: list[TableWriter] = []
         self.hashes: dict[str, str] = {}
+        self.tires: dict[str, list[str]] = {}
 
     def __enter__(self) -> Session:
         return self
@@ -217,6 +221,8 @@ class Session:
                 line.say(f"reading {log}", number, len(logs))
                 with self._opened(log, blocks) as recording:
                     if recording is not None:
+                        name = recording.setup.tire.name or "the tire without a name"
+                        self.tires.setdefault(name, []).append(recording.log)
                         yield recording
         self._stop_if_unread()
 

@@ -21,6 +21,7 @@ from tirelog.cli.common import (
     say,
 )
 from tirelog.cli.compare import columns_of_rows, measured_and_model, write_json
+from tirelog.errors import UsageError
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
@@ -47,15 +48,20 @@ def diagnose(
         ),
     ] = 0,
     leave_one_out: Annotated[
-        bool,
+        str | None,
         typer.Option(
-            "--leave-one-out",
-            help="Diagnose without each log in turn, and say where the verdict changes.",
+            metavar="log|tire",
+            help="Diagnose without each log, or tire, in turn; say where the verdict changes.",
+            show_default=False,
         ),
-    ] = False,
+    ] = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
 
+    if leave_one_out not in (None, "log", "tire"):
+        raise UsageError(
+            f"--leave-one-out {leave_one_out}", allowed="allowed are log, tire", do="choose one"
+        )
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.api.answers import diagnose as diagnose_measured
@@ -66,7 +72,7 @@ def diagnose(
                 found,
                 read,
                 bootstrap=bootstrap,
-                leave_one_out=leave_one_out,
+                leave_one_out=session.tires if leave_one_out == "tire" else bool(leave_one_out),
                 progress=None if quiet else say,
             )
         for remark in result.before.remarks:

@@ -161,7 +161,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog diagnose a.csv b.csv --model model.toml", "which effect is missing"),
         ("tirelog diagnose a.csv b.csv --model model.toml --format json", "for a script"),
         (
-            "tirelog diagnose a.csv b.csv --model model.toml --leave-one-out --bootstrap 500",
+            "tirelog diagnose a.csv b.csv --model model.toml --leave-one-out log --bootstrap 500",
             "does the verdict hang on one log, or on some manoeuvres?",
         ),
     ),

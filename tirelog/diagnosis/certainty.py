@@ -245,6 +245,8 @@ def unlike(model: Model, selected: Iterable[str], gratings: bool) -> str:
         return f"the cases had {STRAIN}, these logs have {' and '.join(model.observables)}"
     if model.effects:
         return "the cases began with a bare model, this one holds effects already"
+    if any(nuisance.use != "auto" for nuisance in model.nuisances):
+        return "in the cases every nuisance might come in, this model says which"
     own = [name for name in selected if name not in BY_ID]
     if own:
         return f"the cases had the catalogue alone, and {own[0]} is not of it"
