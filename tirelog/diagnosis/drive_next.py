@@ -111,32 +111,30 @@ def drive_next(found: Found, verdict: str, probability: float | None) -> list[di
             if row["manoeuvre"] not in held and row["rest"] > floor / 9.0:
                 parted.setdefault(row["manoeuvre"], []).append((rival, row["separation_sigma"]))
     by_name = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
-    result = []
+    result: list[dict[str, Any]] = []
     for name, pairs in parted.items():
-        best: dict[str, Any] | None = None
-        for repeats in range(1, _MOST_REPEATS + 1):
-            gain = sum(_gain(p, r, s, repeats) for r, s in pairs)
-            minutes = by_name[name].minutes(radius, repeats)
-            row = {
+        # so often that the likeliest rival is parted: what is driven in part settles nothing
+        likeliest = max(pairs, key=lambda pair: _gain(p, pair[0], pair[1], _MOST_REPEATS))
+        wanted = (WANTED_SIGMA / max(likeliest[1], 1e-9)) ** 2
+        repeats = int(min(max(1.0, math.ceil(wanted)), _MOST_REPEATS))
+        gain = sum(_gain(p, r, s, repeats) for r, s in pairs)
+        minutes = by_name[name].minutes(radius, repeats)
+        if gain < LEAST_GAIN:
+            continue
+        pairs.sort(key=lambda pair: -_gain(p, pair[0], pair[1], repeats))
+        worth = [r for r, s in pairs if _gain(p, r, s, repeats) >= 0.5 * LEAST_GAIN]
+        result.append(
+            {
                 "manoeuvre": name,
                 "repeats": repeats,
                 "minutes": minutes,
                 "gain": gain,
                 "gain_per_minute": gain / minutes,
+                "separates": [[r.of, r.name] for r in worth],
+                "separation_sigma": pairs[0][1],
+                "calibrated": probability is not None,
             }
-            if best is None or row["gain_per_minute"] > best["gain_per_minute"]:
-                best = row
-            if max(s for _, s in pairs) * repeats**0.5 >= WANTED_SIGMA:
-                break
-        assert best is not None
-        if best["gain"] >= LEAST_GAIN:
-            times = int(best["repeats"])
-            pairs.sort(key=lambda pair: -_gain(p, pair[0], pair[1], times))
-            worth = [r for r, s in pairs if _gain(p, r, s, times) >= 0.5 * LEAST_GAIN]
-            best["separates"] = [[r.of, r.name] for r in worth]
-            best["separation_sigma"] = pairs[0][1]
-            best["calibrated"] = probability is not None
-            result.append(best)
+        )
     return sorted(result, key=lambda row: -row["gain_per_minute"])[:_MOST]
 
 
@@ -148,13 +146,15 @@ def _gain(p: float, rival: Rival, sigma: float, repeats: int) -> float:
 
 def _rivals(found: Found, verdict: str, p: float) -> tuple[Base | None, list[Rival]]:
     """What the verdict may be taken for, and the base that it is measured from."""
-    step = next((s for s in found.steps if s.named is not None), found.steps[0])
+    silent = verdict in ("nothing_missing", "scatter")
+    named = [s for s in found.steps if s.named is not None and not silent]
+    step = named[0] if named else found.steps[0]
     base = step.before
     if isinstance(base, TogetherBase):  # the list is searched in the first waveform
         base = max(apart(base), key=lambda part: part.cells.phi.shape[1])
     if base.cells.phi.shape[1] == 1 or verdict == "unknown":
         return None, []
-    if verdict in ("nothing_missing", "scatter"):
+    if silent:
         return base, [_of_base(rival, base, found) for rival in _hidden(found, p)]
     if verdict == "too_few":
         some = step.contenders[:3]
@@ -224,8 +224,7 @@ def _beside(found: Found, p: float) -> list[Rival]:
 
 def _hidden(found: Found, p: float) -> list[Rival]:
     """Effects that these logs cannot show: as likely as before anything was measured."""
-    base, reasons = found.after, found.steps[0].reasons
-    model = base.model
+    model, reasons = found.before.model, found.steps[0].reasons
     effects = [e for e in candidate_effects(model) if e.id in reasons]
     count = len(candidate_effects(model))
     rivals = []
