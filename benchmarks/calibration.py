@@ -70,6 +70,8 @@ _SLOPE = 1.0
 #: fewest drives that the row of a class is made of; half as many would be no more than the
 #: pseudo-cases
 _FEWEST = 8
+#: what no case had, in words
+_LACKING = {"outside": "effect that no catalogue has", "catalogue": "effect of the catalogue"}
 #: probabilities that are counted together in a report
 _BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 
@@ -287,16 +289,20 @@ def table(rows: Iterable[Row], today: date) -> tomlkit.TOMLDocument:
         if count < _FEWEST or not manoeuvres:
             continue
         found = fitted(own, weight[at], OF_CLASS[kind])
-        there = {missing_in(r) for r in some}
-        lacks = {"outside": "effect that no catalogue has", "catalogue": "effect of the catalogue"}
+        lacking = set(MISSING) - {missing_in(r) for r in some} - {"nothing"}
+        effective = min(float(weight[at].sum()), count)
+        # of n cases; and what no case had may be right as well as wrong
+        most = (effective + 1.0) / (effective + 2.0)
+        most = min(most, 1.0 - 0.5 * sum(MISSING[name] for name in lacking))
         out[kind] = {
             "cases": len(own),
             "tires": tires(own),
             "right": sum(map(is_right, own)),
-            "effective": round(min(float(weight[at].sum()), count), 1),
+            "effective": round(effective, 1),
+            "most": math.floor(1000.0 * most) / 1000.0,
             "carcasses": sorted({r.carcass for r in own}),
             "manoeuvres": [min(manoeuvres), max(manoeuvres)],
-            "lacking": [words for name, words in lacks.items() if name not in there],
+            "lacking": [_LACKING[name] for name in sorted(lacking)],
             "intercept": round(found.intercept, 4),
             "terms": {
                 name: {key: round(value, 4) for key, value in term.items()}

@@ -248,7 +248,7 @@ def p1_figs_7_to_11() -> Shown:
     verdict = json.loads(
         lab("tirelog diagnose falling.csv.gz --model p1.toml --format json --quiet")
     )
-    shown.said.append("\n".join(told.splitlines()[:4]))
+    shown.said.append("\n".join(told.splitlines()[:5]))
     lab("tirelog model add p1.toml belt_tension -o p1_taut.toml")
     lab("tirelog model fit falling.csv.gz --model p1_taut.toml -o p1_taut_fitted.toml --quiet")
     fitted = {n: tirelog.load_model(f"{n}.toml") for n in ("p1_fitted", "p1_taut_fitted")}

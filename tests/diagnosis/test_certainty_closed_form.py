@@ -20,6 +20,7 @@ NAME = {
     "cases": 40,
     "tires": 20,
     "effective": 18.0,
+    "most": 0.95,
     "carcasses": ["beam"],
     "manoeuvres": [20, 24],
     "lacking": [],
@@ -57,9 +58,21 @@ def test_it_never_says_more_than_so_many_cases_can_tell():
     assert certainty_of(MARKS, sure).probability == pytest.approx(19.0 / 20.0)
     never = {"date": "", "name": {**NAME, "intercept": -50.0, "terms": {}}}
     assert certainty_of(MARKS, never).probability == pytest.approx(1.0 / 20.0)
-    odd = {"date": "", "name": {**NAME, "effective": 10.0, "intercept": 50.0, "terms": {}}}
+    odd = {"date": "", "name": {**NAME, "most": 11.0 / 12.0, "intercept": 50.0, "terms": {}}}
     assert certainty_of(MARKS, odd).probability <= 11.0 / 12.0
     assert certainty_of(MARKS, odd).sentence.startswith("Right in 91 of 100 like cases")
+    rows = [row(i, rest=1.0 + 0.01 * (i % 5)) for i in range(10)]
+    # ten of ten tell no more than eleven of twelve, and nothing of what no case had: 15 % of cases
+    made = table(rows, calibration.date(2026, 11, 22)).unwrap()["name"]
+    assert made["most"] == pytest.approx(min(11.0 / 12.0, 1.0 - 0.5 * 0.15), abs=1e-3)
+    assert made["lacking"] == ["effect that no catalogue has"]
+    many = [replace(r, seed=100 * k + r.seed) for k in range(20) for r in rows]
+    assert table(many, calibration.date(2026, 11, 22)).unwrap()["name"]["most"] == 0.925
+    whole = [
+        *many,
+        *(row(9000 + i, status="unknown", planted="splice", named="") for i in range(9)),
+    ]
+    assert table(whole, calibration.date(2026, 11, 22)).unwrap()["name"]["most"] > 0.95
 
 
 @pytest.mark.parametrize(
@@ -214,6 +227,7 @@ def test_the_table_of_the_package_is_whole():
     for kind in ("none", "name"):
         verdict = "missing" if kind == "name" else "nothing_missing"
         found = certainty_of(replace(MARKS, verdict=verdict), known)
-        most = (known[kind]["effective"] + 1.0) / (known[kind]["effective"] + 2.0)
-        assert 0.5 < found.probability <= most
+        own = known[kind]
+        assert own["most"] <= (own["effective"] + 1.0) / (own["effective"] + 2.0)
+        assert 0.5 < found.probability <= own["most"]
         assert known[kind]["right"] <= known[kind]["cases"]

@@ -223,7 +223,7 @@ def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certai
         if math.isfinite(value):  # what is not known is as in the middle of the cases
             inside = min(max(value, term["low"]), term["high"])
             logit += term["slope"] * (inside - term["centre"])
-    most = (known["effective"] + 1.0) / (known["effective"] + 2.0)
+    most = float(known["most"])  # that so many cases can tell
     p = min(max(1.0 / (1.0 + math.exp(-logit)), 1.0 - most), most)
     return Certainty(
         math.floor(1000.0 * p + 1e-6) / 1000.0,
