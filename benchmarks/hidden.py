@@ -44,6 +44,7 @@ KINDS = (
     "ring",
     "twin",
     "parted",
+    "apart",
 )
 #: strengths against the ordinary ones
 STRENGTH = {"weak": 0.5, "strong": 2.0, "faint": 0.1}
@@ -109,6 +110,8 @@ def cases(kind: str) -> Iterator[tuple[str, ...]]:
         yield from ((name,) for name in AT_ONE_SPEED)
     elif kind == "twin":
         yield from ((name,) for name in TWINS)
+    elif kind == "apart":
+        yield from ((name,) for name in IN_CATALOGUE if "apart" in PLANTABLE[name].forms)
     else:
         yield from ((name,) for name in IN_CATALOGUE)
 
@@ -120,7 +123,7 @@ def scenarios(kind: str, planted: tuple[str, ...], seed: int) -> list[Scenario]:
         logs=2 if kind in ("null2", "scatter") else 3,
         scatter=0.01 if kind == "scatter" else 0.0,
         strength=STRENGTH.get(kind, 1.0),
-        form="other" if kind == "other" else "exact",
+        form=kind if kind in ("other", "apart") else "exact",
     )
     logs = case(
         {name: sizes.get(name, {}) for name in planted},
@@ -270,6 +273,13 @@ def summary(rows: list[dict[str, str]]) -> Iterator[str]:
         "form somewhat wrong: same name, missing or partial (or a set), no second",
         other,
         lambda r: in_set(r) and len(named(r)) == 1 and r["verdict"] in found,
+    )
+    apart = [r for r in of["apart"] if float(r["excess_over_floor"]) >= 2.0]
+    yield rate("another mechanism: the name is in it", apart, in_set)
+    yield rate(
+        "another mechanism: the right name, a set with it, partial or unknown",
+        apart,
+        lambda r: in_set(r) or r["verdict"] in ("unknown", "partial"),
     )
     yield rate("pairs: both named (sets count)", of["pair"], _both)
     yield rate("pairs: nothing else named", of["pair"], lambda r: len(named(r)) <= 2 and _both(r))
