@@ -363,12 +363,14 @@ def _positive_foundation(k: FloatArray | float) -> None:
 class Response:
     """What the carcass makes of a unit load.
 
-    Inward displacement [m^3/N... per (N/m)], and (strain per lever arm) = q^2-like curvature.
+    Inward displacement [m^3/N... per (N/m)], and (strain per lever arm) = q^2-like curvature, of a
+    belt that does not yield in shear (l^2 [m^2]).
     """
 
     displacement: FloatArray | ComplexArray
     curvature: FloatArray | ComplexArray
     cubic: FloatArray | float
+    shear: FloatArray | float
 
 
 def response(task: Task) -> Response:
@@ -384,14 +386,15 @@ def _response(task: Task) -> Response:
     ]
     if task.carcass == "ring":
         w = 1.0 / impedance(task, s)
-        return Response(w, w * (q2 - 1.0 / R**2), k * s.cubic)
+        return Response(w, w * (q2 - 1.0 / R**2), k * s.cubic, s.shear)
     Z = impedance(task, s)
     if s.ring == 0.0:
-        return Response(1.0 / Z, q2 / Z, k * s.cubic)
+        return Response(1.0 / Z, q2 / Z, k * s.cubic, s.shear)
     closed = closed_ring(task, Z, s)
     share = float(s.ring)
     w = (1.0 - share) / Z + share * closed
-    return Response(w, (1.0 - share) * (q2 / Z) + share * (q2 - 1.0 / R**2) * closed, k * s.cubic)
+    bent = (1.0 - share) * (q2 / Z) + share * (q2 - 1.0 / R**2) * closed
+    return Response(w, bent, k * s.cubic, s.shear)
 
 
 def closed_ring(
@@ -443,7 +446,7 @@ def waveform(
         return modes * along, 0.0
     if observable == "strain":
         modes = hardened(task) * (lever_m * response(task).curvature)
-        sheared = structure(task).shear
+        sheared = response(task).shear
         if np.any(sheared):  # the cross-section turns by less than the slope
             modes = modes / (1.0 + sheared * (np.arange(MODES) / task.base["radius_m"]) ** 2)
         modes = sensed(task, modes)
