@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse import bmat, diags
 from scipy.sparse.linalg import spsolve
 
+from tirelog.api.models import forces
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
@@ -64,6 +65,15 @@ def test_a_belt_that_yields_too_much_is_refused():
     soft = model().with_effect("belt_shear", length_m=0.1)
     with pytest.raises(ModelError, match="yields so in shear"):
         soft.predict(Conditions.of(1, speed_m_s=40.0, load_N=LOAD), np.zeros(1))
+
+
+@pytest.mark.parametrize("length", [0.01, 0.02, 0.1])
+def test_its_critical_speed_is_that_of_its_slowest_wave(length):
+    """The least speed of a wave, by trying waves."""
+    q = np.geomspace(1.0, 1e5, 200_000)
+    slowest = np.sqrt((EJ * q**2 / (1 + (length * q) ** 2) + K / q**2).min() / MU)
+    told = forces(model().with_effect("belt_shear", length_m=length), {"speed_m_s": 2.0})
+    assert 2.0 / told["speed_ratio"][0] == pytest.approx(slowest, rel=1e-4)
 
 
 @pytest.mark.parametrize("half", [0.004, 0.0152, 0.058, 0.19])

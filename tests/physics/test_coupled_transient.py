@@ -163,6 +163,15 @@ def test_what_has_no_linear_motion_is_refused(effect):
         driven(MODEL.with_effect(name, **values), AT_20, course())
 
 
+@pytest.mark.parametrize(
+    "effect", [("belt_shear", {"length_m": 0.01}), ("belt_viscosity", {"retardation_s": 1e-4})]
+)
+def test_what_the_motion_does_not_have_is_refused_and_not_left_out(effect):
+    name, values = effect
+    with pytest.raises(ModelError, match=f"{name}.*not in the motion in time"):
+        driven(MODEL.with_effect(name, **values), AT_20, course())
+
+
 def test_effects_on_the_structure_change_the_tire_that_moves():
     damped = MODEL.with_effect("viscous_damping", damping_rate_1_s=50.0)
     tight = MODEL.with_effect("belt_tension", tension_N=500.0)

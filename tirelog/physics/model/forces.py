@@ -136,7 +136,11 @@ def _critical(task: Task) -> FloatArray:
     b, s = task.base, structure(task)
     k = b["foundation_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
     EJ, mu = b["flexural_stiffness_N_m2"], b["line_mass_kg_m"]
-    return np.atleast_2d(np.sqrt((2.0 * np.sqrt(EJ * k) + s.tension) / mu))
+    least = 2.0 * np.sqrt(EJ * k)
+    if np.any(s.shear):  # the least of EJ q^2 / (1 + l^2 q^2) + k / q^2, or its end, G A
+        inside = s.shear * np.sqrt(k) < np.sqrt(EJ)
+        least = np.where(inside, least - s.shear * k, EJ / s.shear)
+    return np.atleast_2d(np.sqrt((least + s.tension) / mu))
 
 
 def _damping(task: Task) -> FloatArray:

@@ -312,9 +312,11 @@ def tire_of(task: Task) -> CoupledRing:
     s = structure(task)
     for effect, own in task.hooks(lambda effect: effect.structure).items():
         done = own()
-        if np.any(done.loss) or np.any(done.cubic):
+        bent = np.any(done.loss) or np.any(done.cubic)
+        if bent or np.any(done.retardation) or np.any(done.shear):
+            what = "has no linear motion in time" if bent else "is not in the motion in time"
             raise ModelError(
-                f"effect {effect!r} has no linear motion in time",
+                f"effect {effect!r} {what}",
                 allowed="viscous_damping and stiffness that does not follow the deflection are "
                 "allowed for transients",
                 do="leave it out with `tirelog model remove`",
