@@ -1,6 +1,6 @@
 """How far a second form of an effect is from the first: the cosine of what the two leave.
 
-    python -m benchmarks.forms          prints the table of docs/second_forms.md, 3 s
+    python -m benchmarks.forms          prints the tables of docs/second_forms.md, 5 s
 
     world with an effect in each form, less the world without it, at instants of one drive
         -> what the free numbers of a fitted beam, a shift of each revolution and an offset would
@@ -19,6 +19,7 @@ from functools import cache
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation import scenario_of
 from tirelog.simulation.scenario.drive import drive_of, roughness_of
@@ -144,6 +145,51 @@ def table() -> list[Compared]:
     return [compared(name, form) for name, form in pairs()]
 
 
+@dataclass(frozen=True)
+class Nearest:
+    """Of an effect that no diagnosis tries: what is left of it beside the fitted model, as a share.
+
+    And the effect that is tried whose remainder is likest, with the cosine's size.
+    """
+
+    name: str
+    left: float
+    tried: str
+    cosine: float
+
+
+def nearest() -> list[Nearest]:
+    """Those that act on a strain."""
+    base, basis = plain(STRAIN)
+
+    def left_of(name: str) -> tuple[FloatArray, float]:
+        x = (waveforms(name, "exact", STRAIN) - base).ravel()
+        y = x - basis @ (basis.T @ x)
+        return y, float(np.linalg.norm(y) / np.linalg.norm(x))
+
+    known = [n for n in PLANTABLE if n in BY_ID and n not in (*_SKIPPED, *_OF_ACCELERATION)]
+    tried = {name: left_of(name)[0] for name in known if BY_ID[name].tried}
+    found = []
+    for name in known:
+        if not BY_ID[name].tried:
+            own, share = left_of(name)
+            likeness = {other: abs(_cosine(own, shape)) for other, shape in tried.items()}
+            best = max(likeness, key=lambda other: likeness[other])
+            found.append(Nearest(name, share, best, likeness[best]))
+    return found
+
+
+def rows_of_nearest() -> list[str]:
+    """The second table of the page as lines of Markdown."""
+    head = [
+        "| effect | left beside the model | nearest that is tried | cosine |",
+        "| --- | --- | --- | --- |",
+    ]
+    return head + [
+        f"| `{n.name}` | {n.left:.2f} | `{n.tried}` | {n.cosine:.2f} |" for n in nearest()
+    ]
+
+
 def rows() -> list[str]:
     """The table as lines of Markdown."""
     head = ["| effect | form | as planted | beside the model |", "| --- | --- | --- | --- |"]
@@ -153,4 +199,4 @@ def rows() -> list[str]:
 
 
 if __name__ == "__main__":
-    print("\n".join(rows()))
+    print("\n".join([*rows(), "", *rows_of_nearest()]))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.forms import Compared, table
+from benchmarks.forms import Compared, nearest, table
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.simulation.scenario.planted import PLANTABLE
@@ -36,6 +36,18 @@ def test_the_page_shows_what_is_computed(told: list[Compared]) -> None:
     assert [row[:2] for row in cells] == [[f"`{one.name}`", one.form] for one in told]
     for row, one in zip(cells, told, strict=True):
         np.testing.assert_allclose([*map(float, row[2:])], [one.as_planted, one.left], atol=0.011)
+
+
+def test_the_page_shows_what_is_nearest() -> None:
+    shown = [line for line in PAGE.read_text().splitlines() if line.count("`") == 4]
+    cells = [[c.strip() for c in line.strip("|").split("|")] for line in shown]
+    cells = [row for row in cells if len(row) == 4]
+    told = nearest()
+    assert [(row[0], row[2]) for row in cells] == [(f"`{n.name}`", f"`{n.tried}`") for n in told]
+    for row, one in zip(cells, told, strict=True):
+        np.testing.assert_allclose(
+            [float(row[1]), float(row[3])], [one.left, one.cosine], atol=0.011
+        )
 
 
 def test_a_tilted_accelerometer_is_that_of_the_catalogue() -> None:

@@ -2,7 +2,7 @@
 
 With l^2 = EJ / (G A) the bending force EJ q^4 w is EJ q^4 w / (1 + l^2 q^2), and what bends is the
 cross-section's rotation, so that the strain is y w'' / (1 + l^2 q^2). P1 drops it. A diagnosis does
-not try it: it is nearly a lower stiffness with a gauge length.
+not try it: it is even as gauge_length is, and what a name more costs is not counted.
 """
 
 from __future__ import annotations

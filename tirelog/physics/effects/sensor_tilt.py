@@ -3,7 +3,8 @@
 In a steadily turning belt that keeps its length the tangential acceleration's modes are -i / n of
 the radial ones (position R + u_r outwards, u_r = -u_t': a_r = omega^2 (1 - n^2) U and
 a_t = i omega^2 (n^2 - 1) / n U); of gravity and the vehicle's acceleration, which alone have n = 1,
-they are +i. A diagnosis does not try it: lag, wind-up and an offset of the pressure are odd too.
+they are +i. A diagnosis does not try it: sensor_lag and pressure_offset are odd about the patch
+too, and what a name more costs is not counted.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A wave behind the exit that stands on the road, as near the critical speed.
 
-A diagnosis does not try it: the beam has its own wave there, which damping and tension shape, and a
-wave of any length beside them would name what `propose` should describe.
+A diagnosis does not try it: its cosine with viscous_damping is 0.6 (docs/second_forms.md), and a
+wave of any length would name what `propose` describes.
 """
 
 from __future__ import annotations

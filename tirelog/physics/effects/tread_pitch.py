@@ -2,8 +2,8 @@
 
 Waves of the pressure much shorter than 1 / lambda of P1 bend the belt by themselves: EJ q^4 w =
 a p cos, so that the strain under the sensor is y a p / (EJ q^2). The pattern turns with the tire,
-so one sensor always reads the same phase. A diagnosis does not try it: even and inside the patch,
-it is nearly what the lever arm and the patch length do together.
+so one sensor always reads the same phase. A diagnosis does not try it: patch length, stiffness and
+lever arm take half of it, and what a name more costs is not counted (docs/second_forms.md).
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """A sensor whose sensitivity follows its temperature.
 
-A diagnosis does not try it: it is the course of thermal_drift's stiffness nearly to the last bit.
+A diagnosis does not try it: the lever arm takes most of it, and on a drive that warms while it gets
+faster the rest has a cosine of 0.8 with belt_tension (docs/second_forms.md).
 """
 
 from __future__ import annotations
