@@ -67,7 +67,7 @@ _WHERE = {
     "exit": "behind the exit edge",
     "away": "away from the patch",
 }
-_SHAPELESS = "does not repeat from manoeuvre to manoeuvre, or is too small to matter"
+_SHAPELESS = "is not shown to repeat from manoeuvre to manoeuvre, or is too small to matter"
 #: wrong conditions look like missing physics, and are likelier
 FIRST_CHECK = "First check what the setups say of load, pressure, water depth and radius."
 #: an error is below what rounding leaves from this share of its mean square on: 5 % in size, more
