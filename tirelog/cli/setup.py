@@ -51,21 +51,12 @@ def new(log: Log, output: NewSetup = None, quiet: Quiet = False) -> None:
 def check(log: Log, setup: SetupFile = None, quiet: Quiet = False) -> None:
     """Say what is implausible, missing, unused or still guessed in the setup of a log."""
     from tirelog.drafts.check import findings
-    from tirelog.drafts.contents import contents
-    from tirelog.errors import ReadError
-    from tirelog.runs.ingest import is_file, open_recording
-    from tirelog.runs.store import is_run
+    from tirelog.runs.ingest import open_recording
 
     with Session(setup, quiet) as session:
         given = session.setup()
         with open_recording(log, given, blocks=_BLOCKS, check=False) as recording:
-            inside = None
-            if is_file(log) and not is_run(log):
-                try:
-                    inside = contents(log)
-                except ReadError:  # nothing to list beside what was read
-                    inside = None
-            found = findings(recording, inside)
+            found = findings(recording, log)
             for name, channel in recording.channels.items():
                 rate = f"{channel.axis.rate_Hz:,.6g} Hz"
                 typer.echo(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
-from tirelog.drafts.contents import Contents
+from tirelog.drafts.contents import Contents, contents
 from tirelog.drafts.setup import marks
 from tirelog.drafts.surface import likely_surface
-from tirelog.errors import SetupError
+from tirelog.errors import ReadError, SetupError
+from tirelog.runs.ingest import is_file
+from tirelog.runs.store import is_run
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 #: unused series that are named
@@ -25,10 +28,10 @@ class Finding:
     sentence: str
 
 
-def findings(recording: Recording, inside: Contents | None) -> list[Finding]:
+def findings(recording: Recording, log: str) -> list[Finding]:
     """What is wrong or open in the setup of a recording that was opened unchecked.
 
-    `inside` is what the log holds, for what is unused.
+    What of `log` is unused is told if it is a file that tirelog did not write itself.
     """
     setup = recording.setup
     out = [Finding("missing", loss) for loss in recording.losses]
@@ -41,8 +44,9 @@ def findings(recording: Recording, inside: Contents | None) -> list[Finding]:
     out += _surfaces(recording)
     out += [Finding("said", remark) for remark in recording.remarks]
     out += [Finding("missing", said) for said in _missing(recording)]
-    if inside is not None:
-        out += _unused(setup, inside)
+    if is_file(log) and not is_run(log):
+        with suppress(ReadError):  # nothing to list beside what was read
+            out += _unused(setup, contents(log))
     across = [name for name, one in setup.channels.items() if one.lateral_m is not None]
     if across:
         said = f"lateral_m of {', '.join(across)}: models have no width, no number depends on it"
