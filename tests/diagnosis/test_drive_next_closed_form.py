@@ -58,8 +58,9 @@ def test_a_row_as_a_sentence():
         "calibrated": False,
     }  # fmt: skip
     assert drive_sentences([row]) == [
-        "To be surer: cruise at 8 m/s, 2 times (1.2 min): +25.0 points expected from even odds, 20 "
-        "per minute, by telling wear from traction; wear from drift."
+        "To be surer, drive: cruise at 8 m/s, 2 times (1.2 min). It tells wear from traction; wear "
+        "from drift; of 100 such verdicts 25.0 more would be right (20 per minute, counted from "
+        "even odds)."
     ]
 
 

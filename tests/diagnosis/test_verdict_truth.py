@@ -298,9 +298,10 @@ def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, mon
     assert row["gain"] == pytest.approx(0.45 / count, rel=0.02)
     assert row["gain_per_minute"] == pytest.approx(row["gain"] / row["minutes"])
     assert drive_sentences(rows)[0].startswith(
-        "To be surer: cruise at 20 m/s in 2 mm of water, once (10.4 min): +2."
+        "To be surer, drive: cruise at 20 m/s in 2 mm of water, once (10.4 min). It tells water"
     )
     assert drive_next(found, "unknown", 0.9) == []
+    assert drive_next(found, "scatter", 0.5) == []
     # what the logs hold already is not
     monkeypatch.setattr("tirelog.diagnosis.drive_next.driven", lambda base, manoeuvre: True)
     assert drive_next(found, "nothing_missing", 0.9) == []

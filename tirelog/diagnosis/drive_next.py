@@ -146,13 +146,14 @@ def _gain(p: float, rival: Rival, sigma: float, repeats: int) -> float:
 
 def _rivals(found: Found, verdict: str, p: float) -> tuple[Base | None, list[Rival]]:
     """What the verdict may be taken for, and the base that it is measured from."""
-    silent = verdict in ("nothing_missing", "scatter")
+    silent = verdict == "nothing_missing"
     named = [s for s in found.steps if s.named is not None and not silent]
     step = named[0] if named else found.steps[0]
     base = step.before
     if isinstance(base, TogetherBase):  # the list is searched in the first waveform
         base = max(apart(base), key=lambda part: part.cells.phi.shape[1])
-    if base.cells.phi.shape[1] == 1 or verdict == "unknown":
+    # where loads or other conditions are in doubt, these come before any effect
+    if base.cells.phi.shape[1] == 1 or verdict in ("unknown", "scatter"):
         return None, []
     if silent:
         return base, [_of_base(rival, base, found) for rival in _hidden(found, p)]
@@ -252,9 +253,10 @@ def drive_sentences(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
         pairs = "; ".join(f"{one} from {other}" for one, other in row["separates"])
         points, rate = 100.0 * row["gain"], 100.0 * row["gain_per_minute"]
-        odds = "" if row["calibrated"] else " from even odds"
+        odds = "" if row["calibrated"] else ", counted from even odds"
         said.append(
-            f"To be surer: {row['manoeuvre']}, {times} ({row['minutes']:.1f} min): +{points:.1f} "
-            f"points expected{odds}, {rate:.2g} per minute, by telling {pairs}."
+            f"To be surer, drive: {row['manoeuvre']}, {times} ({row['minutes']:.1f} min). It tells "
+            f"{pairs}; of 100 such verdicts {points:.1f} more would be right ({rate:.2g} per "
+            f"minute{odds})."
         )
     return said
