@@ -43,7 +43,7 @@ revolutions = conditions_of(log, np.arange(3.0), np.ones(3), np.zeros(3))
 assert np.array_equal(revolutions.camber_deg, [3.0, 3.0, 3.0])
 two = Conditions.of(2, speed_m_s=10.0, camber_deg=[0.0, 5.0])
 cells = SimpleNamespace(conditions=two, log=np.zeros(2, int))
-assert "camber" in _factors(SimpleNamespace(cells=cells))
+assert "camber" in _factors(SimpleNamespace(cells=cells, fit=SimpleNamespace(stuck=False)))
 try:
     parse_setup(setup % 30)
 except SetupError as problem:

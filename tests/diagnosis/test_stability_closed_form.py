@@ -10,15 +10,15 @@ import pytest
 from tests.diagnosis.planted import stack
 from tirelog.diagnosis import by_group
 from tirelog.diagnosis.inclusion import Inclusion, StepInclusion
-from tirelog.diagnosis.stability import Answer, Each, Stability, benjamini_hochberg
+from tirelog.diagnosis.stability import Each, GroupVerdict, Stability, benjamini_hochberg
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.cells.gathering import pieces_of_logs
 
-WHOLE = Answer("", ("a", "b", "c"), "missing", ("wear",))
+WHOLE = GroupVerdict("", ("a", "b", "c"), "missing", ("wear",))
 
 
 def without(group, verdict="missing", selected=("wear",), **more):
-    return Answer(group, (), verdict, selected, **more)
+    return GroupVerdict(group, (), verdict, selected, **more)
 
 
 def test_p_over_many_tires():

@@ -27,6 +27,7 @@ WITHOUT_LOG = (
     "slip_onset.toml",
     "coasting.toml",
     "low_grip.toml",
+    "thermal_drift.toml",
 )
 TABLE = re.findall(
     r"^\| (\S+) \| (\d+) \| `([0-9a-f]{64})` \|$",

@@ -16,7 +16,7 @@ import numpy as np
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.diagnosis.inclusion import inclusion
 from tirelog.diagnosis.search import Progress
-from tirelog.diagnosis.stability import Answer, Each, Stability
+from tirelog.diagnosis.stability import Each, GroupVerdict, Stability
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether
@@ -78,13 +78,13 @@ def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:
     )
 
 
-def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> Answer:
+def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
     """A diagnosis in few words."""
     p = found.marks.least_p
     left = found.unexplained["p"]
     if found.verdict == "unknown" and left is not None:
         p = min(p, left)
-    return Answer(
+    return GroupVerdict(
         group,
         tuple(logs),
         found.verdict,
@@ -98,12 +98,12 @@ def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> Answer:
 
 def _asked(
     some: Some, group: str, logs: Sequence[str], model: Model, effects: Sequence[Effect]
-) -> Answer:
+) -> GroupVerdict:
     """The diagnosis of some logs; what cannot be asked says why."""
     try:
         found = diagnose(some(logs), model, effects=effects)
     except TirelogError as problem:
-        return Answer(group, tuple(logs), "", problem=problem.message)
+        return GroupVerdict(group, tuple(logs), "", problem=problem.message)
     return answer_of(group, logs, found)
 
 

@@ -117,7 +117,7 @@ def _sigmas(before: Any, after: Any) -> float:
 
 
 @dataclass(frozen=True)
-class Term:
+class CertaintyTerm:
     """A number of a diagnosis that goes with being right: `sign` says which way it may go."""
 
     words: str
@@ -134,23 +134,23 @@ def _decades(x: float, y: float) -> float:
 
 
 #: by name; what a class of verdicts may use stands in `OF_CLASS`, best first
-TERMS: Mapping[str, Term] = {
-    "rest": Term(
+TERMS: Mapping[str, CertaintyTerm] = {
+    "rest": CertaintyTerm(
         "held-out error above the floor, in steps of 0.05 floors",
         -1,
         lambda marks: _above(marks.heldout_after),
     ),
-    "evidence": Term(
+    "evidence": CertaintyTerm(
         "decades of the least p of any effect, named or not",
         -1,
         lambda marks: _decades(1.0, marks.least_p),
     ),
-    "size": Term(
+    "size": CertaintyTerm(
         "decades by which chi-square falls",
         1,
         lambda marks: _decades(marks.chi2_before, marks.chi2_after),
     ),
-    "rival": Term(
+    "rival": CertaintyTerm(
         "standard errors to the next rival, held out", 1, lambda marks: marks.rival_sigmas
     ),
 }

@@ -15,6 +15,8 @@ The verdicts:
                      these data
     unknown          there is repeatable structure that no effect explains (under 50 %)
     too_few          fewer manoeuvres than a test needs: a ranking, no alarm
+
+The file is longer than others: a verdict is put together, and said, in one place.
 """
 
 from __future__ import annotations

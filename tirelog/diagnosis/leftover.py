@@ -9,7 +9,8 @@ Where, even or odd, what it follows, at which exponent of speed or fixed frequen
         tread                                    -> which of the two
 
 Significance by the same sign flips of manoeuvres, the largest over families; size by the held-out
-removal of the best family.
+removal of the best family. The file is longer than others: the families are compared with each
+other, and what describes the rest is said by the same numbers.
 """
 
 from __future__ import annotations

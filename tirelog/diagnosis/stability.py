@@ -31,7 +31,7 @@ _TOLD = 4
 
 
 @dataclass(frozen=True)
-class Answer:
+class GroupVerdict:
     """What was said of some of the logs.
 
     `group`: the log or tire that was left out, or alone; `verdict` "" if it could not be asked,
@@ -68,11 +68,11 @@ class Stability:
     """
 
     by: str
-    whole: Answer
-    without: tuple[Answer, ...]
+    whole: GroupVerdict
+    without: tuple[GroupVerdict, ...]
 
     @property
-    def changed(self) -> tuple[Answer, ...]:
+    def changed(self) -> tuple[GroupVerdict, ...]:
         """Where another thing is said."""
         return tuple(a for a in self.without if a.tested and not alike(a, self.whole))
 
@@ -112,7 +112,7 @@ class Stability:
         return told
 
 
-def alike(one: Answer, other: Answer) -> bool:
+def alike(one: GroupVerdict, other: GroupVerdict) -> bool:
     """Do two answers say the same?  Verdict and names; "missing" beside "ambiguous" is another."""
     return one.verdict == other.verdict and set(one.selected) == set(other.selected)
 
@@ -122,7 +122,7 @@ class Each:
     """What each log, or tire, says alone, before anything is pooled."""
 
     by: str
-    answers: tuple[Answer, ...]
+    answers: tuple[GroupVerdict, ...]
 
     @property
     def adjusted(self) -> tuple[float | None, ...]:
@@ -132,7 +132,7 @@ class Each:
         return tuple(None if a.p is None else next(left) for a in self.answers)
 
     @property
-    def lacking(self) -> tuple[Answer, ...]:
+    def lacking(self) -> tuple[GroupVerdict, ...]:
         """Those of which something is missing, with p adjusted over all of them."""
         return tuple(
             a
