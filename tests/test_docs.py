@@ -100,3 +100,13 @@ def test_the_papers_rows_are_counted_as_they_stand() -> None:
     said = ", ".join(f"{count} {word}" for word, count in counted.items())
     assert f"**{len(rows)} rows: {said}.**" in text
     assert [row[0] for row in rows if row[3] != "yes" and not row[4]] == []
+
+
+def test_the_literature_tests_are_listed_with_their_number() -> None:
+    text = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
+    listed = dict(re.findall(r"^\| `(test_\w+\.py)` \| (\d+) \|", text, re.M))
+    files = (ROOT / "tests" / "literature").glob("test_*.py")
+    assert listed == {
+        file.name: str(len(re.findall(r"^def test_", file.read_text(encoding="utf-8"), re.M)))
+        for file in files
+    }
