@@ -25,7 +25,7 @@ import numpy as np
 import tirelog
 from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import parse_setup
-from tirelog.diagnosis.leftover import _factors
+from tirelog.diagnosis.followed import factors_of
 from tirelog.diagnosis.separation import ALLOWED
 from tirelog.diagnosis.wording import not_varied
 from tirelog.errors import ModelError, SetupError
@@ -43,7 +43,7 @@ revolutions = conditions_of(log, np.arange(3.0), np.ones(3), np.zeros(3))
 assert np.array_equal(revolutions.camber_deg, [3.0, 3.0, 3.0])
 two = Conditions.of(2, speed_m_s=10.0, camber_deg=[0.0, 5.0])
 cells = SimpleNamespace(conditions=two, log=np.zeros(2, int))
-assert "camber" in _factors(SimpleNamespace(cells=cells, fit=SimpleNamespace(stuck=False)))
+assert "camber" in factors_of(SimpleNamespace(cells=cells, fit=SimpleNamespace(stuck=False)))
 try:
     parse_setup(setup % 30)
 except SetupError as problem:

@@ -15,8 +15,6 @@ The verdicts:
                      these data
     unknown          there is repeatable structure that no effect explains (under 50 %)
     too_few          fewer manoeuvres than a test needs: a ranking, no alarm
-
-The file is longer than others: a verdict is put together, and said, in one place.
 """
 
 from __future__ import annotations
@@ -29,7 +27,6 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Stack
-from tirelog.diagnosis.assessment import Assessed
 from tirelog.diagnosis.beside import (
     groups_of,
     with_nuisances_on,
@@ -54,7 +51,7 @@ from tirelog.diagnosis.drive_next import drive_next
 from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.gratings.gather import Gathered, gathered
 from tirelog.diagnosis.inclusion import Inclusion
-from tirelog.diagnosis.leftover import Leftover, describe, scattered
+from tirelog.diagnosis.leftover import Leftover, describe
 from tirelog.diagnosis.naming import quiet, removed_by
 from tirelog.diagnosis.nuisance_sizes import (
     NuisanceFound,
@@ -64,6 +61,7 @@ from tirelog.diagnosis.nuisance_sizes import (
     observed,
     scatter_sentences,
 )
+from tirelog.diagnosis.ranking import ranking_of
 from tirelog.diagnosis.results import Candidate, Comparison, plain_values
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
@@ -77,6 +75,7 @@ from tirelog.diagnosis.rules import (
     Evidence,
     verdict_of,
 )
+from tirelog.diagnosis.scattered import scattered
 from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.signatures import candidate_effects
@@ -278,7 +277,7 @@ def conclude(
         if max(excess_before, removed if sure else 0.0) <= LEAST_SHARE_OF_FLOOR * floor.square:
             # what alarmed is gone, once less is taken for scatter, or too small to be missing
             verdict = verdict_of(replace(evidence, named=0, repeats=False))
-    ranking = _ranking(found, selected, counted, floor.square, share)
+    ranking = ranking_of(found, selected, counted, floor.square, share)
     unexplained = _unexplained(
         left, found, ranking, excess_after, excess_before, floor.square, bool(selected)
     )
@@ -379,72 +378,6 @@ def beyond_doubt(found: Found) -> bool:
     """Is every name so significant that a rest that does not repeat cannot make it doubtful?"""
     named = [step.named for step in found.steps if step.named is not None]
     return bool(named) and all(r.assessed.p <= BEYOND_DOUBT_P for r in named)
-
-
-def _ranking(
-    found: Found, selected: Sequence[str], excess: float, floor: float, share_of_all: float
-) -> tuple[Candidate, ...]:
-    """All candidates of the first step.
-
-    Those named later follow with what they did when they were named. If one effect was selected its
-    share is `share_of_all`, so that the table and the sentence say one number.
-    """
-    first = found.steps[0]
-    refitted = {r.id: r for r in first.contenders}
-    rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
-    tested = [
-        a for a in first.assessed if a.id not in first.reasons or a.id in selected
-    ]  # a failed refit is no number
-    for a in tested:
-        removed = (
-            refitted[a.id].base.square_held
-            if a.id in refitted
-            else first.before.square_held - a.removed
-        )
-        unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
-        shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
-        share = (first.before.square_held - removed) / excess if shared else 0.0
-        share = share_of_all if tuple(selected) == (a.id,) else share
-        rows.append((a, float(np.clip(share, 0.0, 1.0)), _strengths(found, a, refitted)))
-    later = [s.named for s in found.steps[1:] if s.named is not None]
-    p = {r.id: r.assessed.p for r in later}
-    order = [r.id for r in first.contenders] + [a.id for a in tested if a.id not in refitted]
-    order = list(selected) + [name for name in order if name not in selected]
-    groups = {s.named.id: s.group for s in found.steps if s.named is not None}
-    by_id = {a.id: (a, share, strengths) for a, share, strengths in rows}
-    return tuple(
-        Candidate(
-            effect=name,
-            rank=i + 1,
-            excess_removed=by_id[name][1],
-            p_adjusted=p.get(name, by_id[name][0].p),
-            selected=name in selected,
-            group=tuple(g for g in groups.get(name, ()) if g != name),
-            statistic=by_id[name][0].statistic,
-            strengths=by_id[name][2],
-        )
-        for i, name in enumerate(n for n in order if n in by_id)
-    )
-
-
-def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The effect's parameters with errors and units.
-
-    From the final model, its own refit, or the linear fit.
-    """
-    for model in (found.after.model, *([refitted[a.id].base.model] if a.id in refitted else [])):
-        own = {n.split(".")[1]: q for n, q in model.parameters.items() if n.startswith(f"{a.id}.")}
-        if own:
-            return {
-                name: {"value": q.value, "se": q.se, "unit": q.unit}
-                for name, q in own.items()
-                if q.free
-            }
-    units = {q.name: q.unit for q in a.signature.effect.parameters}
-    return {
-        n: {"value": float(v), "se": None, "unit": units[n]}
-        for n, v in zip(a.signature.strengths, a.strengths, strict=True)
-    }
 
 
 def _unexplained(

@@ -9,8 +9,7 @@ Where, even or odd, what it follows, at which exponent of speed or fixed frequen
         tread                                    -> which of the two
 
 Significance by the same sign flips of manoeuvres, the largest over families; size by the held-out
-removal of the best family. The file is longer than others: the families are compared with each
-other, and what describes the rest is said by the same numbers.
+removal of the best family.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes a second to import
 
 from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.assessment import nuisance
+from tirelog.diagnosis.followed import SPEED, best_factor, factors_of, gone_along
 from tirelog.diagnosis.free_shapes import even_share, hats
 from tirelog.diagnosis.pressure_shapes import pressure_columns
 from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
@@ -32,13 +31,9 @@ from tirelog.inference.cells.together import model_of
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import ProjectedOut
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
-from tirelog.inference.scatter import load_derivative
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.conditions import CONDITIONS
 
-#: exponents of speed that are tested (each is one more candidate for chance), and those that
-#: describe what was found, to half a power
-EXPONENTS = (0.0, 1.0, 2.0)
+#: exponents of speed that describe what was found, to half a power
 FINE_EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 #: ring-downs behind the exit edge that are tried: fixed frequencies [Hz] or wavelengths [m], and
 #: how soon they decay, in time [s] or along the tread [m]
@@ -63,26 +58,8 @@ _SOME_CELLS = 24
 #: half as much would call a shape of both sides one-sided if one of them is the larger
 _ONE_SIDED = 0.93
 _MORE = 1.03
-#: single logs that a remainder may follow: each is one more factor that may fit by chance; the
-#: family-wise p counts them all, so that twice as many ask more of each
-MOST_LOGS = 4
-#: a quantity is named in place of a log from this share of its statistic on; half as much would
-#: name a quantity that explains half of what the log does
-_NAMED_FIRST = 0.95
 #: a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave none
 _ONE_SIGN = 0.8
-#: two quantities that move together beyond this correlation are not told apart: a fifth of the one
-#: in size is its own then; at 0.96 it would be 28 %
-_TOGETHER = 0.98
-#: share of what is left that one shape must make up to be said, and rank correlation over
-#: manoeuvres of its size with what it is said to follow: so much, and more than chance gives with
-#: this probability on either side (a dozen factors are looked at); doubling either says nothing
-_ONE_SHAPE = 0.5
-_FOLLOWS = 0.5
-_FOLLOWS_P = 0.00135
-#: a remainder is looked at over powers of the speed, and over the size of what has a sign
-SPEED = CONDITIONS["speed_m_s"].symbol
-_SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
 
 
 @dataclass(frozen=True)
@@ -109,22 +86,6 @@ class Leftover:
     together: tuple[str, ...] = ()
     observable: str | None = None
     contradicts: bool = False
-
-
-@dataclass(frozen=True)
-class Scattered:
-    """What does not repeat.
-
-    Its root mean square `size` in the observable's unit, whether it looks like a load that
-    changes, and the quantity with which it is large ("" if none), growing with it or falling, and
-    what went along with that.
-    """
-
-    size: float
-    like_load: bool
-    follows: str
-    grows: bool
-    together: tuple[str, ...] = ()
 
 
 def _describe_several(base: TogetherBase) -> Leftover:
@@ -160,117 +121,6 @@ def _describe_several(base: TogetherBase) -> Leftover:
         observable=against.observable,
         contradicts=True,
     )
-
-
-def _scattered_several(base: TogetherBase) -> Scattered:
-    """That of the observable that is farthest above its floor, in floors."""
-    parts = apart(base, held_by_all=True)
-    worst = max(parts, key=lambda part: part.square_held / part.floor.square)
-    found = scattered(worst, worst.floor.square)
-    return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
-
-
-def scattered(base: Base, floor_square: float) -> Scattered:
-    """Size and course of what is left beside the floor.
-
-    If only chi-square tells of it, the size is that of cell means.
-    """
-    if isinstance(base, TogetherBase):
-        return _scattered_several(base)
-    plain, cells = base.plain, base.cells
-    beyond = max(
-        base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
-    )
-    left = plain(np.nan_to_num(cells.values - base.fit.prediction - base.fit.beside))
-    square = (left**2).sum(axis=1)
-    load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
-    along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
-    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
-    factors, best, name = _factors(base), 0.0, ""
-    number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
-    sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
-    if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
-        sizes.append(left[:, 0])
-    ranked = [_ranks(np.bincount(cells.manoeuvre, size) / number) for size in sizes]
-    least = max(_FOLLOWS, _least_rank(cells.manoeuvres))
-    for factor, values in factors.items():
-        mean = (
-            np.bincount(cells.manoeuvre, np.abs(values) if factor in _SIGNED else values) / number
-        )
-        if np.ptp(mean) > 0.0:
-            for of_size in ranked:
-                rank = float(np.corrcoef(of_size, _ranks(mean))[0, 1])
-                if abs(rank) > max(abs(best), least):
-                    best, name = rank, factor
-    together = _alike(factors, name) if name else ()
-    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
-
-
-def _least_rank(manoeuvres: int) -> float:
-    """Rank correlation that manoeuvres which follow nothing reach with `_FOLLOWS_P`."""
-    if manoeuvres < 3:
-        return 1.0
-    t = float(stdtrit(manoeuvres - 2, 1.0 - _FOLLOWS_P))
-    return float(t / np.sqrt(manoeuvres - 2 + t**2))
-
-
-def _ranks(x: FloatArray) -> FloatArray:
-    return np.unique(x, return_inverse=True)[1].astype(float)
-
-
-def _factors(base: Base) -> dict[str, FloatArray]:
-    """What a cell is driven under, (C,) each, by name; what does not vary is left out."""
-    c = base.cells.conditions
-    result = {f"{SPEED}^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
-    if base.fit.stuck:  # no parameter takes a level beside what follows speed
-        result |= {name: x - x.mean() for name, x in result.items() if np.ptp(x) > 0.0}
-    for name, condition in CONDITIONS.items():
-        values = getattr(c, name)
-        if condition.symbol == SPEED:
-            continue  # by its powers, above
-        if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
-            result[condition.symbol] = (
-                values - (0.0 if condition.signed else values.mean())
-            ) / np.abs(values).max()
-    logs = np.unique(base.cells.log)
-    for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
-        result[f"log {number}"] = (base.cells.log == number) - float(
-            np.mean(base.cells.log == number)
-        )
-    return result
-
-
-def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
-    """The factor that explains most.
-
-    A quantity is preferred to the log itself if it explains nearly as much.
-    """
-    best = int(np.argmax(statistic))
-    names = list(factors)
-    if names[best].startswith("log "):
-        near = [
-            i
-            for i, name in enumerate(names)
-            if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]
-        ]
-        best = max(near, key=lambda i: statistic[i]) if near else best
-    return best
-
-
-def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
-    """Other quantities that went along with the factor `name` in these cells.
-
-    It could be any of them.
-    """
-    mine = factors[name]
-    if name.startswith(SPEED) or np.ptp(mine) == 0.0:
-        return ()
-    others = [
-        n
-        for n, x in factors.items()
-        if n != name and not n.startswith((SPEED, "log ")) and np.ptp(x) > 0.0
-    ]
-    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
 
 
 def _shapes(base: Base) -> FloatArray:
@@ -310,14 +160,14 @@ def describe(base: Base) -> Leftover:
     cells = base.cells
     taken = nuisance(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
-    factors, free = _factors(base), _shapes(base)
+    factors, free = factors_of(base), _shapes(base)
     scores = [
         _score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()
     ]
     statistic, p = flip_test(scores, cells.manoeuvres)
-    best = _best_factor(factors, statistic)
+    best = best_factor(factors, statistic)
     name = list(factors)[best]
-    together = _alike(factors, name)
+    together = gone_along(factors, name)
     free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
     gain, error = gain_and_error(base.held_white, held_white)

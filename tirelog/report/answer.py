@@ -216,7 +216,7 @@ def _conditions(result: Comparison) -> str:
 
 
 def _how_sure(found: Diagnosis) -> str:
-    from tirelog.diagnosis.ranking_errors import removed_errors
+    from tirelog.diagnosis.ranking import removed_errors
     from tirelog.diagnosis.rules import RULES
     from tirelog.diagnosis.wording import percent, probability
 

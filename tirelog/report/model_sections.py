@@ -348,7 +348,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     command.
     """
     from tirelog.diagnosis.drive_next import drive_sentences
-    from tirelog.diagnosis.ranking_errors import removed_errors
+    from tirelog.diagnosis.ranking import removed_errors
     from tirelog.diagnosis.results import in_unit
     from tirelog.diagnosis.wording import probability
 
