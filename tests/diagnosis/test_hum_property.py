@@ -87,9 +87,9 @@ def test_the_second_multiple_goes_with_the_first():
     assert [round(line.frequency_Hz) for line in lines] == [50, 100]
     assert (values - clean).std() < 0.2 * NOISE
     said = lines_said([Line(50.0, 2e-6), Line(100.02, 1e-6), Line(50.0, 1e-9)], "strain")
-    assert (
-        said
-        == "hum of 50 Hz (2 microstrain) and 100 Hz (1 microstrain) is taken out of the waveforms"
+    assert said == (
+        "lines that keep the frequency, as hum does, taken out of the waveforms: "
+        "50 Hz (2 microstrain) and 100 Hz (1 microstrain)"
     )
 
 

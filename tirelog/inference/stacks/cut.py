@@ -130,7 +130,7 @@ def stacks_from_logs(
             )
             stacks.add(recording.log, with_level(stretches, recording.log) if level else stretches)
             if heard:
-                stacks.note(f"{recording.log}: {lines_said(heard, observable)}")
+                stacks.note(f"{recording.log}: {source.name}: {lines_said(heard, observable)}")
         if said:
             stacks.note(f"{recording.log}: {said}")
     return stacks

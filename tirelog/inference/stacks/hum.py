@@ -57,7 +57,10 @@ class Line:
 
 
 def lines_said(lines: Iterable[Line], observable: str) -> str:
-    """What was taken out, in words; of several stretches the largest of each line."""
+    """What was taken out, in words; of several stretches the largest of each line.
+
+    What a driveline does at one speed may look like it, so a supply is no more than compared with.
+    """
     largest: dict[int, Line] = {}
     for line in sorted(lines, key=lambda line: line.amplitude):
         largest[round(line.frequency_Hz)] = line
@@ -66,7 +69,8 @@ def lines_said(lines: Iterable[Line], observable: str) -> str:
         f"{line.frequency_Hz:.4g} Hz ({factor * line.amplitude:.2g} {unit})"
         for _, line in sorted(largest.items())
     )
-    return f"hum of {each} is taken out of the waveforms"
+    what = "a line that keeps" if len(largest) == 1 else "lines that keep"
+    return f"{what} the frequency, as hum does, taken out of the waveforms: {each}"
 
 
 def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line]]:
