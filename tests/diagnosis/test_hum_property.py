@@ -61,6 +61,24 @@ def test_a_line_of_the_supply_goes_also_at_a_whole_fraction_of_it(frequency, wan
     assert after < (0.25 if not wander else 0.8) * max(before, NOISE)
 
 
+@pytest.mark.parametrize("wander_Hz", [0.005, 0.02, 0.05])
+def test_hum_of_a_grid_that_wanders_is_never_made_more(wander_Hz):
+    """Its phase walks at random and its size breathes; for 12 s the wheel hides it."""
+    for seed in range(6):
+        stack, time_s, clean = a_stack(seed=seed)
+        random = np.random.default_rng(900 + seed)
+        at = np.arange(0.0, time_s.max() + 1.0, 0.05)
+        walk = wander_Hz * np.cumsum(random.standard_normal(at.size)) * (0.05 / 20.0) ** 0.5
+        turn = 2.0 * np.pi * np.cumsum(50.0 + random.uniform(-0.05, 0.05) + walk) * 0.05
+        size = 3.0 * NOISE * (1.0 + 0.3 * np.sin(2.0 * np.pi * at / 11.0))
+        stack.values[:] += np.interp(time_s, at, size) * np.sin(np.interp(time_s, at, turn))
+        values, lines = without_hum(stack, time_s)
+        assert len(lines) == 1
+        before, after = (x - clean for x in (stack.values, values))
+        assert after.std() < before.std()
+        assert after[120:].std() < 0.2 * before[120:].std()
+
+
 def test_a_log_without_hum_stays_as_it_is():
     for seed in range(20):
         stack, time_s, _ = a_stack(seed=seed)

@@ -39,9 +39,14 @@ _LEAST = 0.05
 #: least length of a stretch [s] and fewest neighbouring revolutions of it: below it lines are not
 #: told from their surroundings
 _SHORTEST_S, _FEWEST = 5.0, 20
-#: a line's cosine and sine may change from one node to the next [s] by this share of its size:
-#: grids wander by some hundredths of a hertz over a minute; half of it is stiffer than a grid
-_NODE_S, _STEP = 8.0, 0.5
+#: nodes of a line's cosine and sine [s]: grids wander by some hundredths of a hertz, which nodes at
+#: twice the distance follow worse; at half of it there are twice as many numbers for the same
+_NODE_S = 4.0
+#: times over which a line may forget its phase [s], of which the likeliest is taken: from a grid
+#: that wanders to a clock. Where the wheel hides the line for longer, nothing is taken
+_MEMORIES_S = (5.0, 15.0, 50.0, 200.0, 1000.0)
+#: rounds in which a line's size is found beside its course; half as many end within 2 % of it
+_ROUNDS = 10
 #: the median of a power that is exponentially distributed, over its mean
 _MEDIAN = float(np.log(2.0))
 #: median absolute deviations to a standard one
@@ -181,19 +186,38 @@ class _Pairs:
             for j, other in enumerate(parts):
                 inner = (self.weight * one * other).sum(axis=1)
                 gram[i, :, j] = hats.T @ (hats * inner[:, None])
-        size = 2 * nodes.size
-        normal = gram.reshape(size, size)
-        constant = np.kron(np.eye(2), np.ones((nodes.size, 1)))
-        mean = np.linalg.lstsq(constant.T @ normal @ constant, constant.T @ right.ravel())[0]
-        step = _STEP * max(float(np.hypot(*mean)), 1e-30)
-        change = np.diff(np.eye(nodes.size), axis=0)
-        stiff = np.kron(np.eye(2), change.T @ change) / step**2
-        # the scale of the weights is that of one difference's variance
-        course = np.linalg.lstsq(normal + stiff, right.ravel())[0].reshape(2, nodes.size)
+        course, size = _course(gram.reshape(2 * nodes.size, -1), right.ravel(), nodes, self.scatter)
         cosine, sine = (np.interp(self.time_s, nodes, part) for part in course)
-        amplitude = float(np.sqrt((course**2).sum(axis=0).mean()))
         taken = cosine * whole.real + sine * whole.imag
-        return np.asarray(self.values - taken), Line(frequency, amplitude)
+        return np.asarray(self.values - taken), Line(frequency, size)
+
+
+def _course(
+    gram: FloatArray, right: FloatArray, nodes: FloatArray, size: float
+) -> tuple[FloatArray, float]:
+    """Cosine and sine of a line at the nodes (2, k), and its amplitude where it is seen.
+
+    A Gaussian process that forgets exponentially; its variance by expectation and maximisation
+    from `size` on, its memory by the largest evidence (Rasmussen and Williams 2006, ch. 5).
+    `gram` (2k, 2k) and `right` (2k,): normal equations whose noise has a variance of one.
+    """
+    apart = np.abs(nodes[:, None] - nodes)
+    told = np.diag(gram).reshape(2, -1)
+    best = -np.inf
+    course: FloatArray = np.zeros(told.shape)
+    for memory in _MEMORIES_S:
+        alike = np.kron(np.eye(2), np.exp(-apart / memory))
+        variance = size**2
+        for _ in range(_ROUNDS):
+            inner = np.eye(right.size) + variance * alike @ gram
+            mean = np.linalg.solve(inner, variance * alike @ right)
+            spread = np.linalg.solve(inner, variance * alike)
+            seen = np.outer(mean, mean) + spread
+            variance = float(np.trace(np.linalg.solve(alike, seen))) / right.size
+        evidence = 0.5 * float(right @ mean) - 0.5 * float(np.linalg.slogdet(inner)[1])
+        if evidence > best:
+            best, course = evidence, np.asarray(mean.reshape(2, -1), np.float64)
+    return course, float(np.sqrt(2.0 * (told * course**2).sum() / told.sum()))
 
 
 def _hats(at: FloatArray, nodes: FloatArray) -> FloatArray:
