@@ -79,6 +79,18 @@ def test_hum_of_a_grid_that_wanders_is_never_made_more(wander_Hz):
         assert after[120:].std() < 0.2 * before[120:].std()
 
 
+def test_hum_is_seen_where_samples_are_lost_at_flanks():
+    """A bin of a flank with one of its samples reads hundreds of microstrain beside its place."""
+    stack, time_s, clean = a_stack(hum=2.0 * NOISE)
+    random = np.random.default_rng(5)
+    flank = np.abs(np.abs(stack.phi_rad) - 0.5) < 0.4
+    lost = random.uniform(size=clean.shape) < 0.04 * flank
+    stack.values[lost] += random.uniform(-600e-6, 600e-6, lost.sum())
+    values, lines = without_hum(stack, time_s)
+    assert [round(line.frequency_Hz) for line in lines] == [50]
+    assert (values - clean)[:, ~flank].std() < 0.3 * NOISE
+
+
 def test_a_log_without_hum_stays_as_it_is():
     for seed in range(20):
         stack, time_s, _ = a_stack(seed=seed)

@@ -47,6 +47,9 @@ _NODE_S = 4.0
 _MEMORIES_S = (5.0, 15.0, 50.0, 200.0, 1000.0)
 #: rounds in which a line's size is found beside its course; half as many end within 2 % of it
 _ROUNDS = 10
+#: differences beyond this are left out [robust standard deviations]: of hum alone none reaches 2;
+#: at twice as many they outweigh the line where samples are lost at flanks
+_FAR = 5.0
 #: the median of a power that is exponentially distributed, over its mean
 _MEDIAN = float(np.log(2.0))
 #: median absolute deviations to a standard one
@@ -127,8 +130,13 @@ class _Pairs:
         spread = _TO_SD * np.median(np.abs(rise), axis=0)
         least = np.median(spread[spread > 0]) if (spread > 0).any() else 1.0
         # a flank's bins scatter by where their samples fall, and say little of a line
-        weight = 1.0 / np.maximum(spread, 0.3 * least) ** 2
-        self.weight = np.where(self.there, weight, 0.0)
+        scale = np.maximum(spread, 0.3 * least)
+        # and a pair between which load or speed changed differs by its whole waveform
+        row = _TO_SD * np.median(np.abs(rise) / scale, axis=1)
+        weight = 1.0 / (scale * np.maximum(row, 1.0)[:, None]) ** 2
+        # a flank's bin that has lost a sample tells where the others lie, and nothing of a line
+        near = np.abs(rise) * np.sqrt(weight) < _FAR
+        self.weight = np.where(self.there & near, weight, 0.0)
         #: of one bin of one revolution, in the middle over the angles
         self.scatter = float(least) / np.sqrt(2.0)
         self.rise = rise
