@@ -131,9 +131,7 @@ class _Pairs:
         least = np.median(spread[spread > 0]) if (spread > 0).any() else 1.0
         # a flank's bins scatter by where their samples fall, and say little of a line
         scale = np.maximum(spread, 0.3 * least)
-        # and a pair between which load or speed changed differs by its whole waveform
-        row = _TO_SD * np.median(np.abs(rise) / scale, axis=1)
-        weight = 1.0 / (scale * np.maximum(row, 1.0)[:, None]) ** 2
+        weight = np.broadcast_to(1.0 / scale**2, rise.shape)
         # a flank's bin that has lost a sample tells where the others lie, and nothing of a line
         near = np.abs(rise) * np.sqrt(weight) < _FAR
         self.weight = np.where(self.there & near, weight, 0.0)
