@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from benchmarks.case_rows import run_or_sum_up
 from benchmarks.cases import Case, case
 from benchmarks.hidden import TWINS, diagnosed, one_speed, wilson
-from tirelog.diagnosis.separation import ALLOWED, CandidateManoeuvre
+from tirelog.diagnosis.candidates.separation import ALLOWED, CandidateManoeuvre
 from tirelog.simulation.scenario.schema import Manoeuvre, Scenario
 
 KINDS = ("one_speed", "dry", "one_load")

@@ -17,9 +17,9 @@ from typing import Any
 
 from tirelog.data import setup
 from tirelog.data.setup import ROADS, SEPARATORS, SURFACES
-from tirelog.diagnosis.certainty import CLASSES, calibration
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
+from tirelog.diagnosis.trust.certainty import CLASSES, calibration
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
 from tirelog.physics.model import presets
 from tirelog.physics.model.empirical import FRAMES as SHAPE_FRAMES

@@ -25,8 +25,8 @@ import numpy as np
 import tirelog
 from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import parse_setup
-from tirelog.diagnosis.followed import factors_of
-from tirelog.diagnosis.separation import ALLOWED
+from tirelog.diagnosis.rest.followed import factors_of
+from tirelog.diagnosis.candidates.separation import ALLOWED
 from tirelog.diagnosis.wording import not_varied
 from tirelog.errors import ModelError, SetupError
 from tirelog.inference.stacks.conditions import conditions_of

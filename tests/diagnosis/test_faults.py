@@ -84,7 +84,7 @@ def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, m
 def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(
     one_cruise, model, monkeypatch
 ):
-    from tirelog.diagnosis import naming
+    from tirelog.diagnosis.candidates import naming
 
     def refuse(base, few, candidate):
         if candidate.id == asked[0]:

@@ -8,13 +8,13 @@ import pytest
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
 from tirelog.diagnosis import diagnose
-from tirelog.diagnosis.beside import allowed_nuisances, best_nuisance, groups_of
+from tirelog.diagnosis.candidates.beside import allowed_nuisances, best_nuisance, groups_of
+from tirelog.diagnosis.candidates.naming import quiet
+from tirelog.diagnosis.candidates.nuisance_sizes import nuisances_found
+from tirelog.diagnosis.candidates.search import search_effects
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude
-from tirelog.diagnosis.leftover import describe
-from tirelog.diagnosis.naming import quiet
-from tirelog.diagnosis.nuisance_sizes import nuisances_found
-from tirelog.diagnosis.search import search_effects
+from tirelog.diagnosis.rest.leftover import describe
 from tirelog.inference.base import prepare, settled
 from tirelog.inference.bends import bends
 from tirelog.inference.cells.cells import cells_of

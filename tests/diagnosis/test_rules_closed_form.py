@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.naming import removed_by, worth_it
-from tirelog.diagnosis.nuisance_sizes import alike_sentences
+from tirelog.diagnosis.candidates.naming import removed_by, worth_it
+from tirelog.diagnosis.candidates.nuisance_sizes import alike_sentences
 from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
 from tirelog.diagnosis.wording import sentence_of
 

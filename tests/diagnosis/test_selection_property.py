@@ -5,8 +5,8 @@ what repeats.
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.sign_flips import Scores, flip_signs, flip_test, gain_and_error
-from tirelog.diagnosis.signatures import candidate_effects, idle_candidates
+from tirelog.diagnosis.candidates.sign_flips import Scores, flip_signs, flip_test, gain_and_error
+from tirelog.diagnosis.candidates.signatures import candidate_effects, idle_candidates
 from tirelog.physics import CATALOGUE, Model
 
 

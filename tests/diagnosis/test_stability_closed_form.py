@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import stack
-from tirelog.diagnosis import by_group
-from tirelog.diagnosis.inclusion import Inclusion, StepInclusion
-from tirelog.diagnosis.stability import Each, GroupVerdict, Stability, benjamini_hochberg
+from tirelog.diagnosis.trust import by_group
+from tirelog.diagnosis.trust.inclusion import Inclusion, StepInclusion
+from tirelog.diagnosis.trust.stability import Each, GroupVerdict, Stability, benjamini_hochberg
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.cells.gathering import pieces_of_logs
 

@@ -9,15 +9,15 @@ import pytest
 
 from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
-from tirelog.diagnosis import search
+from tirelog.diagnosis.candidates import search
+from tirelog.diagnosis.candidates.drive_next import drive_next, drive_sentences
+from tirelog.diagnosis.candidates.naming import Step
+from tirelog.diagnosis.candidates.search import Found, search_effects
+from tirelog.diagnosis.candidates.separation import ALLOWED, driven, separations
+from tirelog.diagnosis.candidates.sign_flips import least_p
+from tirelog.diagnosis.candidates.signatures import candidate_effects
 from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
-from tirelog.diagnosis.drive_next import drive_next, drive_sentences
-from tirelog.diagnosis.naming import Step
-from tirelog.diagnosis.search import Found, search_effects
-from tirelog.diagnosis.separation import ALLOWED, driven, separations
-from tirelog.diagnosis.sign_flips import least_p
-from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.wording import probability, rounding_sentences, sentence_of
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
@@ -303,7 +303,9 @@ def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, mon
     assert drive_next(found, "unknown", 0.9) == []
     assert drive_next(found, "scatter", 0.5) == []
     # what the logs hold already is not
-    monkeypatch.setattr("tirelog.diagnosis.drive_next.driven", lambda base, manoeuvre: True)
+    monkeypatch.setattr(
+        "tirelog.diagnosis.candidates.drive_next.driven", lambda base, manoeuvre: True
+    )
     assert drive_next(found, "nothing_missing", 0.9) == []
 
 

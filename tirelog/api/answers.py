@@ -21,15 +21,15 @@ from tirelog.api.results import (
 )
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
-from tirelog.diagnosis import by_group
 from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
-from tirelog.diagnosis.inclusion import MOST_DRAWS
 from tirelog.diagnosis.obstacles.compare import compare_transients
 from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.diagnosis.propose import propose as proposing
+from tirelog.diagnosis.trust import by_group
+from tirelog.diagnosis.trust.inclusion import MOST_DRAWS
 from tirelog.errors import UsageError, nearest
 from tirelog.inference.measured import (
     MeasuredLogs,

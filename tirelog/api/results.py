@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from tirelog.diagnosis.candidates.drive_next import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
-from tirelog.diagnosis.drive_next import drive_sentences
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
 from tirelog.diagnosis.propose.results import Proposal

@@ -160,7 +160,7 @@ def _with_each(
     by: str,
 ) -> Diagnosis:
     """The diagnosis with that of each log or tire alone, and of all without it."""
-    from tirelog.diagnosis import by_group
+    from tirelog.diagnosis.trust import by_group
 
     if len(groups) < 2:
         said = f"There is one {by} alone: nothing is to be held against it."

@@ -143,7 +143,7 @@ def _errors_page(out: Console, result: Comparison) -> None:
 
 def diagnosis_page(result: Diagnosis) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
-    from tirelog.diagnosis.drive_next import drive_sentences
+    from tirelog.diagnosis.candidates.drive_next import drive_sentences
     from tirelog.diagnosis.results import in_unit
     from tirelog.diagnosis.wording import percent, probability
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.leftover import half_angle
+from tirelog.diagnosis.rest.leftover import half_angle
 from tirelog.diagnosis.results import Comparison, ErrorTables, Map, Rows, Waveforms, excess_of
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences

@@ -27,18 +27,24 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Stack
-from tirelog.diagnosis.beside import (
+from tirelog.diagnosis.candidates.beside import (
     groups_of,
     with_nuisances_on,
 )
-from tirelog.diagnosis.certainty import Certainty, Marks, certainty_of, marks_of, unlike
-from tirelog.diagnosis.checks import (
-    Check,
-    Suspect,
-    check_sentences,
-    posterior_checks,
-    suspects,
+from tirelog.diagnosis.candidates.drive_next import drive_next
+from tirelog.diagnosis.candidates.naming import quiet, removed_by
+from tirelog.diagnosis.candidates.nuisance_sizes import (
+    NuisanceFound,
+    alike_sentences,
+    nuisance_sentences,
+    nuisances_found,
+    observed,
+    scatter_sentences,
 )
+from tirelog.diagnosis.candidates.ranking import ranking_of
+from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
+from tirelog.diagnosis.candidates.separation import advise
+from tirelog.diagnosis.candidates.signatures import candidate_effects
 from tirelog.diagnosis.compare import (
     Measured,
     comparison_of,
@@ -47,21 +53,10 @@ from tirelog.diagnosis.compare import (
     single_revolutions,
     start_from,
 )
-from tirelog.diagnosis.drive_next import drive_next
 from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.gratings.gather import Gathered, gathered
-from tirelog.diagnosis.inclusion import Inclusion
-from tirelog.diagnosis.leftover import Leftover, describe
-from tirelog.diagnosis.naming import quiet, removed_by
-from tirelog.diagnosis.nuisance_sizes import (
-    NuisanceFound,
-    alike_sentences,
-    nuisance_sentences,
-    nuisances_found,
-    observed,
-    scatter_sentences,
-)
-from tirelog.diagnosis.ranking import ranking_of
+from tirelog.diagnosis.rest.leftover import Leftover, describe
+from tirelog.diagnosis.rest.scattered import scattered
 from tirelog.diagnosis.results import Candidate, Comparison, plain_values
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
@@ -75,11 +70,16 @@ from tirelog.diagnosis.rules import (
     Evidence,
     verdict_of,
 )
-from tirelog.diagnosis.scattered import scattered
-from tirelog.diagnosis.search import Found, Progress, search_effects
-from tirelog.diagnosis.separation import advise
-from tirelog.diagnosis.signatures import candidate_effects
-from tirelog.diagnosis.stability import Each, Stability
+from tirelog.diagnosis.trust.certainty import Certainty, Marks, certainty_of, marks_of, unlike
+from tirelog.diagnosis.trust.checks import (
+    Check,
+    Suspect,
+    check_sentences,
+    posterior_checks,
+    suspects,
+)
+from tirelog.diagnosis.trust.inclusion import Inclusion
+from tirelog.diagnosis.trust.stability import Each, Stability
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
 from tirelog.inference.base import Base, TogetherBase, apart

@@ -16,17 +16,21 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.beside import with_nuisances_on
+from tirelog.diagnosis.candidates.beside import with_nuisances_on
+from tirelog.diagnosis.candidates.naming import Step, without_needless
+from tirelog.diagnosis.candidates.nuisance_sizes import (
+    nuisance_sentences,
+    nuisances_found,
+    observed,
+)
+from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.gratings.gather import gathered
 from tirelog.diagnosis.locked import untouched
-from tirelog.diagnosis.naming import Step, without_needless
-from tirelog.diagnosis.nuisance_sizes import nuisance_sentences, nuisances_found, observed
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
-from tirelog.diagnosis.search import Found, Progress, search_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
 from tirelog.inference.base import Base, settled

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.beside import groups_of
+from tirelog.diagnosis.candidates.beside import groups_of
 from tirelog.inference.base import Base, apart
 from tirelog.inference.bends import bends
 from tirelog.inference.cells.cells import cells_of

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.diagnosis.candidates.sign_flips import least_p
 from tirelog.diagnosis.rules import QUIET_FLOORS
-from tirelog.diagnosis.sign_flips import least_p
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS

@@ -216,7 +216,7 @@ def _conditions(result: Comparison) -> str:
 
 
 def _how_sure(found: Diagnosis) -> str:
-    from tirelog.diagnosis.ranking import removed_errors
+    from tirelog.diagnosis.candidates.ranking import removed_errors
     from tirelog.diagnosis.rules import RULES
     from tirelog.diagnosis.wording import percent, probability
 
@@ -241,7 +241,7 @@ def _physics(effect: Effect) -> str:
 
 
 def _advice(given: Answered) -> list[str]:
-    from tirelog.diagnosis.drive_next import drive_sentences
+    from tirelog.diagnosis.candidates.drive_next import drive_sentences
 
     found = given.found
     if found is None:

@@ -347,8 +347,8 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
     command.
     """
-    from tirelog.diagnosis.drive_next import drive_sentences
-    from tirelog.diagnosis.ranking import removed_errors
+    from tirelog.diagnosis.candidates.drive_next import drive_sentences
+    from tirelog.diagnosis.candidates.ranking import removed_errors
     from tirelog.diagnosis.results import in_unit
     from tirelog.diagnosis.wording import probability
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.free_shapes import hats
+from tirelog.diagnosis.candidates.free_shapes import hats
+from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test
 from tirelog.diagnosis.gratings.found import ROAD, WHEEL, Frame, Strengths
 from tirelog.diagnosis.gratings.members import Member
-from tirelog.diagnosis.sign_flips import Scores, flip_test
 from tirelog.inference.base import Base
 from tirelog.inference.cells.levers import LEVER, ratio_name
 from tirelog.inference.floor import Plain

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri, stdtrit  # quantiles, without the second of scipy.stats
 
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.propose.grammar import EXPONENTS, LAW_BOUNDS, LAW_UNITS
 from tirelog.diagnosis.propose.ground import Ground
 from tirelog.diagnosis.propose.scan import Atom, columns_of, polish, strengths
 from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2, REST_SHARE
-from tirelog.diagnosis.sign_flips import gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
 from tirelog.inference.floor import held_out_losses, steps_left_out

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.assessment import nuisance
+from tirelog.diagnosis.candidates.assessment import nuisance
 from tirelog.inference.base import Base
 from tirelog.inference.fit.cells import Problem
 from tirelog.inference.metric.offsets import ProjectedOut

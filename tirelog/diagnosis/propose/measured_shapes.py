@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.diagnosis.propose.ground import Ground
 from tirelog.diagnosis.propose.scan import typical
-from tirelog.diagnosis.sign_flips import gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses

@@ -7,18 +7,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tirelog.diagnosis.beside import (
+from tirelog.diagnosis.candidates.beside import (
     allowed_nuisances,
     best_nuisance,
     groups_of,
     with_nuisances_on,
 )
+from tirelog.diagnosis.candidates.drive_next import by_the_minute
+from tirelog.diagnosis.candidates.naming import quiet, worth_it
+from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
+from tirelog.diagnosis.candidates.separation import advise
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
-from tirelog.diagnosis.drive_next import by_the_minute
-from tirelog.diagnosis.leftover import leading_shape
 from tirelog.diagnosis.locked import untouched
-from tirelog.diagnosis.naming import quiet, worth_it
 from tirelog.diagnosis.propose.formulas import (
     Choice,
     Draft,
@@ -36,6 +37,7 @@ from tirelog.diagnosis.propose.measured_shapes import (
 )
 from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
 from tirelog.diagnosis.propose.scan import Scanned, scan
+from tirelog.diagnosis.rest.leftover import leading_shape
 from tirelog.diagnosis.rules import (
     ALARM_P,
     BEYOND_DOUBT_P,
@@ -45,8 +47,6 @@ from tirelog.diagnosis.rules import (
     REST_SHARE,
     SECOND_LEAST,
 )
-from tirelog.diagnosis.search import Found, Progress, search_effects
-from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.wording import NUISANCES_SAID, percent
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import Base, refit, settled, thinned

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from tirelog.diagnosis.candidates.sign_flips import flip_signs
 from tirelog.diagnosis.propose.grammar import LAW_BOUNDS, Form, GivenLaw, forms, laws
 from tirelog.diagnosis.propose.ground import Ground
-from tirelog.diagnosis.sign_flips import flip_signs
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
 from tirelog.physics.model.entry import ModelEffect

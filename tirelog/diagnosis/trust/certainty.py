@@ -26,8 +26,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from tirelog.diagnosis.search import Found
-from tirelog.diagnosis.sign_flips import gain_and_error
+from tirelog.diagnosis.candidates.search import Found
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error
+from tirelog.diagnosis.candidates.signatures import Signature
 from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
-from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
-from tirelog.diagnosis.signatures import Signature
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut

@@ -22,12 +22,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tirelog.diagnosis.beside import groups_of
-from tirelog.diagnosis.naming import Step
-from tirelog.diagnosis.search import Found
-from tirelog.diagnosis.separation import ALLOWED, WANTED_SIGMA, driven, separations
-from tirelog.diagnosis.sign_flips import gain_and_error
-from tirelog.diagnosis.signatures import candidate_effects, with_candidate
+from tirelog.diagnosis.candidates.beside import groups_of
+from tirelog.diagnosis.candidates.naming import Step
+from tirelog.diagnosis.candidates.search import Found
+from tirelog.diagnosis.candidates.separation import ALLOWED, WANTED_SIGMA, driven, separations
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error
+from tirelog.diagnosis.candidates.signatures import candidate_effects, with_candidate
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.together import model_of

@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from tirelog.diagnosis.candidates.search import Progress
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
-from tirelog.diagnosis.inclusion import inclusion
-from tirelog.diagnosis.search import Progress
-from tirelog.diagnosis.stability import Each, GroupVerdict, Stability
+from tirelog.diagnosis.trust.inclusion import inclusion
+from tirelog.diagnosis.trust.stability import Each, GroupVerdict, Stability
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether

@@ -20,12 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.diagnosis.agreement import contributions
-from tirelog.diagnosis.assessment import nuisance
-from tirelog.diagnosis.followed import SPEED, best_factor, factors_of, gone_along
-from tirelog.diagnosis.free_shapes import even_share, hats
-from tirelog.diagnosis.pressure_shapes import pressure_columns
+from tirelog.diagnosis.candidates.assessment import nuisance
+from tirelog.diagnosis.candidates.free_shapes import even_share, hats
+from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error
+from tirelog.diagnosis.rest.followed import SPEED, best_factor, factors_of, gone_along
+from tirelog.diagnosis.rest.pressure_shapes import pressure_columns
 from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
-from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.inference.base import Base, TogetherBase, apart, thinned
 from tirelog.inference.cells.together import model_of
 from tirelog.inference.floor import held_out_losses

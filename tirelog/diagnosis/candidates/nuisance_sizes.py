@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.beside import groups_of
+from tirelog.diagnosis.candidates.beside import groups_of
 from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.shared import SharedEffects

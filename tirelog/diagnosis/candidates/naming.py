@@ -21,8 +21,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.diagnosis.assessment import Assessed, assess
-from tirelog.diagnosis.free_shapes import freedom_of_shape
+from tirelog.diagnosis.candidates.assessment import Assessed, assess
+from tirelog.diagnosis.candidates.free_shapes import freedom_of_shape
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error
+from tirelog.diagnosis.candidates.signatures import (
+    all_signatures,
+    candidate_effects,
+    idle_candidates,
+    with_candidate,
+)
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CONTENDER,
@@ -40,13 +47,6 @@ from tirelog.diagnosis.rules import (
     THIRD,
     TWINS,
     WORSE_SIGMAS,
-)
-from tirelog.diagnosis.sign_flips import gain_and_error
-from tirelog.diagnosis.signatures import (
-    all_signatures,
-    candidate_effects,
-    idle_candidates,
-    with_candidate,
 )
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, TogetherBase, apart, refit, settled, thinned

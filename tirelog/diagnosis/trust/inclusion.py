@@ -19,8 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.assessment import best_variants, scores_of
-from tirelog.diagnosis.naming import Step
+from tirelog.diagnosis.candidates.assessment import best_variants, scores_of
+from tirelog.diagnosis.candidates.naming import Step
+from tirelog.diagnosis.candidates.search import Found
+from tirelog.diagnosis.candidates.sign_flips import flip_signs, statistics
+from tirelog.diagnosis.candidates.signatures import all_signatures, candidate_effects
 from tirelog.diagnosis.rules import (
     ALARM_P,
     BEYOND_DOUBT_P,
@@ -28,9 +31,6 @@ from tirelog.diagnosis.rules import (
     LEAST_SHARE_OF_FLOOR,
     SECOND_LEAST,
 )
-from tirelog.diagnosis.search import Found
-from tirelog.diagnosis.sign_flips import flip_signs, statistics
-from tirelog.diagnosis.signatures import all_signatures, candidate_effects
 from tirelog.inference.base import Base
 from tirelog.inference.fit.cells import Problem
 from tirelog.inference.floor import held_out_losses

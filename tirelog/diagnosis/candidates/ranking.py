@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.assessment import Assessed
+from tirelog.diagnosis.candidates.assessment import Assessed
+from tirelog.diagnosis.candidates.search import Found
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.results import Candidate
 from tirelog.diagnosis.rules import LEAST_SHARE_OF_FLOOR
-from tirelog.diagnosis.search import Found
-from tirelog.diagnosis.sign_flips import gain_and_error
 
 
 def ranking_of(

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from tirelog.diagnosis.beside import (
+from tirelog.diagnosis.candidates.beside import (
     allowed_nuisances,
     best_nuisance,
     groups_of,
     needed_nuisances,
     with_nuisances,
 )
-from tirelog.diagnosis.naming import (
+from tirelog.diagnosis.candidates.naming import (
     Step,
     assess_all,
     clearly_worse,

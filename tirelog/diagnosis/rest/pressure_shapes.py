@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.diagnosis.signatures import with_candidate
+from tirelog.diagnosis.candidates.signatures import with_candidate
 from tirelog.inference.base import Base
 from tirelog.inference.fit.cells import Problem
 from tirelog.physics.effects import Drive, Effect, Site

@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.diagnosis.assessment import nuisance
-from tirelog.diagnosis.naming import worth_it
+from tirelog.diagnosis.candidates.assessment import nuisance
+from tirelog.diagnosis.candidates.naming import worth_it
+from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.diagnosis.rules import (
     ALARM_P,
     GAIN_SIGMAS,
     NUISANCE_SHARE,
     TWINS,
 )
-from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
 from tirelog.inference.cells.levers import without_ratios

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a second to import
 
-from tirelog.diagnosis.followed import SIGNED, factors_of, gone_along
+from tirelog.diagnosis.rest.followed import SIGNED, factors_of, gone_along
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.scatter import load_derivative
 from tirelog.vocabulary.arrays import FloatArray

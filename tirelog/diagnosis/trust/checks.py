@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.rules import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
-from tirelog.diagnosis.sign_flips import gain_and_error
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut

@@ -1,0 +1,1 @@
+"""Which effect it is: candidates, their signatures, what they remove, what parts them."""

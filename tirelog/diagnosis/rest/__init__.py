@@ -1,0 +1,1 @@
+"""What the best model still leaves, in physical words."""
