@@ -28,7 +28,7 @@ from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.save import save_model
 from tirelog.report.asked import Asked
-from tirelog.report.diagnosed import model_story
+from tirelog.report.sections.diagnosed import model_story
 from tirelog.runs.ingest import open_recording
 
 pytestmark = pytest.mark.xdist_group("measured")  # one worker makes what these tests share

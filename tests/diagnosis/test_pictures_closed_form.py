@@ -13,8 +13,8 @@ from tirelog.diagnosis.compare import compare as compare_logs
 from tirelog.diagnosis.results import Map, Waveforms
 from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
-from tirelog.plots import compare, diagnose
-from tirelog.plots.compare import coloured
+from tirelog.plots.models import compare, diagnose
+from tirelog.plots.models.compare import coloured
 
 PHI = np.linspace(-np.pi, np.pi, 64, endpoint=False)
 

@@ -24,14 +24,14 @@ from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
-from tirelog.report import obstacles
 from tirelog.report.asked import Asked
-from tirelog.report.diagnosed import model_story
 from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
-from tirelog.report.model_sections import residual_map
 from tirelog.report.page import Section, render
 from tirelog.report.papers import PAPERS, used_papers
-from tirelog.report.proposed import proposed
+from tirelog.report.sections.diagnosed import model_story
+from tirelog.report.sections.models import residual_map
+from tirelog.report.sections.proposed import proposed
+from tirelog.report.sections.recorded import obstacles
 from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share

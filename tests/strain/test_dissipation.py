@@ -12,7 +12,7 @@ from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Recording
 from tirelog.data.setup import LogConditions, Setup, Tire
 from tirelog.dsp.differentiator import bridged, differentiator
-from tirelog.plots.dissipation import said
+from tirelog.plots.tables.dissipation import said
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation, moving_average, steady_stretches
 from tirelog.strain.dissipation_fit import regression

@@ -12,7 +12,7 @@ from tests.cli.conftest import Command, folder, tirelog
 from tirelog.physics.moving.modes import Mode
 from tirelog.plots.kinds import FOOTPRINT
 from tirelog.plots.orders import amplitudes, map_of, on_the_belt, order_maps
-from tirelog.plots.turns import KINDS, TurnsSketch, filled, speed_classes
+from tirelog.plots.tables.turns import KINDS, TurnsSketch, filled, speed_classes
 from tirelog.plots.wheel import around_the_wheel
 
 __all__ = ["folder", "tirelog"]
@@ -151,8 +151,10 @@ def test_of_many_revolutions_each_nth_is_kept(monkeypatch: pytest.MonkeyPatch) -
         FakeStack(numbers[7:12]),
         FakeStack(numbers[12:]),
     ]
-    monkeypatch.setattr("tirelog.plots.turns._MOST_TURNS", 10)
-    monkeypatch.setattr("tirelog.plots.turns.stacks_from_logs", lambda *given: Stacks(stacks))
+    monkeypatch.setattr("tirelog.plots.tables.turns._MOST_TURNS", 10)
+    monkeypatch.setattr(
+        "tirelog.plots.tables.turns.stacks_from_logs", lambda *given: Stacks(stacks)
+    )
     tire = SimpleNamespace(static_footprint_length_m=None)
     recording: Any = SimpleNamespace(log="a.csv", setup=SimpleNamespace(tire=tire))
     channel: Any = SimpleNamespace(channel=SimpleNamespace(name="strain_1"))

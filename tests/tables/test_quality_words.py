@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tirelog.report import sections, table_sections
 from tirelog.report.figures import LogColours
+from tirelog.report.sections import recorded as sections
+from tirelog.report.sections.recorded import tables as table_sections
 from tirelog.tables.check import differences
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import (

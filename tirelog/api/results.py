@@ -105,7 +105,7 @@ class ComparisonOfLogs(Comparison):
         kind          "page", "polar" (around the wheel, with the contact pressure) or "edges" (of
                       the patch, close up)
         """
-        from tirelog.plots.compare import figure, waveforms
+        from tirelog.plots.models.compare import figure, waveforms
 
         return _drawn(path_or_axes, lambda: figure(self, kind), lambda axes: waveforms(axes, self))
 
@@ -159,7 +159,7 @@ class DiagnosisOfLogs(Diagnosis):
 
         path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the ranking
         """
-        from tirelog.plots.diagnose import figure, ranking
+        from tirelog.plots.models.diagnose import figure, ranking
 
         return _drawn(path_or_axes, lambda: figure(self), lambda axes: ranking(axes, self))
 
@@ -200,7 +200,7 @@ class ProposalOfLogs(Proposal):
 
         path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the shape
         """
-        from tirelog.plots.propose import figure, shape
+        from tirelog.plots.models.propose import figure, shape
 
         return _drawn(path_or_axes, lambda: figure(self), lambda axes: shape(axes, self))
 
@@ -227,7 +227,7 @@ class LadderOfLogs(Ladder):
 
         path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the steps
         """
-        from tirelog.plots.ladder import figure, steps
+        from tirelog.plots.models.ladder import figure, steps
 
         return _drawn(path_or_axes, lambda: figure(self), lambda axes: steps(axes, self))
 
@@ -309,7 +309,7 @@ class FitOfLogs:
 
         path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes to draw on
         """
-        from tirelog.plots.fit import correlations, figure
+        from tirelog.plots.models.fit import correlations, figure
 
         return _drawn(
             path_or_axes,

@@ -142,7 +142,7 @@ def compare(
 
 def _draw(session: Session, result: ComparisonOfLogs, plot: Path, kind: str) -> None:
     """The picture of the steady comparison, and beside it that of the obstacles."""
-    from tirelog.plots.compare import draw
+    from tirelog.plots.models.compare import draw
 
     for beside in draw(result, plot, kind):
         session.note(f"another observable drawn in {beside}")

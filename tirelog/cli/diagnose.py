@@ -78,7 +78,7 @@ def diagnose(
         for remark in result.before.remarks:
             session.note(remark)
         if plot is not None:
-            from tirelog.plots.diagnose import draw
+            from tirelog.plots.models.diagnose import draw
 
             for beside in draw(result, plot):
                 session.note(f"another observable drawn in {beside}")

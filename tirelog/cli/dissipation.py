@@ -75,10 +75,10 @@ def dissipation(
             else:
                 table.write(sorted_by_speed(part.found) if by_speed else part.columns)
             if plot is not None:
-                from tirelog.plots.dissipation import DissipationSketch
+                from tirelog.plots.tables.dissipation import DissipationSketch
 
                 kept.append(DissipationSketch.of(recording, part.found))
         if plot is not None and kept:
-            from tirelog.plots.dissipation import dissipation_picture
+            from tirelog.plots.tables.dissipation import dissipation_picture
 
             dissipation_picture(kept, plot)

@@ -38,7 +38,7 @@ def effects(
         )
     chosen = list(catalogue.values()) if name is None else [catalogue[name]]
     if plot is not None:
-        from tirelog.plots.effects import signatures
+        from tirelog.plots.models.effects import signatures
 
         signatures(chosen, plot)
     if format is None and output is None:

@@ -45,8 +45,8 @@ def footprint(
             table.write(part.columns)
             if plot is not None:
                 from tirelog.errors import UsageError
-                from tirelog.plots.footprint import FootprintSketch
-                from tirelog.plots.turns import TurnsSketch
+                from tirelog.plots.tables.footprint import FootprintSketch
+                from tirelog.plots.tables.turns import TurnsSketch
                 from tirelog.strain.footprint.table import FootprintOfChannel
 
                 if not isinstance(part.found, FootprintOfChannel):
@@ -59,8 +59,8 @@ def footprint(
                 sketch = FootprintSketch if kind == "page" else TurnsSketch
                 kept.append(sketch.of(recording, part.found))
         if plot is not None and kept:
-            from tirelog.plots.footprint import footprint_picture
-            from tirelog.plots.turns import turns_picture
+            from tirelog.plots.tables.footprint import footprint_picture
+            from tirelog.plots.tables.turns import turns_picture
 
             if kind == "page":
                 footprint_picture(kept, plot)

@@ -87,7 +87,7 @@ def ladder(
             _bars(result)
         _remember(result, model)
         if plot is not None:
-            from tirelog.plots.ladder import draw
+            from tirelog.plots.models.ladder import draw
 
             draw(result, plot)
         if save is not None:

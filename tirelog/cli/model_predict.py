@@ -295,7 +295,7 @@ def modes(
             maps = [(each.log, map_of_log(each, channel)) for each in session.recordings(log)]
             modes_over_orders(read, maps, plot, highest_Hz=to_frequency, **hub)
         elif plot is not None:
-            from tirelog.plots.modes import modes_picture
+            from tirelog.plots.models.modes import modes_picture
 
             modes_picture(columns, plot)
         table.write(columns)

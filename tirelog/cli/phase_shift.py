@@ -112,7 +112,7 @@ def phase_shift(
                 "--calibrate FILE"
             )
         if plot is not None:
-            from tirelog.plots.phase_shift import plot_phase_shift
+            from tirelog.plots.tables.phase_shift import plot_phase_shift
 
             plot_phase_shift(kept, applied, plot)
 

@@ -84,7 +84,7 @@ def propose(
                 progress=None if quiet else say,
             )
         if plot is not None and result.status != "nothing":
-            from tirelog.plots.propose import draw
+            from tirelog.plots.models.propose import draw
 
             draw(result, plot)
         if output is not None and result.model is not None:

@@ -44,7 +44,7 @@ def transients_page(result: TransientComparison) -> None:
 
 def draw_transients(result: TransientComparison, path: Path) -> Path:
     """The picture of the hits, beside the comparison's: NAME_transient.SUFFIX."""
-    from tirelog.plots.transient import draw
+    from tirelog.plots.models.transient import draw
 
     beside = path.with_name(f"{path.stem}_transient{path.suffix}")
     draw(result, beside)

@@ -21,13 +21,15 @@ from tirelog.data.recording import Recording
 from tirelog.errors import TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
-from tirelog.report import model_sections, sections, table_sections
-from tirelog.report.answer import NO_MODEL, without_a_model
 from tirelog.report.asked import Asked
 from tirelog.report.figures import LogColours
 from tirelog.report.page import Section
 from tirelog.report.papers import used_papers
-from tirelog.report.passage import passage_figures
+from tirelog.report.sections import models as model_sections
+from tirelog.report.sections import recorded as sections
+from tirelog.report.sections import tables as table_sections
+from tirelog.report.sections.answer import NO_MODEL, without_a_model
+from tirelog.report.sections.passage import passage_figures
 from tirelog.report.sources import MadeTable, SourceTables, given_tables, made_tables, read_ladder
 from tirelog.report.stored import model_pages
 from tirelog.version import __version__
@@ -251,7 +253,7 @@ def _models(
         report.missing.append((f"{what} (then --model M)", asked.make_model()))
         return [without_a_model(seen, asked, NO_MODEL), *ladder]
     from tirelog.physics.model.user_effects import catalogue_with
-    from tirelog.report.diagnosed import model_story
+    from tirelog.report.sections.diagnosed import model_story
 
     catalogue = catalogue_with(model.effects_file, asked=False)
     try:

@@ -92,7 +92,7 @@ _ALL = (
                 "Take the rolling radius from the log's vehicle_speed, with its error.",
             ),
         ),
-        picture="tirelog.plots.speed:speed_picture",
+        picture="tirelog.plots.tables.speed:speed_picture",
         draws_rows=True,
     ),
     LogTable(
@@ -221,7 +221,7 @@ _ALL = (
         ),
         made_by="tirelog.wheel.angle_table:wheel_angle_of",
         checked_by="tirelog.wheel.angle_table:refuse_stretch",
-        picture="tirelog.plots.wheel_angle:wheel_angle_picture",
+        picture="tirelog.plots.tables.wheel_angle:wheel_angle_picture",
         draws_rows=True,
         driven=False,
     ),
@@ -246,7 +246,7 @@ _ALL = (
         ),
         made_by="tirelog.strain.inflation:inflation_of",
         checked_by="tirelog.strain.inflation:refuse_one_end",
-        picture="tirelog.plots.inflation:inflation_picture",
+        picture="tirelog.plots.tables.inflation:inflation_picture",
         driven=False,
     ),
 )  # fmt: skip

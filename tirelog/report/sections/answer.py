@@ -27,7 +27,8 @@ from tirelog.report.figures import (
     layout,
     line,
 )
-from tirelog.report.model_sections import (
+from tirelog.report.page import Card, Rung, Section
+from tirelog.report.sections.models import (
     ANGLE,
     edges,
     logs_of,
@@ -39,7 +40,6 @@ from tirelog.report.model_sections import (
     where,
     window,
 )
-from tirelog.report.page import Card, Rung, Section
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ import numpy as np
 
 from tirelog.physics.model.empirical import FRAMES
 from tirelog.report.figures import GREY, INK, Figure, band, layout, line
-from tirelog.report.model_sections import ANGLE, shown_number, shown_value
 from tirelog.report.page import PageTable, Section
+from tirelog.report.sections.models import ANGLE, shown_number, shown_value
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.propose.results import Proposal

@@ -19,7 +19,7 @@ import pandas as pd
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, LogColours, layout, line
 from tirelog.report.page import PageTable, Section
-from tirelog.report.sections import (
+from tirelog.report.sections.recorded import (
     drawn_of,
     groups,
     points,

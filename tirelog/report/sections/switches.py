@@ -33,14 +33,14 @@ from tirelog.report.figures import (
     packed_array,
     unpacked_array,
 )
-from tirelog.report.model_sections import (
+from tirelog.report.page import Section
+from tirelog.report.sections.models import (
     logs_of,
     over_angle,
     residual_map,
     shown_value,
     wave_traces,
 )
-from tirelog.report.page import Section
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.plots.compare import coloured, edges
-from tirelog.plots.compare import draw as draw_comparison
+from tirelog.plots.models.compare import coloured, edges
+from tirelog.plots.models.compare import draw as draw_comparison
 from tirelog.plots.style import COLOURS, figure_page
 from tirelog.vocabulary.observables import drawn
 

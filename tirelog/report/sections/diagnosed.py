@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Recording
 from tirelog.errors import TirelogError
-from tirelog.report import model_sections, obstacles
-from tirelog.report.answer import Answered, answer
 from tirelog.report.figures import LogColours
 from tirelog.report.page import Section
-from tirelog.report.proposed import proposed
-from tirelog.report.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
+from tirelog.report.sections import models as model_sections
+from tirelog.report.sections import obstacles
+from tirelog.report.sections.answer import Answered, answer
+from tirelog.report.sections.proposed import proposed
+from tirelog.report.sections.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tirelog.report.figures import GREY, INK, Figure, LogColours, dots, layout, line
-from tirelog.report.model_sections import shown_number, shown_value
 from tirelog.report.page import PageTable, Section
+from tirelog.report.sections.models import shown_number, shown_value
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.compare import HitResult, TransientComparison

@@ -1,0 +1,1 @@
+"""Pictures of the tables that are made of a log."""

@@ -1,0 +1,1 @@
+"""Sections of the page: what was recorded, the tables, and what a model says of them."""
