@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tests.readers.mcap_files import START_NS, write_json
-from tirelog.cli.ladder import _bars
+from tirelog.cli.models.ladder import _bars
 
 from .conftest import SETUP, Command, pulse_rows
 

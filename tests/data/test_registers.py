@@ -61,7 +61,7 @@ def test_a_table_s_entry_names_what_is_there(table: LogTable) -> None:
     function = getattr(tirelog, table.python_name)
     keywords = {o.name for o in table.options} - {"steady_step", "average"}  # theirs have units
     assert keywords <= set(signature(function).parameters)
-    own = find_spec(f"tirelog.cli.{table.python_name}")
+    own = find_spec(f"tirelog.cli.logs.{table.python_name}")
     assert (own is None) == bool(table.made_by or table.name == "speed")
     if own is not None:  # its command says the same as the reference page
         command = getattr(import_module(own.name), table.python_name)

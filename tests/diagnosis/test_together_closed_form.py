@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.cli.discrepancy_page import comparison_page
+from tirelog.cli.models.answers_page import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.agreement import agreement_sentence, contributions

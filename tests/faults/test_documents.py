@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tirelog.cli.history import read_history
+from tirelog.cli.models.history import read_history
 from tirelog.data.setup import load_setup
 from tirelog.errors import ModelError, SetupError, TirelogError, UsageError, printable
 from tirelog.physics.model.file import load_model as read

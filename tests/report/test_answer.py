@@ -17,7 +17,7 @@ import pytest
 
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tests.report.test_page import data, numbers
-from tirelog.cli.history import history_file
+from tirelog.cli.models.history import history_file
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
 from tirelog.diagnosis.results import Map

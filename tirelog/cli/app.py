@@ -18,25 +18,25 @@ from tirelog.vocabulary.tables import LOG_TABLES
 
 #: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in
 #: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
-BEFORE_TABLES = (("ingest", "ingest"), ("info", "info"))
+BEFORE_TABLES = (("logs.ingest", "ingest"), ("logs.info", "info"))
 AFTER_TABLES = (
-    ("setup", "app"),
-    ("simulate", "simulate"),
-    ("effects", "effects"),
-    ("model", "app"),
-    ("compare", "compare"),
-    ("diagnose", "diagnose"),
-    ("propose", "propose"),
-    ("ladder", "ladder"),
+    ("logs.setup", "app"),
+    ("logs.simulate", "simulate"),
+    ("models.effects", "effects"),
+    ("models.model", "app"),
+    ("models.compare", "compare"),
+    ("models.diagnose", "diagnose"),
+    ("models.propose", "propose"),
+    ("models.ladder", "ladder"),
     ("report", "report"),
     ("campaign", "app"),
-    ("check", "check"),
+    ("logs.check", "check"),
 )
 
 
 def _commands() -> Iterator[tuple[str, Any]]:
     """Every command's name, and the function or sub-application behind it."""
-    from tirelog.cli.log_table import table_command
+    from tirelog.cli.logs.log_table import table_command
 
     def own(module: str, attribute: str) -> Any:
         return getattr(importlib.import_module(f"tirelog.cli.{module}"), attribute)
@@ -45,14 +45,19 @@ def _commands() -> Iterator[tuple[str, Any]]:
         for name, table in LOG_TABLES.items():
             if table.driven == driven:
                 module = table.python_name
-                alone = importlib.util.find_spec(f"tirelog.cli.{module}") is not None
-                yield name, own(module, module) if alone else table_command(table)
+                alone = importlib.util.find_spec(f"tirelog.cli.logs.{module}") is not None
+                yield name, own(f"logs.{module}", module) if alone else table_command(table)
 
-    yield from ((name, own(name, attribute)) for name, attribute in BEFORE_TABLES)
+    yield from ((_named(module), own(module, attribute)) for module, attribute in BEFORE_TABLES)
     yield from of_a_log(driven=True)
-    yield "tables", own("tables", "tables")
+    yield "tables", own("logs.tables", "tables")
     yield from of_a_log(driven=False)
-    yield from ((name, own(name, attribute)) for name, attribute in AFTER_TABLES)
+    yield from ((_named(module), own(module, attribute)) for module, attribute in AFTER_TABLES)
+
+
+def _named(module: str) -> str:
+    """The command of a module: its own name."""
+    return module.rpartition(".")[2]
 
 
 def _version(asked: bool) -> None:

@@ -16,7 +16,7 @@ TABLES = ("hit", "time", "frequency")
 
 def transients_page(result: TransientComparison) -> None:
     """The hits to read."""
-    from tirelog.cli.discrepancy_page import _console, _table
+    from tirelog.cli.models.answers_page import _console, _table
     from tirelog.vocabulary.observables import shown
 
     out = _console()

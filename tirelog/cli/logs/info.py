@@ -27,7 +27,7 @@ def info(
 
     Of a log without a setup: its columns, topics or datasets, with ranges and likely kinds.
     """
-    from tirelog.cli.summary import print_summary
+    from tirelog.cli.logs.summary import print_summary
     from tirelog.runs.overview import channel_rows
 
     with Session(setup, quiet, hashed=True) as session:
@@ -59,7 +59,7 @@ def undescribed(log: str) -> bool:
 
 def _contents(session: Session, logs: list[str], output: Path | None, format: str | None) -> None:
     """What is in logs that have no setup."""
-    from tirelog.cli.contents_page import print_contents
+    from tirelog.cli.logs.contents_page import print_contents
     from tirelog.drafts.contents import rows
 
     if format is None and output is None:

@@ -24,7 +24,7 @@ from tirelog.cli.common import (
     keeps_hashes,
     say,
 )
-from tirelog.cli.compare import columns_of_rows, measured_and_model, write_json
+from tirelog.cli.models.compare import columns_of_rows, measured_and_model, write_json
 from tirelog.cli.targets import in_a_folder
 from tirelog.errors import printable
 
@@ -139,7 +139,7 @@ def _line(text: str) -> None:
 
 def _remember(result: Ladder, model: Path) -> None:
     """The ladder, appended to the history beside the model file (MODEL.ladder.json)."""
-    from tirelog.cli.history import history_file, read_history
+    from tirelog.cli.models.history import history_file, read_history
     from tirelog.storage.whole import whole_file
 
     past = read_history(model)

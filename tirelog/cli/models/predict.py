@@ -140,8 +140,8 @@ def predict(
     and what sensors read.
     """
     from tirelog.api import models
-    from tirelog.cli.passage import load_steps, road_words, speed_ramps
-    from tirelog.cli.ranges import conditions_given, refuse_many
+    from tirelog.cli.models.passage import load_steps, road_words, speed_ramps
+    from tirelog.cli.models.ranges import conditions_given, refuse_many
     from tirelog.errors import UsageError
     from tirelog.physics.model.from_setup import known_surface
 
@@ -218,7 +218,7 @@ def forces(
     what this model does not have: a beam has no hub, a ring no critical speed.
     """
     from tirelog.api import models
-    from tirelog.cli.ranges import conditions_given
+    from tirelog.cli.models.ranges import conditions_given
 
     read, given = models.load_model(model, effects=effects), setup_in(setup)
     conditions = conditions_given(

@@ -19,7 +19,7 @@ from tirelog.cli.common import (
     SetupFile,
     keeps_hashes,
 )
-from tirelog.cli.log_table import table_option
+from tirelog.cli.logs.log_table import table_option
 from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ def effects(
     """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each
     does to the strain.
     """
-    from tirelog.cli.model_page import catalogue_page, catalogue_rows, effect_page
+    from tirelog.cli.models.model_page import catalogue_page, catalogue_rows, effect_page
     from tirelog.errors import refuse_unknown
     from tirelog.physics.model.user_effects import catalogue_with
 

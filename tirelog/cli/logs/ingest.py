@@ -31,7 +31,7 @@ def ingest(
     """Write a log as a run: channels in SI on exact time axes, with its setup, provenance and
     quality flags.
     """
-    from tirelog.cli.summary import print_summary
+    from tirelog.cli.logs.summary import print_summary
     from tirelog.runs.ingest import write_run
     from tirelog.runs.store import open_run
 

@@ -20,7 +20,7 @@ from tirelog.cli.common import (
     keeps_hashes,
     say,
 )
-from tirelog.cli.compare import columns_of_rows, measured_and_model, write_json
+from tirelog.cli.models.compare import columns_of_rows, measured_and_model, write_json
 from tirelog.errors import UsageError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def diagnose(
             with session.table("diagnose", output, format) as table:
                 table.write(columns_of_rows(_rows(result)))
         else:
-            from tirelog.cli.discrepancy_page import diagnosis_page
+            from tirelog.cli.models.answers_page import diagnosis_page
 
             diagnosis_page(result)
 

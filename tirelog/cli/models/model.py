@@ -20,7 +20,7 @@ from tirelog.cli.common import (
     SetupFile,
     say,
 )
-from tirelog.cli.model_predict import Model_, forces, modes, predict, setup_in
+from tirelog.cli.models.predict import Model_, forces, modes, predict, setup_in
 from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:
@@ -138,8 +138,8 @@ def show(
     models in sigma.
     """
     from tirelog.api.models import load_model
-    from tirelog.cli.history import history_page, history_rows
-    from tirelog.cli.model_page import difference_page, model_page
+    from tirelog.cli.models.history import history_page, history_rows
+    from tirelog.cli.models.model_page import difference_page, model_page
     from tirelog.physics.model.difference import difference_rows, parameter_rows
 
     read = load_model(model, effects=effects)
@@ -290,7 +290,7 @@ def fit(
     """
     from tirelog.api.answers import fit as fit_model
     from tirelog.api.models import load_model
-    from tirelog.cli.model_page import fit_page, learned_page
+    from tirelog.cli.models.model_page import fit_page, learned_page
     from tirelog.physics.model.save import refuse_another, save_model
     from tirelog.vocabulary.observables import WAVEFORMS
 

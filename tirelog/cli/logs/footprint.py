@@ -17,7 +17,7 @@ from tirelog.cli.common import (
     plot_kind,
     refuse_kind_alone,
 )
-from tirelog.cli.log_table import table_option
+from tirelog.cli.logs.log_table import table_option
 from tirelog.plots.kinds import FOOTPRINT
 from tirelog.runtime import one_thread
 

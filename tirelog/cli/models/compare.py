@@ -92,7 +92,7 @@ def compare(
     kind: Annotated[str, plot_kind(COMPARE)] = "page",
 ) -> None:
     """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
-    from tirelog.cli.transients import TABLES
+    from tirelog.cli.models.transients import TABLES
     from tirelog.errors import UsageError, refuse_unknown
 
     refuse_kind_alone(kind, plot)
@@ -131,11 +131,11 @@ def compare(
             with session.table("compare", output, format) as table:
                 table.write({name: [value] for name, value in _flat(result).items()})
         else:
-            from tirelog.cli.discrepancy_page import comparison_page
+            from tirelog.cli.models.answers_page import comparison_page
 
             comparison_page(result)
             if result.obstacles is not None:
-                from tirelog.cli.transients import transients_page
+                from tirelog.cli.models.transients import transients_page
 
                 transients_page(result.obstacles)
 
@@ -147,7 +147,7 @@ def _draw(session: Session, result: ComparisonOfLogs, plot: Path, kind: str) -> 
     for beside in draw(result, plot, kind):
         session.note(f"another observable drawn in {beside}")
     if result.obstacles is not None:
-        from tirelog.cli.transients import draw_transients
+        from tirelog.cli.models.transients import draw_transients
 
         session.note(f"obstacles drawn in {draw_transients(result.obstacles, plot)}")
 

@@ -17,7 +17,7 @@ from tirelog.cli.common import (
     SetupFile,
     keeps_hashes,
 )
-from tirelog.cli.log_table import table_option
+from tirelog.cli.logs.log_table import table_option
 from tirelog.runtime import one_thread
 
 

@@ -19,7 +19,7 @@ from tirelog.cli.common import (
     page,
     say,
 )
-from tirelog.cli.compare import measured_and_model, write_json
+from tirelog.cli.models.compare import measured_and_model, write_json
 from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""Commands on models, and on what logs say of them."""
