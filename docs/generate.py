@@ -26,12 +26,12 @@ from tirelog.physics.model.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
 from tirelog.physics.model.presets import PRESETS
-from tirelog.plots.kinds import COMPARE, FOOTPRINT
 from tirelog.simulation.scenario import schema
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
+from tirelog.vocabulary.pictures import COMPARE, FOOTPRINT
 from tirelog.vocabulary.quality import OK, Quality
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 from tirelog.vocabulary.units import UNITS
@@ -225,7 +225,9 @@ def tables_page() -> str:
 def table_section(entry: LogTable) -> str:
     """All that the register says of one table."""
     columns = [COLUMNS[name] for name in entry.columns]
-    options = "".join(f"* `{o.flag}` (`{o.name}`): {o.help}\n" for o in entry.options)
+    options = "".join(
+        f"* `{o.flag}` (`{o.name}`): {o.help}\n" for o in (*entry.options, *entry.views)
+    )
     return "\n".join(
         [
             f"\n## {entry.name}\n",

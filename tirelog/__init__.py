@@ -24,44 +24,59 @@ from tirelog.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from tirelog.api.answers import compare, diagnose, fit, ladder, measure, propose
-    from tirelog.api.logs import open_log
-    from tirelog.api.models import contributions, load_model, predict
+    from tirelog.api.campaigns import campaign_status, run_campaign
+    from tirelog.api.checks import check
+    from tirelog.api.logs import ingest, open_log
+    from tirelog.api.models import contributions, load_model, new_model, predict, save_model
+    from tirelog.api.parts import save_calibration
+    from tirelog.api.reports import write_report
+    from tirelog.api.setups import check_setup, draft_setup
     from tirelog.api.simulated import simulate
-    from tirelog.api.tables import dissipation, footprint, inflation, phase_shift, speed
+    from tirelog.api.tables import (
+        calibrate,
+        dissipation,
+        footprint,
+        inflation,
+        phase_shift,
+        plot_table,
+        speed,
+    )
     from tirelog.data.recording import Conditions, Recording
     from tirelog.errors import TirelogError
     from tirelog.physics.model.model import Model
-    from tirelog.physics.model.save import save_model
 
 #: where each public name is defined
 _HOMES = {
-    "open_log": "tirelog.api.logs",
-    "speed": "tirelog.api.tables",
-    "footprint": "tirelog.api.tables",
-    "dissipation": "tirelog.api.tables",
-    "phase_shift": "tirelog.api.tables",
-    "inflation": "tirelog.api.tables",
-    "load_model": "tirelog.api.models",
-    "save_model": "tirelog.physics.model.save",
-    "predict": "tirelog.api.models",
-    "contributions": "tirelog.api.models",
-    "measure": "tirelog.api.answers",
-    "fit": "tirelog.api.answers",
-    "compare": "tirelog.api.answers",
-    "diagnose": "tirelog.api.answers",
-    "ladder": "tirelog.api.answers",
-    "propose": "tirelog.api.answers",
-    "simulate": "tirelog.api.simulated",
-    "Conditions": "tirelog.data.recording",
-    "Model": "tirelog.physics.model.model",
-    "Recording": "tirelog.data.recording",
-    "TirelogError": "tirelog.errors",
+    name: module
+    for module, names in {
+        "tirelog.api.answers": ("compare", "diagnose", "fit", "ladder", "measure", "propose"),
+        "tirelog.api.campaigns": ("campaign_status", "run_campaign"),
+        "tirelog.api.checks": ("check",),
+        "tirelog.api.logs": ("ingest", "open_log"),
+        "tirelog.api.models": (
+            *("contributions", "load_model", "new_model", "predict", "save_model"),
+        ),
+        "tirelog.api.parts": ("save_calibration",),
+        "tirelog.api.reports": ("write_report",),
+        "tirelog.api.setups": ("check_setup", "draft_setup"),
+        "tirelog.api.simulated": ("simulate",),
+        "tirelog.api.tables": (
+            *("calibrate", "dissipation", "footprint", "inflation", "phase_shift", "plot_table"),
+            "speed",
+        ),
+        "tirelog.data.recording": ("Conditions", "Recording"),
+        "tirelog.errors": ("TirelogError",),
+        "tirelog.physics.model.model": ("Model",),
+    }.items()
+    for name in names
 }
 
 __all__ = [
-    "Conditions", "Model", "Recording", "TirelogError", "compare", "contributions",
-    "diagnose", "dissipation", "fit", "footprint", "inflation", "ladder", "load_model", "measure",
-    "open_log", "phase_shift", "predict", "propose", "save_model", "simulate", "speed",
+    "Conditions", "Model", "Recording", "TirelogError", "calibrate", "campaign_status", "check",
+    "check_setup", "compare", "contributions", "diagnose", "dissipation", "draft_setup", "fit",
+    "footprint", "inflation", "ingest", "ladder", "load_model", "measure", "new_model", "open_log",
+    "phase_shift", "plot_table", "predict", "propose", "run_campaign", "save_calibration",
+    "save_model", "simulate", "speed", "write_report",
 ]  # fmt: skip
 
 

@@ -7,13 +7,13 @@ Each table's command, `tables`, campaigns, the report and the Python functions a
 `tables_of`. Tables of strain channels share what they are made of: a channel is read once and its
 passages are found once, whatever the number of tables, and several channels are worked on at a
 time. A table that a function of its own makes needs nothing here: `vocabulary.tables` names the
-function.
+function. The file is longer than others: the makers, short as they are, are read beside each other.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tirelog.strain.footprint.learn import Learnt
     from tirelog.strain.passages.find import Passages
     from tirelog.wheel.calibration import Calibration
+    from tirelog.wheel.phase_shift import EdgeTimes
 
 Options = Mapping[str, Any]
 
@@ -42,8 +43,8 @@ class Part:
     columns  by name, arrays of one length (or scalars, repeated)
     remarks  sentences on the channel or the log that were not in a part before
     found    what the rows were made of, for pictures and further tables: Passages of a grating
-             (speed) or an accelerometer (phase-shift), else FootprintOfChannel,
-             DissipationOfChannel, InflationOfChannel
+             (speed), PhaseShiftFound, FootprintOfChannel, DissipationOfChannel,
+             InflationOfChannel
     """
 
     table: str
@@ -84,6 +85,11 @@ class Maker:
         """Names of the table's settings."""
         return tuple(option.name for option in self.table.options)
 
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of all that it may be given: settings, views, and what is for programs."""
+        return (*self.options, *(view.name for view in self.table.views), *self.inner)
+
     def suits(self, recording: Recording) -> bool:
         """True if the recording has the channels that the table is made of."""
         return bool(recording.of_kind(*self.table.kinds))
@@ -101,7 +107,7 @@ def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
     for name, options in wanted.items():
         _one_of("table", name, MAKERS)
         for option in options:
-            _one_of(f"option of {name}", option, (*MAKERS[name].options, *MAKERS[name].inner))
+            _one_of(f"option of {name}", option, MAKERS[name].known)
         MAKERS[name].check(options)
     return wanted
 
@@ -364,12 +370,16 @@ def _cutoff(options: Options) -> Any:
 
 
 def _dissipation(work: Work, options: Options) -> Part:
-    from tirelog.strain.dissipation_table import dissipation_of_channel
+    from tirelog.strain.dissipation_table import by_speed, dissipation_of_channel, regressions
 
     found = dissipation_of_channel(
         work.recording, work.channel, work.passages, *_steadiness(options)
     )
-    return Part("dissipation", found.columns, found.remarks, found)
+    if options.get("fit", False):
+        lines, remarks = regressions(work.recording.log, found)
+        return Part("dissipation-fit", lines or {}, (*found.remarks, *remarks), found)
+    columns = by_speed(found) if options.get("by_speed", False) else found.columns
+    return Part("dissipation", columns, found.remarks, found)
 
 
 def _steadiness(options: Options) -> tuple[float, int]:
@@ -384,16 +394,55 @@ def _steadiness(options: Options) -> tuple[float, int]:
             "revolution",
             do="mend the number",
         )
+    if options.get("fit", False) and options.get("by_speed", False):
+        raise UsageError(
+            "fit (--fit) and by_speed (--by-speed) are two tables",
+            allowed="allowed is one of them",
+            do="ask twice",
+        )
     return step, average
 
 
 def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.wheel.table import measure_with, table
+    from tirelog.wheel.table import measure_with
 
     calibration = _calibration(options)
     zero, forces = str(options.get("zero", "auto")), bool(options.get("forces", False))
-    for passages in measure_with(calibration, recording, zero, forces):
-        yield Part("phase-shift", table(passages, calibration), passages.said, passages)
+    ordered = bool(options.get("by_time", False))
+    return phase_shift_parts(
+        measure_with(calibration, recording, zero, forces), calibration, ordered
+    )
+
+
+@dataclass(frozen=True)
+class PhaseShiftFound:
+    """Passages of accelerometers of one log, and the calibration that was applied to them."""
+
+    passages: tuple[EdgeTimes, ...]
+    calibration: Calibration | None
+
+
+def phase_shift_parts(
+    found: Iterable[EdgeTimes], calibration: Calibration | None, ordered: bool = False
+) -> Iterator[Part]:
+    """The rows of one log, accelerometer by accelerometer, or of all `ordered` in time."""
+    from tirelog.wheel.table import by_time, table
+
+    parts = (
+        Part("phase-shift", table(p, calibration), p.said, PhaseShiftFound((p,), calibration))
+        for p in found
+    )
+    if not ordered:
+        yield from parts
+    elif all_of_it := list(parts):
+        yield Part(
+            "phase-shift",
+            by_time([part.columns for part in all_of_it]),
+            [remark for part in all_of_it for remark in part.remarks],
+            PhaseShiftFound(
+                tuple(p for part in all_of_it for p in part.found.passages), calibration
+            ),
+        )
 
 
 def _calibration(options: Options) -> Calibration | None:

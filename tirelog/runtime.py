@@ -161,3 +161,23 @@ def _sources_of(called: Any) -> frozenset[Path]:
     plain = {Path(called.__code__.co_filename)} if hasattr(called, "__code__") else ()
     sources: frozenset[Path] = getattr(called, _SOURCES, frozenset(plain))
     return sources
+
+
+def hear_of_compiling(told: Callable[[bool], None]) -> Callable[[], None]:
+    """Have it told when kernels begin to be compiled, and when they are; what ends that."""
+    if "numba" not in sys.modules:
+        return lambda: None
+    from numba.core import event
+
+    class Compiling(event.Listener):
+        """Told by numba when it begins, and when it has done."""
+
+        def on_start(self, event: object) -> None:
+            told(True)
+
+        def on_end(self, event: object) -> None:
+            told(False)
+
+    listener = Compiling()
+    event.register("numba:compile", listener)
+    return lambda: event.unregister("numba:compile", listener)

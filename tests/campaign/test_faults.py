@@ -17,7 +17,7 @@ from tirelog.campaign import runner
 from tirelog.campaign.ledger import Entry, _entry
 from tirelog.campaign.names import json_of
 from tirelog.campaign.remote_folder import _refuse_if_alive
-from tirelog.cli.campaign import _Progress
+from tirelog.cli.working import CampaignProgress
 
 pytest_plugins: list[str] = []
 
@@ -258,5 +258,7 @@ def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
 def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    _Progress(quiet=False, of=2)(Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2)
+    CampaignProgress(quiet=False, of=2)(
+        Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2
+    )
     assert capsys.readouterr().err.startswith("tirelog: 1/2 a\\x1b[31m\\n.csv: 3 rows")

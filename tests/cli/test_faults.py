@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tests.readers.mcap_files import START_NS, write_json
-from tirelog.cli.models.ladder import _bars
+from tirelog.cli.models.answers_page import ladder_bars
 
 from .conftest import SETUP, Command, pulse_rows
 
@@ -404,7 +404,7 @@ def test_the_ladder_s_bars_obey_no_name(capsys: pytest.CaptureFixture[str]) -> N
         noise_floor=1e-6,
         sentence="b\x1b]0;c\x07",
     )
-    _bars(
+    ladder_bars(
         SimpleNamespace(
             observable="strain", unit="1", steps=[step], remarks=["d\re"], rmse_untouched=None
         )

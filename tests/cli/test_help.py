@@ -65,6 +65,20 @@ def test_the_list_of_commands_is_whole_and_in_groups(tirelog):
     assert "..." not in shown.split("Logs:")[1]
 
 
+def test_commands_share_their_options():
+    """What one calls --quiet, -o or --setup no other calls otherwise; --quiet have all."""
+    said = {}
+    for path, one in ALL.items():
+        options = {p.name: p for p in one.params if p.param_type_name == "option"}
+        assert "--quiet" in options["quiet"].opts, path
+        assert ("format" in options) <= ("output" in options), path
+        for name, option in options.items():
+            said.setdefault(name, set()).add(tuple(sorted(option.opts)))
+            if name in ("setup", "quiet", "plot", "effects"):
+                said.setdefault(f"{name} says", set()).add(option.help)
+    assert {name: flags for name, flags in said.items() if len(flags) > 1} == {}
+
+
 def test_values_are_completed():
     assert completion.formats("c") == ["csv"]
     assert "water_film" in completion.effects("water")

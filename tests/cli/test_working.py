@@ -95,9 +95,9 @@ class Begun(TirelogError):
         ("tirelog.api.answers.ladder", "ladder log.csv --model m.toml"),
         ("tirelog.api.answers.compare", "compare log.csv --model m.toml"),
         ("tirelog.api.answers.fit", "model fit log.csv --model m.toml -o n.toml"),
-        ("tirelog.report.build.build", "report log.csv -o r.html"),
+        ("tirelog.api.reports.build", "report log.csv -o r.html"),
         ("tirelog.api.simulated.simulated_log", "simulate s.toml -o s.csv"),
-        ("tirelog.runs.ingest.write_run", "ingest log.csv -o r.h5"),
+        ("tirelog.api.logs.write_run", "ingest log.csv -o r.h5"),
         ("tirelog.physics.moving.modes.modes_of_model", "model modes m.toml"),
         ("tirelog.campaign.models.run_models", "campaign run c.toml"),
     ],
@@ -127,7 +127,7 @@ def test_what_takes_long_is_said_in_a_terminal(tirelog, folder, monkeypatch, wor
         assert said
         raise Begun("so far")
 
-    monkeypatch.setattr("tirelog.cli.common.Working", Line)
+    monkeypatch.setattr("tirelog.cli.session.Working", Line)
     module, name = work.rsplit(".", 1)
     monkeypatch.setattr(importlib.import_module(module), name, begun)
     assert "so far" in tirelog(*words.split()).err

@@ -1,13 +1,12 @@
 """Property: the registers agree with each other and with what is made from them."""
 
-from importlib import import_module
-from importlib.util import find_spec
-from inspect import getdoc, signature
+from inspect import signature
 from pkgutil import resolve_name
 
 import pytest
 
 import tirelog
+from tirelog.cli.app import command
 from tirelog.inference.stacks.numbers import MEASURED
 from tirelog.physics.effects.base import ENTERS
 from tirelog.physics.model.laws import LAWS
@@ -55,14 +54,14 @@ def test_the_waveform_of_mixed_channels_is_strain() -> None:
 @pytest.mark.parametrize("table", LOG_TABLES.values(), ids=LOG_TABLES)
 def test_a_table_s_entry_names_what_is_there(table: LogTable) -> None:
     assert set(table.columns) <= set(COLUMNS)
-    named = [name for name in (table.made_by, table.checked_by, table.picture) if name]
+    functions = (table.made_by, table.checked_by, table.picture, table.sketch)
+    named = [name for name in functions if name]
     assert all(callable(resolve_name(name)) for name in named)
     assert MAKERS[table.name].table is table
     function = getattr(tirelog, table.python_name)
-    keywords = {o.name for o in table.options} - {"steady_step", "average"}  # theirs have units
+    own = {option.name for option in (*table.options, *table.views)}
+    keywords = own - {"steady_step", "average"}  # theirs have units
     assert keywords <= set(signature(function).parameters)
-    own = find_spec(f"tirelog.cli.logs.{table.python_name}")
-    assert (own is None) == bool(table.made_by or table.name == "speed")
-    if own is not None:  # its command says the same as the reference page
-        command = getattr(import_module(own.name), table.python_name)
-        assert getdoc(command) == table.says
+    parsed = command().commands[table.name]
+    assert " ".join(parsed.help.split()) == table.says  # its command says it as the page does
+    assert own <= {parameter.name for parameter in parsed.params}

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tirelog.cli.models.history import read_history
 from tirelog.data.setup import load_setup
+from tirelog.diagnosis.history import read_history
 from tirelog.errors import ModelError, SetupError, TirelogError, UsageError, printable
 from tirelog.physics.model.file import load_model as read
 from tirelog.simulation.scenario.file import load_scenario

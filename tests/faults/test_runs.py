@@ -13,7 +13,7 @@ import pytest
 import typer
 
 from tirelog.cli import run
-from tirelog.cli.common import Session
+from tirelog.cli.session import Session
 from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError

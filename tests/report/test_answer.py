@@ -17,7 +17,7 @@ import pytest
 
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tests.report.test_page import data, numbers
-from tirelog.cli.models.history import history_file
+from tirelog.diagnosis.history import history_file
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
 from tirelog.diagnosis.results import Map
@@ -26,7 +26,7 @@ from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
 from tirelog.report.asked import Asked
 from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
-from tirelog.report.page import Section, render
+from tirelog.report.page import Report, Section, render
 from tirelog.report.papers import PAPERS, used_papers
 from tirelog.report.sections.diagnosed import model_story
 from tirelog.report.sections.models import residual_map
@@ -320,7 +320,7 @@ def proposal(status: str = "formula") -> Proposal:
 
 def test_a_proposal_is_shown_with_formula_locked_errors_and_command() -> None:
     section = proposed(proposal(), "tirelog propose a.csv --model M -o M+proposed.toml")
-    text = "".join(render("t", [section], [], [], []))
+    text = "".join(render(Report("t", [section])))
     assert HOSTILE not in text
     assert html.escape(HOSTILE) in text
     assert "<code>A * (speed / 20)</code>" in text

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from tests.cli.conftest import Command, folder, tirelog
 from tirelog.physics.moving.modes import Mode
-from tirelog.plots.kinds import FOOTPRINT
 from tirelog.plots.orders import amplitudes, map_of, on_the_belt, order_maps
 from tirelog.plots.tables.turns import KINDS, TurnsSketch, filled, speed_classes
 from tirelog.plots.wheel import around_the_wheel
+from tirelog.vocabulary.pictures import FOOTPRINT
 
 __all__ = ["folder", "tirelog"]
 

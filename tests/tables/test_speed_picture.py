@@ -23,7 +23,9 @@ def rows(channel, n, flagged=()):
 def drawn(monkeypatch, kept, path):
     pages = []
     monkeypatch.setattr(speed, "write", lambda figure, to: pages.append((figure, to)))
-    speed.speed_picture([(SimpleNamespace(log=log), columns) for log, columns in kept], path)
+    speed.speed_picture(
+        [(SimpleNamespace(log=log), SimpleNamespace(columns=c)) for log, c in kept], path
+    )
     ((figure, written),) = pages
     assert written == path
     return figure

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from pathlib import Path as File
 
 from tirelog.api.logs import Logs, Path, each_log
 from tirelog.api.results import (
@@ -25,28 +26,23 @@ from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
+from tirelog.diagnosis.history import read_history, remember
 from tirelog.diagnosis.obstacles.compare import compare_transients
 from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.diagnosis.propose import propose as proposing
 from tirelog.diagnosis.trust import by_group
 from tirelog.diagnosis.trust.inclusion import MOST_DRAWS
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import UsageError
 from tirelog.inference.measured import (
     MeasuredLogs,
-    measured,
-    measured_gratings,
-    measured_together,
-    several_channels,
+    measured_for,
 )
 from tirelog.inference.motion import motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import own_effects
 from tirelog.vocabulary.observables import (
-    OBSERVABLES,
-    STRAIN,
     WAVEFORMS,
-    together,
     waveform_of,
 )
 
@@ -109,26 +105,9 @@ def measure(
     >>> sum(len(stack) for stack in found.stacks)
     241
     """
-    observable = model.observable if isinstance(model, Model) else str(model)
-    if observable not in OBSERVABLES:
-        raise UsageError(
-            f"no observable is called {observable!r}{nearest(observable, OBSERVABLES)}",
-            allowed=f"allowed are a model and {', '.join(OBSERVABLES)}",
-            do="give one of them",
-        )
-    if names := several_channels(channel):
-        asked = model.observables if isinstance(model, Model) else (observable,)
-        if asked != (STRAIN,):
-            raise UsageError(
-                f"several channels ({channel}) of {together(asked)}",
-                allowed="several are allowed of strain: gratings of one tire",
-                do="name one channel, or none",
-            )
-        return measured_gratings(each_log(logs, setup), names)
+    several = model.observables if isinstance(model, Model) else (str(model),)
     level = not (isinstance(model, Model) and model.ac_coupled)
-    if isinstance(model, Model) and model.beside:
-        return measured_together(each_log(logs, setup), model.observables, channel, level=level)
-    return measured(each_log(logs, setup), observable, channel, level=level)
+    return measured_for(each_log(logs, setup), several, channel, level=level)
 
 
 def observable_of(channel: str | None, recordings: Sequence[Recording], model: Model) -> str:
@@ -157,7 +136,8 @@ def fit(
         Where the fit starts; its bounds are kept.
     nuisances : sequence of str
         What is taken out of each mean of like revolutions: ``"offset"``, ``"amplitude"`` (by some
-        10 %), ``"shift"``. `compare` takes out the shift.
+        10 %), ``"shift"``. `compare` takes out the shift, which of numbers per revolution is all
+        that can be.
 
     Returns
     -------
@@ -179,6 +159,8 @@ def fit(
         raise UsageError(
             "nothing measured", allowed="allowed is what `measure` gives", do="give one at least"
         )
+    if model.observable not in WAVEFORMS:
+        nuisances = AS_COMPARE
     found, remarks = fit_channels_measured([one.revolutions for one in channels], model, nuisances)
     said = list(remarks)
     moving = motion_names(model)
@@ -327,6 +309,7 @@ def ladder(
     *,
     effects: Iterable[Effect] = (),
     propose: bool = False,
+    keep: Path | None = None,
     progress: Progress | None = None,
 ) -> LadderOfLogs:
     """Effects added one by one until nothing more is worth adding.
@@ -337,6 +320,8 @@ def ladder(
         As for `diagnose`.
     propose : bool
         If the effects end above the floor, what is unknown is written down as the last step.
+    keep : str or os.PathLike, optional
+        The model's file: the ladder is kept beside it, as MODEL.ladder.json.
 
     Returns
     -------
@@ -352,16 +337,18 @@ def ladder(
     found = _known(measured)
     if propose:
         _one_grating(found, "propose", "climb without --propose, or measure one channel")
-    return answer_of(
-        LadderOfLogs,
-        climbing.ladder(
-            found.revolutions,
-            model,
-            effects=_candidates(model, effects),
-            proposing=propose,
-            progress=progress or _silent,
-        ),
+    if keep is not None:
+        read_history(File(keep))  # damaged, it is told before the work
+    climbed = climbing.ladder(
+        found.revolutions,
+        model,
+        effects=_candidates(model, effects),
+        proposing=propose,
+        progress=progress or _silent,
     )
+    if keep is not None:
+        remember(climbed, File(keep))
+    return answer_of(LadderOfLogs, climbed)
 
 
 def propose(

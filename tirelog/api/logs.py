@@ -6,14 +6,18 @@ import os
 import warnings
 import weakref
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path as File
 from types import TracebackType
 from typing import Any
 
 from tirelog.data.recording import Recording
-from tirelog.data.setup import Setup, load_setup
+from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import UsageError
-from tirelog.runs.ingest import open_recording
+from tirelog.runs.ingest import IngestSummary, is_file, open_recording, write_run
+from tirelog.runs.overview import channel_rows
+from tirelog.runs.store import changed_columns, is_run, open_run
+from tirelog.storage.remote import address
 
 Path = str | os.PathLike[str]
 #: a log by path or open, or several of them
@@ -46,7 +50,6 @@ class OpenLog(Recording):
 
     def _repr_html_(self) -> str:
         """The channels, for a notebook."""
-        from tirelog.runs.overview import channel_rows
         from tirelog.tables.html import document, table
 
         rows = {name: column for name, column in channel_rows(self).items() if name != "log"}
@@ -86,13 +89,75 @@ def open_log(path: Path, setup: Path | Setup | None = None) -> OpenLog:
     ...     print(log.channels["strain_1"].axis.rate_Hz)
     2500.0
     """
-    described = setup if setup is None or isinstance(setup, Setup) else load_setup(os.fspath(setup))
     with ExitStack() as resources:
-        opened = resources.enter_context(open_recording(os.fspath(path), described))
+        opened = resources.enter_context(open_recording(os.fspath(path), as_setup(setup)))
         log = OpenLog(**vars(opened))
         closing = weakref.finalize(log, resources.pop_all().close)
         object.__setattr__(log, "_closing", closing)  # a Recording's own fields are frozen
     return log
+
+
+def opened(
+    log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False
+) -> AbstractContextManager[Recording]:
+    """A log while it is open, for whoever tells what is lost of it; errors as `open_log`.
+
+    `blocks`: of a raw log only the first so many; `hashed`: with the sha256 of its bytes.
+    """
+    return open_recording(log, setup, blocks=blocks, hashed=hashed)
+
+
+def opened_run(run: Path, log: Path) -> AbstractContextManager[Recording]:
+    """The run that was just made of a log, while it is open; it is named as the log was."""
+    return open_run(File(run), os.fspath(log))
+
+
+def described(log: str) -> bool:
+    """True for a log with a setup beside it, and for a run, which has its own."""
+    if log == "-" or address(log):
+        return False
+    return setup_beside(log) is not None or (is_file(log) and is_run(log))
+
+
+def ingest(log: Path, output: Path, setup: Path | Setup | None = None) -> IngestSummary:
+    """A log written as a run: channels on exact time axes, with setup and provenance.
+
+    Parameters
+    ----------
+    log : str or os.PathLike
+        A log; ``"-"`` is standard input.
+    output : str or os.PathLike
+        The run to write (HDF5), which every function takes for the log.
+    setup : str, os.PathLike or Setup, optional
+        As for `open_log`.
+
+    Returns
+    -------
+    IngestSummary
+        ``remarks``, ``losses``, ``repairs``, ``counts``, ``sha256`` of the log.
+
+    Raises
+    ------
+    ReadError, SetupError
+        As `open_log`.
+    """
+    return write_run(os.fspath(log), as_setup(setup), File(output))
+
+
+def changed(log: Path) -> list[str]:
+    """The columns of a run that are not what was written, by their sha256; none of another log."""
+    name = os.fspath(log)
+    return changed_columns(name) if is_file(name) and is_run(name) else []
+
+
+def channels(log: Recording) -> dict[str, Any]:
+    """Columns of `tirelog info`: a row per channel with unit, rate, duration, gaps and losses."""
+    return channel_rows(log)
+
+
+def as_setup(setup: Path | Setup | None) -> Setup | None:
+    """The setup, from its file if it is not read yet."""
+    return setup if setup is None or isinstance(setup, Setup) else load_setup(os.fspath(setup))
 
 
 def each_log(logs: Logs, setup: Path | Setup | None = None) -> Iterator[Recording]:
@@ -101,21 +166,31 @@ def each_log(logs: Logs, setup: Path | Setup | None = None) -> Iterator[Recordin
     What was lost of a log is warned of when it has been read. UsageError: something among them is
     no log.
     """
+    for log in _several(logs):
+        if isinstance(log, Recording):
+            yield log
+            if isinstance(log, OpenLog):  # else whoever opened it tells
+                _warn_of_losses(log)
+        else:
+            with open_log(log, setup) as opened:
+                yield opened
+                _warn_of_losses(opened)
+
+
+def as_logs(logs: Logs) -> list[Path | Recording]:
+    """The logs as a list.  UsageError: something among them is no log."""
+    return list(_several(logs))
+
+
+def _several(logs: Logs) -> Iterator[Path | Recording]:
     if isinstance(logs, str | os.PathLike | Recording):
         logs = [logs]
     if not isinstance(logs, Iterable):
         raise _no_log(logs)
     for log in logs:
-        if isinstance(log, Recording):
-            yield log
-            if isinstance(log, OpenLog):  # else whoever opened it tells
-                _warn_of_losses(log)
-        elif isinstance(log, str | os.PathLike):
-            with open_log(log, setup) as opened:
-                yield opened
-                _warn_of_losses(opened)
-        else:
+        if not isinstance(log, str | os.PathLike | Recording):
             raise _no_log(log)
+        yield log
 
 
 def _warn_of_losses(log: Recording) -> None:

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, replace
+from itertools import product
 from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 
 from tirelog.api.logs import Path
-from tirelog.data.recording import Conditions
+from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import RoadSetup, Setup
+from tirelog.diagnosis.history import history_rows as ladder_rows
 from tirelog.errors import UsageError, refuse_unknown
+from tirelog.physics.effects import Effect, serves
 from tirelog.physics.model import file
-from tirelog.physics.model.forces import StripSection, force_columns
+from tirelog.physics.model.difference import difference_rows, parameter_rows
+from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns
+from tirelog.physics.model.from_setup import (
+    known_conditions,
+    known_surface,
+    new_model,
+    with_gauge_length,
+)
 from tirelog.physics.model.limits import check_conditions, check_model
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.nuisances import BY_NAME as NUISANCES
+from tirelog.physics.model.presets import PRESETS
+from tirelog.physics.model.save import refuse_another, save_model
+from tirelog.physics.model.user_effects import catalogue_with, effect_called
+from tirelog.physics.model.worn import worn_model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
@@ -36,6 +51,39 @@ _MORE_ALONG = {
     "strain_slope_1_m": "strain_slope",
     "strain_curvature_1_m2": "strain_curvature",
 }
+
+
+__all__ = [
+    "NUISANCES",
+    "PRESETS",
+    "Effect",
+    "Model",
+    "added",
+    "angles",
+    "carcass_facts",
+    "catalogue_with",
+    "conditions_of",
+    "contributions",
+    "difference_rows",
+    "draw_effects",
+    "draw_modes",
+    "forces",
+    "given_conditions",
+    "known_surface",
+    "ladder_rows",
+    "load_model",
+    "modes",
+    "new_model",
+    "parameter_rows",
+    "passage",
+    "predict",
+    "refuse_another",
+    "revolution",
+    "revolutions",
+    "save_model",
+    "serves",
+    "worn_model",
+]
 
 
 def load_model(path: Path, *, effects: Path | None = None) -> Model:
@@ -82,6 +130,104 @@ def given_conditions(conditions: Conditions | Mapping[str, Any]) -> Conditions:
             do=f"{', '.join((f'{k} {v.shape}' for k, v in given.items()))}",
         )
     return Conditions.of(next(iter(sizes))[0], **given)
+
+
+def conditions_of(
+    given: Mapping[str, Sequence[float]],
+    setup: Setup | None = None,
+    *,
+    called: Mapping[str, str] | None = None,
+    **more: float,
+) -> Conditions:
+    """Each given value with each of the others, and what the setup knows besides.
+
+    Parameters
+    ----------
+    given : mapping of str to sequence of float
+        Values by the field of `Conditions`, such as ``{"speed_m_s": [10.0, 20.0]}``.
+    setup : Setup, optional
+        What of its conditions is not given holds for all.
+    called : mapping of str to str, optional
+        What a refusal calls a condition.
+    **more : float
+        Conditions that go before the setup's if it has none of them.
+
+    Raises
+    ------
+    UsageError
+        A condition that no tire is driven under.
+    """
+    rows = list(product(*given.values()))
+    named = {name: [row[i] for row in rows] for i, name in enumerate(given)}
+    known = {name: v for name, v in known_conditions(setup).items() if name not in given}
+    conditions = Conditions.of(len(rows), **named, **more, **known)
+    check_conditions(conditions, called)
+    return conditions
+
+
+def added(
+    model: Model,
+    effect: str,
+    values: Mapping[str, float] | None = None,
+    *,
+    setup: Setup | None = None,
+    effects: Path | None = None,
+) -> Model:
+    """The model with an effect of the catalogue more, or of a Python file of your own.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    effect : str
+        The effect's name.
+    values : mapping of str to float, optional
+        Of its parameters by their full names, ``{"water_film.amplitude": 0.05}``.
+    setup : Setup, optional
+        Holds a grating's length fixed, if it says one.
+    effects : str or os.PathLike, optional
+        As for `load_model`.
+
+    Raises
+    ------
+    ModelError
+        No such effect or parameter, or a value out of its bounds.
+    """
+    file = model.effects_file if effects is None else File(effects)
+    found = effect_called(effect, file, asked=effects is not None)
+    changed = model.with_effect(found).with_values(dict(values or {}))
+    return with_gauge_length(changed, setup) if effect == "gauge_length" else changed
+
+
+def draw_effects(effects: Sequence[Effect], path: Path) -> None:
+    """What each effect does to the strain, as a picture.  UsageError: to no strain."""
+    from tirelog.plots.models.effects import signatures
+
+    signatures(effects, File(path))
+
+
+def draw_modes(
+    model: Model,
+    columns: Mapping[str, Sequence[Any]],
+    path: Path,
+    logs: Iterable[Recording] = (),
+    *,
+    channel: str | None = None,
+    highest_Hz: float,
+    **hub: float | None,
+) -> None:
+    """The shapes of the modes that `modes` gave, or of open logs their order maps below the modes.
+
+    UsageError: a log has no such channel, or too few revolutions.
+    """
+    from tirelog.plots.models.modes import modes_picture
+    from tirelog.plots.orders import map_of_log, modes_over_orders
+
+    maps = [(log.log, map_of_log(log, channel)) for log in logs]
+    if maps:
+        modes_over_orders(model, maps, File(path), highest_Hz=highest_Hz, **hub)
+    else:
+        modes_picture(columns, File(path))
 
 
 def predict(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -12,19 +12,29 @@ import numpy as np
 
 from tirelog.diagnosis.candidates.drive_next import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
 from tirelog.diagnosis.propose.results import Proposal
-from tirelog.diagnosis.results import Comparison, Ladder, in_unit, plain_values
+from tirelog.diagnosis.results import Candidate, Comparison, Ladder, in_unit, plain_values
+from tirelog.diagnosis.wording import percent, probability
+from tirelog.errors import UsageError, refuse_unknown
 from tirelog.inference.fit.result import FitResult
 from tirelog.physics.model.model import Model
 from tirelog.plots.style import write
 from tirelog.tables.html import document, table
 from tirelog.vocabulary.observables import shown
+from tirelog.vocabulary.pictures import BY_OBSTACLE, ERRORS_BY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+__all__ = [
+    "Candidate", "Comparison", "ComparisonOfLogs", "DiagnosisOfLogs", "FitOfLogs", "GratingsFound",
+    "LadderOfLogs", "Learned", "ProposalOfLogs", "TransientComparison", "answer_of",
+    "drive_sentences", "in_unit", "percent", "probability",
+]  # fmt: skip
 
 #: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
 #: `diagnose`; twice as high would leave unsaid a misfit as large as the noise itself
@@ -84,6 +94,43 @@ class ComparisonOfLogs(Comparison):
         if isinstance(comparison, cls):  # a diagnosis that names nothing has one for both
             return comparison
         return answer_of(cls, comparison, obstacles=obstacles, aside=aside)
+
+    def by(self, name: str) -> Iterator[list[dict[str, Any]]]:
+        """Rows of the errors by revolution, angle, speed, ... (`ERRORS_BY`), part by part.
+
+        UsageError: no such table, or one of obstacles where there are none.
+        """
+        refuse_unknown(name, ERRORS_BY, f"no table of errors by {name!r}", do="choose one")
+        if name not in BY_OBSTACLE:
+            return self.tables.parts(name)
+        if self.obstacles is None:
+            steady = [word for word in ERRORS_BY if word not in BY_OBSTACLE]
+            raise UsageError(
+                f"--by {name} is for a coupled_ring model and logs whose setup has a [road]",
+                allowed=f"allowed here are {', '.join(steady)}",
+                do="choose one, or add the [road]",
+            )
+        return iter([self.obstacles.tables[name]])
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row: the numbers of `to_json` that are neither lists nor tables."""
+        told = self.to_json().items()
+        return [{name: v for name, v in told if not isinstance(v, dict | list)}]
+
+    def draw(self, path: Path, kind: str = "page") -> list[Path]:
+        """The pictures as files: the first observable's at `path`, of others and of hits beside it.
+
+        Those beside it come back. UsageError: a kind that is none for a number per revolution.
+        """
+        from tirelog.plots.models.compare import draw
+
+        beside = draw(self, path, kind)
+        if self.obstacles is not None:
+            from tirelog.plots.models.transient import draw as draw_hits
+
+            beside.append(path.with_stem(f"{path.stem}_transient"))
+            draw_hits(self.obstacles, beside[-1])
+        return beside
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -149,6 +196,23 @@ class DiagnosisOfLogs(Diagnosis):
     def after(self) -> ComparisonOfLogs:
         """The comparison of the model with what was selected."""
         return ComparisonOfLogs.of(super().after)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The ranking, a row per effect."""
+        names = ("effect", "rank", "excess_removed", "p_adjusted", "selected")
+        return [
+            {name: getattr(c, name) for name in names} | {"group": ";".join(c.group)}
+            for c in self.effects
+        ]
+
+    def draw(self, path: Path) -> list[Path]:
+        """The pictures as files: the verdict's at `path`, those of further observables beside it.
+
+        The latter come back.
+        """
+        from tirelog.plots.models.diagnose import draw
+
+        return draw(self, path)
 
     def to_json(self) -> dict[str, Any]:
         """The verdict and all that is said with it."""

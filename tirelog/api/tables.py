@@ -7,25 +7,23 @@ what is wrong with a row stands in its ``quality``; input that was lost is warne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from inspect import Parameter, Signature, signature
+from pathlib import Path as File
 from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from tirelog.api.logs import Logs, Path, each_log
+from tirelog.api.parts import TablePicture, calibrated, checked_options, parts_of
 from tirelog.data.setup import Setup
-from tirelog.products import Part, checked, tables_of
-from tirelog.strain.dissipation_table import regressions
+from tirelog.errors import refuse_unknown
 from tirelog.tables.frame import frame_of, whole_frame
-from tirelog.vocabulary.tables import LogTable
+from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
     from tirelog.wheel.calibration import Calibration
-
-#: columns, None if there are none, and remarks
-Rows = tuple[Mapping[str, Any] | None, Sequence[str]]
 
 
 def speed(
@@ -107,6 +105,7 @@ def dissipation(
     steady_step_m_s: float | None = None,
     averaged: int | None = None,
     fit: bool = False,
+    by_speed: bool = False,
 ) -> pd.DataFrame:
     """Dissipation factor and specific power of the strain in each revolution (P1).
 
@@ -121,6 +120,8 @@ def dissipation(
     fit : bool
         The regressions of factor and specific power on speed instead, one row per channel and
         quantity; none (and a remark) with too few revolutions of constant speed.
+    by_speed : bool
+        The rows of constant speed alone, sorted by speed (P1 Fig. 11).
 
     Returns
     -------
@@ -140,14 +141,9 @@ def dissipation(
     >>> round(1e3 * float(table.dissipation_factor_1_m.median()), 2)
     0.16
     """
+    views = {"fit": fit, "by_speed": by_speed}
     options = {"steady_step": steady_step_m_s, "average": averaged}
-    if not fit:
-        return _table("dissipation", logs, setup, options)
-    return _table("dissipation", logs, setup, options, called="dissipation-fit", rows=_regressions)
-
-
-def _regressions(part: Part, log: str) -> Rows:
-    return regressions(log, part.found)
+    return _table("dissipation", logs, setup, options | views)
 
 
 def phase_shift(
@@ -156,6 +152,7 @@ def phase_shift(
     *,
     calibration: Path | Calibration | None = None,
     zero: str | float = "auto",
+    by_time: bool = False,
 ) -> pd.DataFrame:
     """Patch width and phase shift in wheel angle, from encoder and accelerometer (P4).
 
@@ -164,9 +161,11 @@ def phase_shift(
     logs, setup
         As for `speed`.
     calibration : str, os.PathLike or Calibration, optional
-        Speed maps, cross-talk and force maps to apply (``tirelog phase-shift --calibrate``).
+        Speed maps, cross-talk and force maps to apply, which `calibrate` learns.
     zero : str or float
         Where the shift is zero: ``"auto"``, ``"none"``, a speed [m/s] or ``"START:STOP"`` [s].
+    by_time : bool
+        Rows of all accelerometers of a log in the order of time.
 
     Returns
     -------
@@ -188,7 +187,37 @@ def phase_shift(
     >>> round(float(table.patch_width_deg.median()), 1)
     13.2
     """
-    return _table("phase-shift", logs, setup, {"calibration": calibration, "zero": zero})
+    options = {"calibration": calibration, "zero": zero, "by_time": by_time}
+    return _table("phase-shift", logs, setup, options)
+
+
+def calibrate(
+    logs: Logs, setup: Path | Setup | None = None, *, forces: bool = False, zero: str = "auto"
+) -> Calibration:
+    """How patch width and phase shift change with speed, with torque and, if asked, with force.
+
+    Parameters
+    ----------
+    logs, setup
+        As for `speed`: drives whose tire, pressure and wheel are those to be calibrated.
+    forces : bool
+        Also maps from width and shift to the logs' force channels.
+    zero : str
+        As for `phase_shift`.
+
+    Returns
+    -------
+    Calibration
+        For `phase_shift`; `save_calibration` writes it as a file.
+
+    Raises
+    ------
+    UsageError
+        Too few passages, or no force channel to learn from.
+    """
+    options = {"zero": zero, "forces": True}
+    parts = (p for r in each_log(logs, setup) for p in parts_of(r, "phase-shift", options))
+    return calibrated(parts, forces=forces)[0]
 
 
 def inflation(
@@ -250,29 +279,55 @@ def table_function(table: LogTable) -> Callable[..., pd.DataFrame]:
     return made
 
 
-def _own(part: Part, log: str) -> Rows:
-    return part.columns, ()
+def plot_table(
+    name: str,
+    logs: Logs,
+    path: Path,
+    setup: Path | Setup | None = None,
+    *,
+    kind: str = "",
+    **options: Any,
+) -> None:
+    """The picture of a table, as its command's ``--plot`` writes it.
+
+    Parameters
+    ----------
+    name : str
+        The table's command, such as ``"footprint"``.
+    logs, setup
+        As for `speed`.
+    path : str or os.PathLike
+        The picture to write: .png, .svg or .pdf.
+    kind : str, optional
+        Which picture, as ``--plot-kind``.
+    **options
+        The table's options, as in campaigns.
+
+    Raises
+    ------
+    UsageError
+        No such table, picture or option, or a log that it cannot be drawn of.
+    """
+    refuse_unknown(name, LOG_TABLES, f"no table is called {name!r}", do="choose among them")
+    picture = TablePicture(LOG_TABLES[name], kind)
+    for recording in each_log(logs, setup):
+        for part in parts_of(recording, name, options):
+            picture.keep(recording, part)
+    picture.draw(File(path))
 
 
 def _table(
-    name: str,
-    logs: Logs,
-    setup: Path | Setup | None,
-    options: Mapping[str, Any],
-    *,
-    called: str | None = None,
-    rows: Callable[[Part, str], Rows] = _own,
+    name: str, logs: Logs, setup: Path | Setup | None, options: Mapping[str, Any]
 ) -> pd.DataFrame:
-    """One table of all logs; `rows` (columns, remarks) of each part, as the table `called`."""
-    wanted = checked({name: {k: v for k, v in options.items() if v is not None}})
+    """One table of all logs."""
+    checked_options(name, options)  # before a log is opened
     parts, remarks = [], []
     for recording in each_log(logs, setup):
         remarks += [f"{recording.log}: {remark}" for remark in recording.remarks]
-        for part in tables_of(recording, wanted):
-            columns, more = rows(part, recording.log)
-            if columns is not None:
-                parts.append(frame_of(columns))
-            remarks += [f"{recording.log}: {remark}" for remark in (*part.remarks, *more)]
-    frame = whole_frame(called or name, parts)
+        for part in parts_of(recording, name, options):
+            if part.columns:
+                parts.append(frame_of(part.columns))
+            remarks += [f"{recording.log}: {remark}" for remark in part.remarks]
+    frame = whole_frame(LOG_TABLES[name].given(options), parts)
     frame.attrs["remarks"] = remarks
     return frame

@@ -121,8 +121,8 @@ def _run(
             some = partial(_pieces_of, measured, model.observable, ledger)
             groups = _groups(measured, model.each)
             results[name] = _with_each(results[name], read, candidates, groups, some, model.each)
-            said(f"note: {results[name].notes[-1]}")
-        said(f"note: {ledger.folder.root}/{folder}/{name}.json" + _outcome(results[name]))
+            said(results[name].notes[-1])
+        said(f"{ledger.folder.root}/{folder}/{name}.json{_outcome(results[name])}")
     ledger.folder.check_held()
     ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
     for (

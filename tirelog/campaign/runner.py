@@ -37,7 +37,7 @@ _TIMEOUT_S = 8
 _RETRIES = 3
 
 
-def on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
+def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
     """The entries of tasks on a cluster, as they are finished.
 
     UsageError: dask.distributed is missing, or the scheduler does not answer.
@@ -237,10 +237,6 @@ def _with_tables(entry: Entry, task: LogTask, before: Entry | None) -> Entry:
     return replace(
         before, pieces=before.pieces | entry.pieces, seconds=before.seconds + entry.seconds
     )
-
-
-def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
-    return on_cluster(tasks, scheduler)
 
 
 def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, None]:

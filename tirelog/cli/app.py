@@ -6,7 +6,6 @@ Science is imported inside the commands, so that help answers at once.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
@@ -18,6 +17,8 @@ from tirelog.vocabulary.tables import LOG_TABLES
 
 #: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in
 #: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
+#: a table whose command does more than write it
+OF_THEIR_OWN = {"phase-shift": "logs.phase_shift"}
 BEFORE_TABLES = (("logs.ingest", "ingest"), ("logs.info", "info"))
 AFTER_TABLES = (
     ("logs.setup", "app"),
@@ -44,9 +45,8 @@ def _commands() -> Iterator[tuple[str, Any]]:
     def of_a_log(driven: bool) -> Iterator[tuple[str, Any]]:
         for name, table in LOG_TABLES.items():
             if table.driven == driven:
-                module = table.python_name
-                alone = importlib.util.find_spec(f"tirelog.cli.logs.{module}") is not None
-                yield name, own(f"logs.{module}", module) if alone else table_command(table)
+                module = OF_THEIR_OWN.get(name)
+                yield name, own(module, table.python_name) if module else table_command(table)
 
     yield from ((_named(module), own(module, attribute)) for module, attribute in BEFORE_TABLES)
     yield from of_a_log(driven=True)

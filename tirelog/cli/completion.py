@@ -18,21 +18,21 @@ def formats(incomplete: str) -> list[str]:
 
 def effects(incomplete: str) -> list[str]:
     """Effects of the catalogue."""
-    from tirelog.physics.effects import CATALOGUE
+    from tirelog.api.models import catalogue_with
 
-    return _beginning(tuple(effect.id for effect in CATALOGUE), incomplete)
+    return _beginning(tuple(catalogue_with()), incomplete)
 
 
 def nuisances(incomplete: str) -> list[str]:
     """Nuisances of a model."""
-    from tirelog.physics.model.nuisances import BY_NAME
+    from tirelog.api.models import NUISANCES
 
-    return _beginning(tuple(BY_NAME), incomplete)
+    return _beginning(tuple(NUISANCES), incomplete)
 
 
 def presets(incomplete: str) -> list[str]:
     """Presets of a new model."""
-    from tirelog.physics.model.presets import PRESETS
+    from tirelog.api.models import PRESETS
 
     return _beginning(PRESETS, incomplete)
 

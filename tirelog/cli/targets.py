@@ -50,7 +50,7 @@ def drawable(path: Path | None) -> Path | None:
     from importlib.util import find_spec
 
     from tirelog.errors import UsageError
-    from tirelog.plots.style import SUFFIXES
+    from tirelog.vocabulary.pictures import SUFFIXES
 
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(

@@ -8,11 +8,16 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tirelog.errors import printable
+from tirelog.runtime import hear_of_compiling
+
+if TYPE_CHECKING:
+    from tirelog.api.campaigns import Entry
 
 #: what ends sooner needs no line [s]
 _PATIENCE_S = 2.0
@@ -33,7 +38,7 @@ class Working:
         self._task: Any = None
         self._timer: threading.Timer | None = None
         self._compiling = False
-        self._listener: Any = None
+        self._deaf: Callable[[], None] = lambda: None
 
     def __enter__(self) -> Working:
         if self._shown:
@@ -66,27 +71,7 @@ class Working:
             self._task = self._line.add_task(self._text, total=None)
             self._update()
             self._line.start()
-        self._hear_of_compiling()
-
-    def _hear_of_compiling(self) -> None:
-        """Say so while kernels are compiled: the first command of an installation takes longer."""
-        if "numba" not in sys.modules:
-            return
-        from numba.core import event
-
-        line = self
-
-        class Compiling(event.Listener):
-            """Told by numba when it begins, and when it has done."""
-
-            def on_start(self, event: Any) -> None:
-                line.compiling(True)
-
-            def on_end(self, event: Any) -> None:
-                line.compiling(False)
-
-        self._listener = Compiling()
-        event.register("numba:compile", self._listener)
+        self._deaf = hear_of_compiling(self.compiling)
 
     def compiling(self, now: bool) -> None:
         """Kernels are being compiled, or are no more."""
@@ -117,11 +102,7 @@ class Working:
             if self._line is not None:
                 self._line.stop()
                 self._line = None
-        if self._listener is not None:
-            from numba.core import event
-
-            event.unregister("numba:compile", self._listener)
-            self._listener = None
+        self._deaf()
 
 
 def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
@@ -133,3 +114,29 @@ def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
         f"{printable(str(output))}: {rows:,} row{'' if rows == 1 else 's'}{of}, "
         f"{time.monotonic() - began:.1f} s\n"
     )
+
+
+class CampaignProgress:
+    """A line with the time left, overwritten on a terminal; elsewhere a plain line per log."""
+
+    def __init__(self, quiet: bool, of: int) -> None:
+        self.quiet, self.begun, self.terminal = quiet, time.monotonic(), sys.stderr.isatty()
+        if self.terminal and of and not quiet:  # the first log may take minutes
+            sys.stderr.write(f"\r\x1b[Ktirelog: 0/{of}, working")
+            sys.stderr.flush()
+
+    def __call__(self, entry: Entry, finished: int, of: int) -> None:
+        if self.quiet:
+            return
+        left = (time.monotonic() - self.begun) / finished * (of - finished)
+        made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
+        outcome = (
+            "failed"
+            if entry.error
+            else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
+        )
+        line = printable(f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left")
+        sys.stderr.write(
+            f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n"
+        )
+        sys.stderr.flush()

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording, Stack, TimeAxis
-from tirelog.errors import UsageError
+from tirelog.errors import UsageError, nearest
 from tirelog.inference.cells.together import StacksTogether
 from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, transient_log
 from tirelog.inference.stacks.cut import STRETCH, observe_channel, stacks_from_logs, stretches_of
@@ -28,7 +28,13 @@ from tirelog.inference.stacks.places import Places, places_of
 from tirelog.inference.stacks.spooled import Stacks, joined
 from tirelog.tables.html import document, table
 from tirelog.vocabulary.kinds import STRAIN_KINDS
-from tirelog.vocabulary.observables import OBSERVABLES, STRAIN, WAVEFORMS, waveform_of
+from tirelog.vocabulary.observables import (
+    OBSERVABLES,
+    STRAIN,
+    WAVEFORMS,
+    together,
+    waveform_of,
+)
 
 
 @dataclass(frozen=True)
@@ -198,6 +204,38 @@ def measured_together(
             do="name one, or none",
         )
     return MeasuredLogs(found[0], tuple(obstacles), tuple(found[1:]))
+
+
+def measured_for(
+    recordings: Iterable[Recording],
+    observables: Sequence[str],
+    channel: str | None = None,
+    *,
+    level: bool = True,
+) -> MeasuredLogs:
+    """The revolutions for a model of one observable or several: of one channel, or of gratings.
+
+    channel     one name; of strain alone also several with commas between, or ALL_CHANNELS
+    UsageError  as `measured`, no such observable, or several channels of another than strain
+    """
+    for observable in observables:
+        if observable not in OBSERVABLES:
+            raise UsageError(
+                f"no observable is called {observable!r}{nearest(observable, OBSERVABLES)}",
+                allowed=f"allowed are a model and {', '.join(OBSERVABLES)}",
+                do="give one of them",
+            )
+    if names := several_channels(channel):
+        if tuple(observables) != (STRAIN,):
+            raise UsageError(
+                f"several channels ({channel}) of {together(observables)}",
+                allowed="several are allowed of strain: gratings of one tire",
+                do="name one channel, or none",
+            )
+        return measured_gratings(recordings, names)
+    if len(observables) > 1:
+        return measured_together(recordings, observables, channel, level=level)
+    return measured(recordings, observables[0], channel, level=level)
 
 
 def _measures(recording: Recording, observable: str) -> bool:

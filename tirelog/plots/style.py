@@ -21,6 +21,7 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.errors import UsageError
 from tirelog.storage.whole import whole_file
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.pictures import SUFFIXES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 RAW, EDGE, MARK = "#999999", "#D55E00", "#009E73"
 MICRO = 1e6
-SUFFIXES = (".png", ".svg", ".pdf")
 #: pixels per inch in a notebook: a page of 13 inches is as wide as its column
 NOTEBOOK_DPI = 72
 #: columns of a decimated signal

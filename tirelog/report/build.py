@@ -11,48 +11,31 @@ whatever cannot be shown --> (what and why, the command that would show it)
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
 import pandas as pd
 
 from tirelog.data.recording import Recording
+from tirelog.diagnosis.history import read_ladder
 from tirelog.errors import TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
 from tirelog.report.asked import Asked
 from tirelog.report.figures import LogColours
-from tirelog.report.page import Section
+from tirelog.report.page import Report, Section
 from tirelog.report.papers import used_papers
 from tirelog.report.sections import models as model_sections
 from tirelog.report.sections import recorded as sections
 from tirelog.report.sections import tables as table_sections
 from tirelog.report.sections.answer import NO_MODEL, without_a_model
 from tirelog.report.sections.passage import passage_figures
-from tirelog.report.sources import MadeTable, SourceTables, given_tables, made_tables, read_ladder
+from tirelog.report.sources import MadeTable, SourceTables, given_tables, made_tables
 from tirelog.report.stored import model_pages
 from tirelog.version import __version__
 
 Progress = Callable[[str], None]
 _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
-
-
-@dataclass
-class Report:
-    """What goes on the page.
-
-    `missing`: (what cannot be shown, the command that would show it); `papers`: (a paper, what of
-    it is shown); `made`: when, and by what.
-    """
-
-    title: str
-    sections: list[Section] = field(default_factory=list)
-    missing: list[tuple[str, str]] = field(default_factory=list)
-    provenance: list[str] = field(default_factory=list)
-    commands: list[str] = field(default_factory=list)
-    papers: list[tuple[str, str]] = field(default_factory=list)
-    made: str = field(default_factory=lambda: _made())
 
 
 def build(
@@ -66,7 +49,7 @@ def build(
     climbed = read_ladder(asked.ladder) if asked.ladder else None
     # before the tables, which may take minutes: a model that cannot be read is told at once
     model = load_model(asked.model, effects=asked.effects) if asked.model else None
-    report = Report(_title(recordings, asked))
+    report = Report(_title(recordings, asked), made=_made())
     colours = LogColours(recording.log for recording in recordings)
     if recordings:
         report.sections.append(sections.recorded(recordings, asked.command("info"), colours))

@@ -120,20 +120,26 @@ def _json(data: Any) -> str:
     )
 
 
-def render(
-    title: str,
-    sections: Sequence[Section],
-    missing: Sequence[tuple[str, str]],
-    provenance: Sequence[str],
-    commands: Sequence[str],
-    papers: Sequence[tuple[str, str]] = (),
-    made: str = "",
-) -> list[str]:
-    """The page, in parts to be written one after the other.
+@dataclass
+class Report:
+    """What goes on the page, in plain text.
 
-    `missing`: (what cannot be shown, the command that would); `papers`: (a paper, what of it is on
-    the page); `made`: when and by what; plain text all.
+    `missing`: (what cannot be shown, the command that would show it); `papers`: (a paper, what of
+    it is shown); `made`: when, and by what.
     """
+
+    title: str
+    sections: list[Section] = field(default_factory=list)
+    missing: list[tuple[str, str]] = field(default_factory=list)
+    provenance: list[str] = field(default_factory=list)
+    commands: list[str] = field(default_factory=list)
+    papers: list[tuple[str, str]] = field(default_factory=list)
+    made: str = f"tirelog {__version__}"
+
+
+def render(report: Report) -> list[str]:
+    """The page, in parts to be written one after the other."""
+    title, sections = report.title, report.sections
     library, script, style = plotting_library(), _file("page.js"), _palette() + _file("page.css")
     policy = (
         f"default-src 'none'; script-src {_hash(library)} {_hash(script)}; "
@@ -162,10 +168,10 @@ def render(
         f'<title>{e(title)}</title><link rel="icon" href="data:,">'
         f"<style>{style}</style></head><body>"
         '<a class="skip" href="#main">Skip to the results</a>'
-        f"<header><h1>{e(title)}</h1><p>{e(made or f'tirelog {__version__}')}</p>"
+        f"<header><h1>{e(title)}</h1><p>{e(report.made)}</p>"
         f'<nav aria-label="Sections"><ul>{contents}<li><a href="#about">About this page</a></li>'
         f'</ul></nav></header><main id="main" tabindex="-1">{body}'
-        f"{_about(missing, provenance, commands, papers)}</main>"
+        f"{_about(report)}</main>"
         '<script type="application/json" id="data">'
     )
     return [
@@ -189,17 +195,12 @@ def _palette() -> str:
     )
 
 
-def _about(
-    missing: Sequence[tuple[str, str]],
-    provenance: Sequence[str],
-    commands: Sequence[str],
-    papers: Sequence[tuple[str, str]],
-) -> str:
+def _about(report: Report) -> str:
     """What stands behind the page, at its foot."""
-    e = html.escape
+    e, commands, missing, papers = html.escape, report.commands, report.missing, report.papers
     absent = "".join(f"<li>{e(what)}: <code>{e(command)}</code></li>" for what, command in missing)
     cited = "".join(f"<li>{e(paper)} <em>Here: {e(what)}.</em></li>" for paper, what in papers)
-    origins = "".join(f"<li>{e(part)}</li>" for part in provenance)
+    origins = "".join(f"<li>{e(part)}</li>" for part in report.provenance)
     return (
         '<section id="about"><h2>About this page</h2>'
         + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")

@@ -5,12 +5,11 @@ Files given with --table, a campaign's folder, or the commands' own functions.
 paths --columns--> kind of table
     --> `SourceTables`: nothing is read before it is asked for, and then only the columns that are
     drawn
-a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ import pandas as pd
 from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
 from tirelog.products import OF_A_DRIVE, tables_of
-from tirelog.storage.documents import json_value
 from tirelog.tables.frame import frame_of
 from tirelog.tables.writer import read_table
 from tirelog.vocabulary.columns import OPTIONAL, TABLES
@@ -199,38 +197,3 @@ def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[s
         )
         for name in names
     }
-
-
-def read_ladder(path: Path) -> Mapping[str, Any]:
-    """The last ladder of the file that `ladder` keeps beside the model.
-
-    Or a ladder's own JSON. UsageError: neither.
-    """
-    try:
-        found = json_value(path.read_text(encoding="utf-8"))
-        climbed = found["ladders"][-1] if "ladders" in found else found
-        needed = (
-            "step",
-            "effect",
-            "decision",
-            "sentence",
-            "rmse_fit",
-            "rmse_heldout",
-            "noise_floor",
-            "excess_heldout",
-            "p_adjusted",
-            "parameters",
-        )
-        whole = bool(climbed["steps"]) and all(
-            name in step for step in climbed["steps"] for name in needed
-        )
-        if whole and isinstance(climbed["observable"], str) and isinstance(climbed["unit"], str):
-            return dict(climbed)
-    except (OSError, ValueError, KeyError, IndexError, TypeError):
-        pass
-    raise UsageError(
-        "is no ladder",
-        allowed="`tirelog ladder LOG --model M` keeps one beside the model, as M.ladder.json",
-        do="give that",
-        file=path,
-    )

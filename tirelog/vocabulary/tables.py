@@ -8,10 +8,11 @@ means stands in `columns`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
+from tirelog.vocabulary.pictures import FOOTPRINT
 
 
 @dataclass(frozen=True)
@@ -22,12 +23,14 @@ class TableOption:
     flag     how the command calls it
     kind     float, int, str, Path, or bool, which is a switch
     help     what it does, with its unit
+    gives    the table of `columns.TABLES` that it gives in place of its own, if it does
     """
 
     name: str
     flag: str
     kind: type[float | int | str | Path | bool]
     help: str
+    gives: str = ""
 
 
 @dataclass(frozen=True)
@@ -38,15 +41,18 @@ class LogTable:
     kinds    of channels that it is made of; one of these has to be in the log
     columns  their names, in order
     options  its settings
+    views    switches for other rows of the same, of the command and in Python alone: no settings
     made_by  "module:function", called with a Recording and the options as keywords. It gives what
              has `columns` (by name, arrays of one length) and `remarks` (sentences), as a rule once
              per channel. Empty: `products` makes the table, together with others
     checked_by  "module:function", called with the options as keywords before any log is opened; it
              raises UsageError for options that no log can be made a table with
-    picture  "module:function" that draws what was made, [(recording, made), ...], into a file: the
-             command then has --plot
-    draws_rows  the picture draws the rows themselves, (recording, columns), not what they were
-             made of
+    picture  "module:function" that draws what was kept of each part into a file of a path, of
+             several `pictures` that of a kind: the command then has --plot
+    pictures what kinds there are, by name, with what each shows; the first is drawn if none is
+             asked for, "page" if there is one alone
+    sketch   "module:function" for what the picture keeps of a part while its log is open,
+             (recording, part, kind); empty: (recording, part) themselves
     driven   False for a table that is only made if it is asked for by name, such as that of a
              static test: not by `tables`, campaigns and reports
     rows_of  kinds of channel that its rows are of, if others than `kinds`
@@ -57,17 +63,24 @@ class LogTable:
     kinds: tuple[str, ...]
     columns: tuple[str, ...]
     options: tuple[TableOption, ...] = ()
+    views: tuple[TableOption, ...] = ()
     made_by: str = ""
     checked_by: str = ""
     picture: str = ""
-    draws_rows: bool = False
+    pictures: Mapping[str, str] = field(default_factory=dict)
+    sketch: str = ""
     driven: bool = True
     rows_of: tuple[str, ...] = ()
 
     @property
     def python_name(self) -> str:
-        """Its function's name in `tirelog`, and its command's module in `tirelog.cli` if any."""
+        """Its function's name in `tirelog`."""
         return self.name.replace("-", "_")
+
+    def given(self, options: Mapping[str, object]) -> str:
+        """The table of `columns.TABLES` that these options give."""
+        views = (view.gives for view in self.views if view.gives and options.get(view.name))
+        return next(views, self.name)
 
 
 _BEGIN = ("log", "channel", "revolution", "time_s", "speed_m_s")
@@ -93,7 +106,6 @@ _ALL = (
             ),
         ),
         picture="tirelog.plots.tables.speed:speed_picture",
-        draws_rows=True,
     ),
     LogTable(
         "footprint",
@@ -113,6 +125,9 @@ _ALL = (
                 "(400Hz), or multiples of the wheel frequency (40x).",
             ),
         ),
+        picture="tirelog.plots.tables.footprint:draw",
+        pictures=FOOTPRINT,
+        sketch="tirelog.plots.tables.footprint:sketch",
     ),
     LogTable(
         "dissipation",
@@ -128,10 +143,29 @@ _ALL = (
                 "steady_step",
                 "--steady-step",
                 float,
-                "Largest step of a constant speed between revolutions, m/s.",
+                "Largest step of a constant speed between revolutions, m/s; 0.08 by default.",
             ),
-            TableOption("average", "--average", int, "Revolutions of a moving average."),
+            TableOption(
+                "average", "--average", int, "Revolutions of a moving average, 9 by default."
+            ),
         ),
+        views=(
+            TableOption(
+                "fit",
+                "--fit",
+                bool,
+                "The regressions of factor and specific power on speed instead.",
+                gives="dissipation-fit",
+            ),
+            TableOption(
+                "by_speed",
+                "--by-speed",
+                bool,
+                "The rows of constant speed alone, sorted by speed (P1 Fig. 11).",
+            ),
+        ),
+        picture="tirelog.plots.tables.dissipation:dissipation_picture",
+        sketch="tirelog.plots.tables.dissipation:sketch",
     ),
     LogTable(
         "phase-shift",
@@ -152,6 +186,15 @@ _ALL = (
                 "Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s.",
             ),
         ),
+        views=(
+            TableOption(
+                "by_time",
+                "--by-time",
+                bool,
+                "Rows of all accelerometers of a log in the order of time.",
+            ),
+        ),
+        picture="tirelog.plots.tables.phase_shift:phase_shift_picture",
         rows_of=("radial_acceleration",),
     ),
     LogTable(
@@ -222,7 +265,6 @@ _ALL = (
         made_by="tirelog.wheel.angle_table:wheel_angle_of",
         checked_by="tirelog.wheel.angle_table:refuse_stretch",
         picture="tirelog.plots.tables.wheel_angle:wheel_angle_picture",
-        draws_rows=True,
         driven=False,
     ),
     LogTable(

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Output, say
+from tirelog.cli import options
+from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError
 
 
@@ -29,39 +30,28 @@ def check(
         bool,
         typer.Option("--bless", help="Write TABLE over the one it is checked against, on purpose."),
     ] = False,
-    output: Output = None,
-    format: Format = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Compare a table with an earlier one: status 1 and the rows that moved, largest first.
 
     Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
     log's file name, which is said.
     """
-    from tirelog.storage.whole import whole_file
-    from tirelog.tables.check import as_table, differences, of_like_logs, summary
-    from tirelog.tables.writer import TableWriter, read_table
+    from tirelog.api import checks
 
+    session = Session(None, quiet, output, format)
     if bless:
-        if str(table) == "-":
-            raise UsageError(
-                "--bless wants a file",
-                allowed="standard input cannot be copied",
-                do="write the table with -o first",
-            )
-        read_table(table)  # nothing that is no table takes the other's place
-        with whole_file(against) as part:
-            part.write_bytes(table.read_bytes())
-        say(f"note: {against} is now {table}")
+        checks.bless(table, against)
+        session.note(f"{against} is now {table}")
         return
-    new, old, remark = of_like_logs(read_table(table), read_table(against))
-    found = differences(new, old, _tolerances(tolerance or []))
-    for line in (remark, summary(found)):
-        if line:
-            say(f"note: {line}")
-    if found or output is not None:
-        with TableWriter("check", output, format) as writer:
-            writer.write(as_table(found))
-    if found:
+    found = checks.check(table, against, _tolerances(tolerance or []))
+    session.notes(found.remarks)
+    if found.differences or output is not None:
+        with session.table("check") as writer:
+            writer.write(found.columns)
+    if found.differences:
         raise typer.Exit(int(ExitStatus.ANSWER_IS_NO))
 
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Quiet, Session, SetupFile
+from tirelog.cli import options
+from tirelog.cli.session import Session
 
 #: a log is looked into as far as its first blocks; a run says everything in its metadata
 _BLOCKS = 4
 
 
 def info(
-    logs: Logs,
-    setup: SetupFile = None,
-    output: Output = None,
-    format: Format = None,
-    quiet: Quiet = False,
+    logs: options.Logs,
+    setup: options.SetupFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
     verify: Annotated[
         bool, typer.Option("--verify", help="Read runs whole and compare their samples' sha256.")
     ] = False,
@@ -27,58 +27,38 @@ def info(
 
     Of a log without a setup: its columns, topics or datasets, with ranges and likely kinds.
     """
-    from tirelog.cli.logs.summary import print_summary
-    from tirelog.runs.overview import channel_rows
+    from tirelog.api.logs import changed, channels, described
 
-    with Session(setup, quiet, hashed=True) as session:
-        if setup is None and all(undescribed(log) for log in logs):
-            _contents(session, logs, output, format)
+    with Session(setup, quiet, output, format, hashed=True) as session:
+        if setup is None and not any(described(log) for log in logs):
+            _contents(session, logs)
             return
-        if format is None and output is None:
+        if session.paged:
+            from tirelog.cli.logs import pages
+
             for recording in session.recordings(logs, blocks=_BLOCKS):
-                print_summary(recording)
-            _verify(session, logs if verify else [])
-            return
-        with session.table("info", output, format) as table:
-            for recording in session.recordings(logs, blocks=_BLOCKS):
-                table.write(channel_rows(recording))
-        _verify(session, logs if verify else [])
+                pages.print_summary(recording)
+        else:
+            with session.table("info") as table:
+                for recording in session.recordings(logs, blocks=_BLOCKS):
+                    table.write(channels(recording))
+        for log in logs if verify else ():
+            for name in changed(log):
+                session.lost(
+                    f"{log}: {name} is not what was written (sha256); copy the run again, or "
+                    "ingest the log again"
+                )
 
 
-def undescribed(log: str) -> bool:
-    """True for a log without a setup beside it; a run has its own."""
-    from tirelog.data.setup import setup_beside
-    from tirelog.runs.ingest import is_file
-    from tirelog.runs.store import is_run
-    from tirelog.storage.remote import address
-
-    if log == "-" or address(log):
-        return True
-    return setup_beside(log) is None and not (is_file(log) and is_run(log))
-
-
-def _contents(session: Session, logs: list[str], output: Path | None, format: str | None) -> None:
+def _contents(session: Session, logs: list[str]) -> None:
     """What is in logs that have no setup."""
-    from tirelog.cli.logs.contents_page import print_contents
-    from tirelog.drafts.contents import rows
+    from tirelog.api.setups import contents_rows
+    from tirelog.cli.logs.pages import print_contents
 
-    if format is None and output is None:
+    if session.paged:
         for inside in session.contents(logs):
             print_contents(inside)
         return
-    with session.table("contents", output, format) as table:
+    with session.table("contents") as table:
         for inside in session.contents(logs):
-            table.write(rows(inside))
-
-
-def _verify(session: Session, logs: list[str]) -> None:
-    """Say which columns of the runs among `logs` are not what was written."""
-    from tirelog.runs.ingest import is_file
-    from tirelog.runs.store import changed_columns, is_run
-
-    for log in logs:
-        for name in changed_columns(log) if is_file(log) and is_run(log) else ():
-            session.lost(
-                f"{log}: {name} is not what was written (sha256); copy the run again, or ingest "
-                "the log again"
-            )
+            table.write(contents_rows(inside))

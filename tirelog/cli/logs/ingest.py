@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Quiet, Session, SetupFile
+from tirelog.cli import options
+from tirelog.cli.session import Session
 from tirelog.cli.targets import in_a_folder
 
 
@@ -25,24 +26,22 @@ def ingest(
             callback=in_a_folder,
         ),
     ],
-    setup: SetupFile = None,
-    quiet: Quiet = False,
+    setup: options.SetupFile = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a log as a run: channels in SI on exact time axes, with its setup, provenance and
     quality flags.
     """
-    from tirelog.cli.logs.summary import print_summary
-    from tirelog.runs.ingest import write_run
-    from tirelog.runs.store import open_run
+    from tirelog.api import logs
+    from tirelog.cli.logs.pages import print_summary
 
     with Session(setup, quiet) as session:
         with session.working() as line:
             line.say(f"reading {log}")
-            summary = write_run(log, session.setup(), output)
-        for remark in summary.remarks:
-            session.note(f"{log}: {remark}")
+            summary = logs.ingest(log, output, session.setup())
+        session.notes(f"{log}: {remark}" for remark in summary.remarks)
         for loss in summary.losses:
             session.lost(f"{log}: {loss}")
         if not quiet:
-            with open_run(output, log) as recording:
+            with logs.opened_run(output, log) as recording:
                 print_summary(recording)

@@ -1,38 +1,21 @@
-"""`tirelog NAME LOG...` for a table of `vocabulary.tables`, as its entry says.
-
-A table whose command does more than write it has a module of its own in this folder.
-"""
+"""`tirelog NAME LOG...` for a table of `vocabulary.tables`, as its entry says."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from inspect import Parameter, Signature
-from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
 
-from tirelog.cli.common import (
-    Channels,
-    Format,
-    Logs,
-    Output,
-    Plot,
-    Quiet,
-    Session,
-    SetupFile,
-    keeps_hashes,
-)
-from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption
+from tirelog.cli import options
+from tirelog.cli.session import Session
+from tirelog.runtime import one_thread
+from tirelog.vocabulary.tables import LogTable, TableOption
 
 
-def table_option(table: str, name: str) -> Any:
-    """The option `name` of a table as typer takes it, with the register's flag and help."""
-    (option,) = [option for option in LOG_TABLES[table].options if option.name == name]
-    return _shown(option)
-
-
-def _shown(option: TableOption) -> Any:
+def table_option(option: TableOption) -> Any:
+    """A table's option as typer takes it, with the register's flag and help."""
     return typer.Option(option.flag, help=option.help)
 
 
@@ -40,21 +23,27 @@ def table_command(table: LogTable) -> Callable[..., None]:
     """The command of a table: its options, one call, rows in the format that is asked for."""
 
     def command(**given: Any) -> None:
-        options = {option.name: given[option.name] for option in table.options}
-        output, format, plot = given["output"], given["format"], given.get("plot")
-        kept = []
+        one_thread()
+        asked = {option.name: given[option.name] for option in (*table.options, *table.views)}
+        plot, kind = given.get("plot"), given.get("kind", "page")
+        options.refuse_kind_alone(kind, plot)
+        picture = None
         with (
-            Session(given["setup"], given["quiet"], hashed=keeps_hashes(output, format)) as session,
-            session.table(table.name, output, format) as writer,
+            Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
+            session.table(table.given(asked)) as writer,
         ):
             for recording, part in session.parts(
-                given["logs"], table.name, given["channel"], **options
+                given["logs"], table.name, given["channel"], **asked
             ):
-                writer.write(part.columns)
+                if part.columns:
+                    writer.write(part.columns)
                 if plot is not None:
-                    kept.append((recording, part.columns if table.draws_rows else part.found))
-            if plot is not None and kept:
-                resolve_name(table.picture)(kept, plot)
+                    from tirelog.api.parts import TablePicture
+
+                    picture = picture or TablePicture(table, kind)
+                    picture.keep(recording, part)
+            if plot is not None and picture is not None:
+                picture.draw(plot)
 
     _give_parameters(command, table)
     command.__doc__ = table.says
@@ -64,22 +53,26 @@ def table_command(table: LogTable) -> Callable[..., None]:
 def _give_parameters(command: Callable[..., None], table: LogTable) -> None:
     """Give the command the parameters that typer reads: those of every table, then its own."""
     parameters: list[tuple[str, Any, Any]] = [
-        ("logs", Logs, Parameter.empty),
-        ("setup", SetupFile, None),
-        ("output", Output, None),
-        ("format", Format, None),
-        ("channel", Channels, None),
-        ("quiet", Quiet, False),
+        ("logs", options.Logs, Parameter.empty),
+        ("setup", options.SetupFile, None),
+        ("output", options.Output, None),
+        ("format", options.Format, None),
+        ("channel", options.Channels, None),
+        ("quiet", options.Quiet, False),
     ]
-    for option in table.options:
+    for option in (*table.options, *table.views):
         switch = option.kind is bool
-        kind = bool if switch else option.kind | None
-        parameters.append((option.name, Annotated[kind, _shown(option)], False if switch else None))
+        of = bool if switch else option.kind | None
+        taken = Annotated[of, table_option(option)]  # type: ignore[valid-type]  # made at run time
+        parameters.append((option.name, taken, False if switch else None))
     if table.picture:
-        parameters.append(("plot", Plot, None))
+        parameters.append(("plot", options.Plot, None))
+    if table.pictures:
+        kinds = Annotated[str, options.plot_kind(table.pictures)]
+        parameters.append(("kind", kinds, next(iter(table.pictures))))
     command.__annotations__ = {name: kind for name, kind, _ in parameters} | {"return": None}
-    taken = [
+    typed = [
         Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind)
         for name, kind, default in parameters
     ]
-    vars(command).update(__signature__=Signature(taken))
+    vars(command).update(__signature__=Signature(typed))

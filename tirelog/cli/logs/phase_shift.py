@@ -1,39 +1,29 @@
-"""`tirelog phase-shift LOG...`."""
+"""`tirelog phase-shift LOG...`, which also learns a calibration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import (
-    Channels,
-    Format,
-    Logs,
-    Output,
-    Plot,
-    Quiet,
-    Session,
-    SetupFile,
-    keeps_hashes,
-)
+from tirelog.cli import options
 from tirelog.cli.logs.log_table import table_option
+from tirelog.cli.session import Session
 from tirelog.cli.targets import in_a_folder
+from tirelog.vocabulary.tables import LOG_TABLES
 
-if TYPE_CHECKING:
-    from tirelog.wheel.calibration import Calibration
-    from tirelog.wheel.phase_shift import EdgeTimes
+TABLE = LOG_TABLES["phase-shift"]
+_OWN = {option.name: table_option(option) for option in (*TABLE.options, *TABLE.views)}
 
 
 def phase_shift(
-    logs: Logs,
-    setup: SetupFile = None,
-    output: Output = None,
-    format: Format = None,
-    channel: Channels = None,
-    calibration: Annotated[Path | None, table_option("phase-shift", "calibration")] = None,
+    logs: options.Logs,
+    setup: options.SetupFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    channel: options.Channels = None,
+    calibration: Annotated[Path | None, _OWN["calibration"]] = None,
     calibrate: Annotated[
         Path | None,
         typer.Option(
@@ -42,25 +32,18 @@ def phase_shift(
             callback=in_a_folder,
         ),
     ] = None,
-    zero: Annotated[str, table_option("phase-shift", "zero")] = "auto",
+    zero: Annotated[str, _OWN["zero"]] = "auto",
     fit_forces: Annotated[
         bool,
         typer.Option("--fit-forces", help="With --calibrate: force maps from the force channels."),
     ] = False,
-    in_time: Annotated[
-        bool,
-        typer.Option(
-            "--by-time",
-            help="Rows of all accelerometers of a log in the order of time.",
-        ),
-    ] = False,
-    plot: Plot = None,
-    quiet: Quiet = False,
+    by_time: Annotated[bool, _OWN["by_time"]] = False,
+    plot: options.Plot = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4)."""
+    from tirelog.api.parts import TablePicture, calibrated, calibration_notes, save_calibration
     from tirelog.errors import UsageError
-    from tirelog.wheel.calibration_file import read_calibration
-    from tirelog.wheel.table import by_time, table
 
     if calibration is not None and calibrate is not None:
         raise UsageError(
@@ -74,56 +57,27 @@ def phase_shift(
             allowed="the force maps are part of a calibration",
             do="give --calibrate FILE",
         )
-    applied = read_calibration(calibration) if calibration is not None else None
+    applied = calibration_notes(calibration)
+    picture = TablePicture(TABLE)
+    asked = {"zero": zero, "calibration": calibration}
     with (
-        Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
-        session.table("phase-shift", output, format, calibration=str(calibration or "")) as writer,
+        Session(setup, quiet, output, format) as session,
+        session.table(TABLE.name, calibration=str(calibration or "")) as writer,
     ):
-        if applied is not None and applied.has_delay:
-            session.note(applied.delay_remark)
-        kept: list[EdgeTimes] = []
-        waiting: list[Mapping[str, object]] = []  # what is known of the log that is being read
-        learning = calibrate is not None
-        for _, part in session.parts(
-            logs, "phase-shift", channel, calibration=applied, zero=zero, forces=learning
-        ):
-            if not learning and not in_time:
-                writer.write(part.columns)
-            if in_time and not learning:
-                if waiting and waiting[0]["log"] != part.columns["log"]:
-                    writer.write(by_time(waiting))
-                    waiting = []
-                waiting.append(part.columns)
-            if learning or plot is not None:
-                kept.append(part.found)
-        if calibrate is not None:
-            applied = _learn(session, kept, calibrate, fit_forces)
-            tables = [table(passages, applied) for passages in kept]
-            if in_time:
-                logs_of = dict.fromkeys(str(one["log"]) for one in tables)
-                tables = [by_time([t for t in tables if t["log"] == log]) for log in logs_of]
-            for one in tables:
-                writer.write(one)
-        if waiting:
-            writer.write(by_time(waiting))
-        if applied is None:
-            session.note(
-                "no calibration: the detrended and corrected columns are empty; learn one with "
-                "--calibrate FILE"
+        if calibrate is None:
+            made = session.parts(logs, TABLE.name, channel, by_time=by_time, **asked)
+        else:
+            read = list(session.parts(logs, TABLE.name, channel, forces=True, **asked))
+            learnt, rows = calibrated(
+                [part for _, part in read], forces=fit_forces, by_time=by_time
             )
+            save_calibration(learnt, calibrate)
+            applied = learnt.remarks
+            made = ((read[0][0], part) for part in rows)
+        for recording, part in made:
+            writer.write(part.columns)
+            if plot is not None:
+                picture.keep(recording, part)
+        session.notes(applied)
         if plot is not None:
-            from tirelog.plots.tables.phase_shift import plot_phase_shift
-
-            plot_phase_shift(kept, applied, plot)
-
-
-def _learn(session: Session, kept: list[EdgeTimes], path: Path, forces: bool) -> Calibration:
-    """Learn, write and describe a calibration."""
-    from tirelog.wheel.calibration import calibrate
-    from tirelog.wheel.calibration_file import write_calibration
-
-    learnt = calibrate(kept, forces)
-    write_calibration(path, learnt)
-    for remark in learnt.remarks:
-        session.note(remark)
-    return learnt
+            picture.draw(plot)

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Session, say
+from tirelog.cli import options
+from tirelog.cli.session import Session
 from tirelog.cli.targets import in_a_folder
 
 
@@ -32,7 +33,7 @@ def simulate(
         int | None,
         typer.Option("--seed", help="Another seed than the scenario's.", show_default=False),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No summary on standard error.")] = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a log with known truth: LOG, LOG.truth.json and its setup.
 
@@ -42,12 +43,12 @@ def simulate(
     """
     from tirelog.api.simulated import simulated_log
 
-    with Session(None, quiet).working() as line:
+    session = Session(quiet=quiet)
+    with session.working() as line:
         line.say(f"driving {scenario}")
         described, files = simulated_log(scenario, output, seed=seed)
-    if not quiet:
-        planted = ", ".join(effect.name for effect in described.effects) or "no effect"
-        say(
-            f"note: {described.duration_s:g} s of log with {planted} planted; "
-            f"wrote {', '.join(str(f) for f in files)}"
-        )
+    planted = ", ".join(effect.name for effect in described.effects) or "no effect"
+    session.note(
+        f"{described.duration_s:g} s of log with {planted} planted; "
+        f"wrote {', '.join(str(f) for f in files)}"
+    )

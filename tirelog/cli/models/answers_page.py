@@ -1,43 +1,36 @@
-"""The pages that `compare` and `diagnose` print.
+"""The pages that `compare` and `diagnose` print, and the bars of `ladder`.
 
 Numbers are in the observable's unit, strain in microstrain.
 """
 
 from __future__ import annotations
 
+import sys
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from tirelog.cli.session import page
+from tirelog.cli.text import console_table
+from tirelog.errors import printable
 from tirelog.vocabulary.observables import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tirelog.diagnosis.diagnose import Diagnosis
-    from tirelog.diagnosis.gratings.found import GratingsFound
-    from tirelog.diagnosis.results import Candidate, Comparison
+    from tirelog.api.results import (
+        Candidate,
+        Comparison,
+        ComparisonOfLogs,
+        DiagnosisOfLogs,
+        GratingsFound,
+        LadderOfLogs,
+        TransientComparison,
+    )
 
+#: letters in the longest bar of a ladder
+_BAR = 40
 #: letters in a line of a page that no terminal shows
 _WIDTH = 110
-
-
-def _console() -> Console:
-    from tirelog.cli.common import page
-
-    return page(_WIDTH)
-
-
-def _table(columns: list[str], rows: list[list[Any]]) -> Any:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    for i, name in enumerate(columns):
-        table.add_column(name, justify="left" if i == 0 else "right")
-    for row in rows:
-        table.add_row(
-            *(f"{v:.4g}" if isinstance(v, float) else "" if v is None else str(v) for v in row)
-        )
-    return table
 
 
 def _held_out(result: Comparison, factor: float) -> list[float | str]:
@@ -51,22 +44,24 @@ def _held_out(result: Comparison, factor: float) -> list[float | str]:
     ]
 
 
-def comparison_page(result: Comparison) -> None:
+def comparison_page(result: ComparisonOfLogs) -> None:
     """Errors, where they are, parameters; of several observables what each brings."""
     if result.parts:
         _together_page(result)
-        return
-    out = _console()
-    _errors_page(out, result)
-    parameters = [
-        [n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]
-    ]
-    out.print(_table(["parameter", "value", "error", "unit"], parameters))
+    else:
+        out = page(_WIDTH)
+        _errors_page(out, result)
+        parameters = [
+            [n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]
+        ]
+        out.print(console_table(["parameter", "value", "error", "unit"], parameters))
+    if result.obstacles is not None:
+        _hits_page(result.obstacles)
 
 
 def _together_page(result: Comparison) -> None:
     """One fit of several observables: errors of all and of each, what each knows, agreement."""
-    out = _console()
+    out = page(_WIDTH)
     out.print(
         f"{result.observable}, fitted together, in {result.unit}: {result.revolutions} "
         f"revolutions, {result.manoeuvres} manoeuvres"
@@ -78,7 +73,8 @@ def _together_page(result: Comparison) -> None:
         factor, unit = shown(part.observable, part.unit)
         errors = [part.rmse * factor, *_held_out(part, factor)]
         rows.append([f"  {part.label}", *errors, part.reduced_chi2, unit])
-    out.print(_table(["", "rmse", "held out", "floor", "excess", "chi-square", "unit"], rows))
+    names = ["", "rmse", "held out", "floor", "excess", "chi-square", "unit"]
+    out.print(console_table(names, rows))
     out.print(result.agreement)
     gratings = all(part.member for part in result.parts)
     known = result.contributions if not gratings else ()  # of like sensors each knows the same
@@ -88,7 +84,7 @@ def _together_page(result: Comparison) -> None:
         if p["free"]
     ]
     without = [f"without {k.observable}" for k in known]
-    out.print(_table(["parameter", "value", "error", "unit", *without], parameters))
+    out.print(console_table(["parameter", "value", "error", "unit", *without], parameters))
     if gratings:
         return
     out.print("without an observable: the error that the others alone would leave")
@@ -131,7 +127,7 @@ def _errors_page(out: Console, result: Comparison) -> None:
                     row["excess"] * factor,
                 ]
             )
-    out.print(_table(["", "rmse", "floor", "excess"], rows))
+    out.print(console_table(["", "rmse", "floor", "excess"], rows))
     out.print(f"reduced chi-square {result.reduced_chi2:.3g}, fit {result.fit_percent:.2f} %")
     out.print(
         f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, "
@@ -141,13 +137,35 @@ def _errors_page(out: Console, result: Comparison) -> None:
     )
 
 
-def diagnosis_page(result: Diagnosis) -> None:
-    """Verdict, ranking, sets, what is left, what to drive, what to type."""
-    from tirelog.diagnosis.candidates.drive_next import drive_sentences
-    from tirelog.diagnosis.results import in_unit
-    from tirelog.diagnosis.wording import percent, probability
+def _hits_page(result: TransientComparison) -> None:
+    """The hits to read."""
+    out = page(_WIDTH)
+    factor, unit = shown(result.observable, result.unit)
+    total = result.to_json()
+    out.print(
+        f"obstacles: {len(result.hits)} hits; the model covers {100.0 * total['covered']:.0f} % "
+        "of what they added "
+        f"({total['nuisance_parameters']} nuisance numbers: when, phase, level and alignment of "
+        "each)"
+    )
+    names = ["added", "missed", "rmse", "rmse_steady", "noise_floor", "excess"]
+    rows = [
+        [
+            f"  {row['log']} at {row['time_s']:.4f} +- {row['time_se_s']:.1g} s",
+            row["speed_m_s"],
+            *(row[name] * factor for name in names),
+        ]
+        for row in result.tables["hit"]
+    ]
+    words = [f"in {unit}", "m/s", "added", "missed", "rmse", "steady", "floor", "excess"]
+    out.print(console_table(words, rows))
 
-    out = _console()
+
+def diagnosis_page(result: DiagnosisOfLogs) -> None:
+    """Verdict, ranking, sets, what is left, what to drive, what to type."""
+    from tirelog.api.results import drive_sentences, in_unit, percent, probability
+
+    out = page(_WIDTH)
     factor, unit = shown(result.before.observable, result.before.unit)
     out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
     out.print(result.certainty.sentence)
@@ -170,7 +188,7 @@ def diagnosis_page(result: Diagnosis) -> None:
         ]
         for c in result.effects
     ]
-    out.print(_table(["  effect", "excess removed", "p", "strength"], rows))
+    out.print(console_table(["  effect", "excess removed", "p", "strength"], rows))
     if result.gratings is not None:
         out.print(_gratings(result.gratings))
     for group in result.ambiguous_groups:
@@ -207,7 +225,7 @@ def _gratings(found: GratingsFound) -> Any:
             else:
                 row.append("left out")
         rows.append(row)
-    return _table(
+    return console_table(
         ["  grating", "angle [deg]", "alone [floors^2]", *(s.parameter for s in found.strengths)],
         rows,
     )
@@ -227,3 +245,34 @@ def _strength(candidate: Candidate) -> str:
             f"{name} {s['value']:.4g} {error}" + (f" {s['unit']}" if s["unit"] != "1" else "")
         )
     return ", ".join(parts) or "-"
+
+
+def ladder_bars(result: LadderOfLogs) -> None:
+    """The held-out error as bars that shrink, the floor marked, on standard error."""
+    factor, unit = shown(result.observable, result.unit)
+    errors = [
+        step.rmse_fit if step.rmse_heldout is None else step.rmse_heldout for step in result.steps
+    ]
+    largest = max(errors)
+    for step, error in zip(result.steps, errors, strict=True):
+        length = max(1, round(_BAR * error / largest))
+        floor = min(_BAR - 1, round(_BAR * step.noise_floor / largest))
+        bar = "".join("|" if i == floor else "#" if i < length else " " for i in range(_BAR))
+        _line(f"{step.step:2d} {step.effect:18s} {bar} {error * factor:.3g} {unit}")
+        _line(f"   {step.sentence}")
+    for remark in result.remarks:
+        _line(f"   {remark}")
+    if result.rmse_untouched is not None:
+        error, floor_there = (
+            result.rmse_untouched * factor,
+            (result.floor_untouched or 0.0) * factor,
+        )
+        _line(
+            f"   on manoeuvres that nothing had touched: {error:.3g} {unit}, floor "
+            f"{floor_there:.3g}"
+        )
+
+
+def _line(text: str) -> None:
+    """A line of the bars, as any terminal may show it."""
+    sys.stderr.write(f"{printable(text)}\n")

@@ -2,41 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from functools import partial
+from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import (
-    ChannelName,
-    EffectsFile,
-    Format,
-    Logs,
-    ModelFile,
-    Output,
-    Plot,
-    Quiet,
-    Session,
-    SetupFile,
-    keeps_hashes,
-    say,
-)
-from tirelog.cli.models.compare import columns_of_rows, measured_and_model, write_json
+from tirelog.cli import options
+from tirelog.cli.models.question import answered, write_answer
+from tirelog.cli.session import Session
 from tirelog.errors import UsageError
-
-if TYPE_CHECKING:
-    from tirelog.diagnosis.diagnose import Diagnosis
 
 
 def diagnose(
-    logs: Logs,
-    model: ModelFile,
-    setup: SetupFile = None,
-    output: Output = None,
-    format: Format = None,
-    quiet: Quiet = False,
-    channel: ChannelName = None,
-    effects: EffectsFile = None,
-    plot: Plot = None,
+    logs: options.Logs,
+    model: options.ModelFile,
+    setup: options.SetupFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
+    channel: options.ChannelName = None,
+    effects: options.EffectsFile = None,
+    plot: options.Plot = None,
     bootstrap: Annotated[
         int,
         typer.Option(
@@ -57,48 +43,22 @@ def diagnose(
     ] = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
+    from tirelog.api import answers
+    from tirelog.cli.models.answers_page import diagnosis_page
 
     if leave_one_out not in (None, "log", "tire"):
         raise UsageError(
             f"--leave-one-out {leave_one_out}", allowed="allowed are log, tire", do="choose one"
         )
-    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
-        found, read = measured_and_model(session, logs, model, effects, channel)
-        from tirelog.api.answers import diagnose as diagnose_measured
-
-        with session.working() as line:
-            line.say("diagnosing")
-            result = diagnose_measured(
-                found,
-                read,
-                bootstrap=bootstrap,
-                leave_one_out=session.tires if leave_one_out == "tire" else bool(leave_one_out),
-                progress=None if quiet else say,
-            )
-        for remark in result.before.remarks:
-            session.note(remark)
+    with Session(setup, quiet, output, format) as session:
+        ask = partial(
+            answers.diagnose,
+            bootstrap=bootstrap,
+            leave_one_out=session.tires if leave_one_out == "tire" else bool(leave_one_out),
+            progress=session.say,
+        )
+        result = answered(session, logs, model, effects, channel, "diagnosing", ask)
+        session.notes(result.before.remarks)
         if plot is not None:
-            from tirelog.plots.models.diagnose import draw
-
-            for beside in draw(result, plot):
-                session.note(f"another observable drawn in {beside}")
-        if format == "json" or (output is not None and output.suffix == ".json"):
-            write_json(result.to_json(), output)
-        elif format is not None or output is not None:
-            with session.table("diagnose", output, format) as table:
-                table.write(columns_of_rows(_rows(result)))
-        else:
-            from tirelog.cli.models.answers_page import diagnosis_page
-
-            diagnosis_page(result)
-
-
-def _rows(result: Diagnosis) -> list[dict[str, Any]]:
-    """The ranking as a table."""
-    return [
-        {
-            "effect": c.effect, "rank": c.rank, "excess_removed": c.excess_removed,
-            "p_adjusted": c.p_adjusted, "selected": c.selected, "group": ";".join(c.group),
-        }
-        for c in result.effects
-    ]  # fmt: skip
+            session.notes(f"more is drawn in {beside}" for beside in result.draw(plot))
+        write_answer(session, "diagnose", result, lambda: diagnosis_page(result))

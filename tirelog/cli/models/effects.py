@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli import completion
-from tirelog.cli.common import EffectsFile, Format, Output, Plot, Session
+from tirelog.cli import completion, options
+from tirelog.cli.session import Session
 
 
 def effects(
@@ -19,18 +19,20 @@ def effects(
             autocompletion=completion.effects,
         ),
     ] = None,
-    own: EffectsFile = None,
-    plot: Plot = None,
-    output: Output = None,
-    format: Format = None,
+    own: options.EffectsFile = None,
+    plot: options.Plot = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each
     does to the strain.
     """
+    from tirelog.api.models import catalogue_with, draw_effects
     from tirelog.cli.models.model_page import catalogue_page, catalogue_rows, effect_page
     from tirelog.errors import refuse_unknown
-    from tirelog.physics.model.user_effects import catalogue_with
 
+    session = Session(None, quiet, output, format)
     catalogue = catalogue_with(own)
     if name is not None:
         refuse_unknown(
@@ -38,11 +40,9 @@ def effects(
         )
     chosen = list(catalogue.values()) if name is None else [catalogue[name]]
     if plot is not None:
-        from tirelog.plots.models.effects import signatures
-
-        signatures(chosen, plot)
-    if format is None and output is None:
+        draw_effects(chosen, plot)
+    if session.paged:
         typer.echo(catalogue_page(chosen) if name is None else effect_page(chosen[0]))
         return
-    with Session(None).table("effects", output, format) as table:
+    with session.table("effects") as table:
         table.write(catalogue_rows(chosen))

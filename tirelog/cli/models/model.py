@@ -8,37 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.cli import completion
-from tirelog.cli.common import (
-    EffectsFile,
-    Format,
-    Logs,
-    ModelFile,
-    Output,
-    Quiet,
-    Session,
-    SetupFile,
-    say,
-)
-from tirelog.cli.models.predict import Model_, forces, modes, predict, setup_in
-from tirelog.cli.targets import in_a_folder
+from tirelog.cli import completion, options
+from tirelog.cli.models.predict import forces, modes, predict
+from tirelog.cli.session import Session
 
 if TYPE_CHECKING:
     from tirelog.api.answers import MeasuredLogs
-    from tirelog.physics.model.model import Model
+    from tirelog.api.models import Model
 
 app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
-
-Target = Annotated[
-    Path,
-    typer.Option(
-        "-o", "--output", help="Model file to write.", show_default=False, callback=in_a_folder
-    ),
-]
-Sets = Annotated[
-    list[str],
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times."),
-]
 
 
 def _words(text: str) -> list[str]:
@@ -70,7 +48,7 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
 
 @app.command()
 def new(
-    output: Target,
+    output: options.NewModel,
     carcass: Annotated[
         str | None,
         typer.Option(help="beam (the default), ring or coupled_ring.", show_default=False),
@@ -83,7 +61,7 @@ def new(
             show_default=False,
         ),
     ] = None,
-    setup: SetupFile = None,
+    setup: options.SetupFile = None,
     observable: Annotated[
         str | None,
         typer.Option(
@@ -95,123 +73,110 @@ def new(
         str | None,
         typer.Option(help="prescribed or flat_road; rings stand on a flat road by default."),
     ] = None,
-    sets: Sets = [],  # noqa: B006
-    quiet: Quiet = False,
+    sets: options.Sets = [],  # noqa: B006
+    quiet: options.Quiet = False,
 ) -> None:
     """Make a model without effects; tire and conditions come from the setup if it has them."""
-    from tirelog.physics.model.from_setup import new_model
-    from tirelog.physics.model.save import save_model
+    from tirelog.api.models import new_model, save_model
 
+    session = Session(setup, quiet)
     model, remarks = new_model(
         carcass,
-        setup_in(setup),
+        session.setup(),
         observable=None if observable is None else _words(observable),
         contact=contact,
         values=_assignments(sets),
         preset=preset,
     )
     save_model(model, output)
-    if not quiet:
-        for remark in remarks:
-            say(f"note: {remark}")
-        fitted = output.with_stem(f"{output.stem}_fitted")
-        say(
-            f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or "
-            f"tirelog compare LOG --model {output}"
-        )
+    session.notes(remarks)
+    fitted = output.with_stem(f"{output.stem}_fitted")
+    session.say(
+        f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or "
+        f"tirelog compare LOG --model {output}"
+    )
 
 
 @app.command()
 def show(
-    model: Model_,
+    model: options.Model,
     against: Annotated[
         Path | None, typer.Option(help="Another model: differences in sigma.", show_default=False)
     ] = None,
     history: Annotated[
         bool, typer.Option("--history", help="The ladders climbed from this model.")
     ] = False,
-    effects: EffectsFile = None,
-    output: Output = None,
-    format: Format = None,
+    effects: options.EffectsFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Show a model to read, or its parameters as a table; with --against the difference of two
     models in sigma.
     """
-    from tirelog.api.models import load_model
-    from tirelog.cli.models.history import history_page, history_rows
-    from tirelog.cli.models.model_page import difference_page, model_page
-    from tirelog.physics.model.difference import difference_rows, parameter_rows
+    from tirelog.api.models import difference_rows, ladder_rows, load_model, parameter_rows
+    from tirelog.cli.models.model_page import difference_page, history_page, model_page
 
+    session = Session(None, quiet, output, format)
     read = load_model(model, effects=effects)
     if history:
-        rows: dict[str, Any] = history_rows(model)
+        rows: dict[str, Any] = ladder_rows(model)
+        shown = history_page(rows)
+    elif against is not None:
+        rows = difference_rows(read, load_model(against, effects=effects))
+        shown = difference_page(rows)
     else:
-        rows = (
-            parameter_rows(read)
-            if against is None
-            else difference_rows(read, load_model(against, effects=effects))
-        )
-    if format is None and output is None:
-        typer.echo(
-            history_page(rows)
-            if history
-            else model_page(read)
-            if against is None
-            else difference_page(rows)
-        )
+        rows, shown = parameter_rows(read), model_page(read)
+    if session.paged:
+        typer.echo(shown)
         return
-    with Session(None).table("model", output, format) as table:
+    with session.table("model") as table:
         table.write(rows)
 
 
 @app.command()
 def add(
-    model: Model_,
+    model: options.Model,
     effect: Annotated[
         str,
         typer.Argument(
             help="Effect of the catalogue, or of --effects.", autocompletion=completion.effects
         ),
     ],
-    output: Target,
-    sets: Sets = [],  # noqa: B006
-    setup: SetupFile = None,
-    effects: EffectsFile = None,
+    output: options.NewModel,
+    sets: options.Sets = [],  # noqa: B006
+    setup: options.SetupFile = None,
+    effects: options.EffectsFile = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Add an effect at its start values (or --set ones); a grating's length is fixed if the
     setup gives it.
     """
-    from tirelog.api.models import load_model
-    from tirelog.physics.model.from_setup import with_gauge_length
-    from tirelog.physics.model.save import save_model
-    from tirelog.physics.model.user_effects import effect_called
+    from tirelog.api.models import added, load_model, save_model
 
-    read = load_model(model, effects=effects)
-    changed = read.with_effect(
-        effect_called(effect, effects or read.effects_file, asked=effects is not None)
-    ).with_values(_assignments(sets, f"{effect}."))
-    given = setup_in(setup)
-    save_model(with_gauge_length(changed, given) if effect == "gauge_length" else changed, output)
+    read, given = load_model(model, effects=effects), Session(setup, quiet).setup()
+    values = _assignments(sets, f"{effect}.")
+    save_model(added(read, effect, values, setup=given, effects=effects), output)
 
 
 @app.command()
 def remove(
-    model: Model_,
+    model: options.Model,
     effect: Annotated[str, typer.Argument(help="Effect of the model.")],
-    output: Target,
-    effects: EffectsFile = None,
+    output: options.NewModel,
+    effects: options.EffectsFile = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Remove an effect."""
-    from tirelog.api.models import load_model
-    from tirelog.physics.model.save import save_model
+    from tirelog.api.models import load_model, save_model
 
     save_model(load_model(model, effects=effects).without_effect(effect), output)
 
 
 @app.command()
 def worn(
-    model: Model_,
-    output: Target,
+    model: options.Model,
+    output: options.NewModel,
     new_depth: Annotated[float, typer.Option(help="Tread depth of the model as it is [m].")],
     depth: Annotated[float, typer.Option(help="Tread depth that is left [m].")],
     neutral_axis: Annotated[
@@ -221,27 +186,25 @@ def worn(
             "a stiff belt."
         ),
     ] = 0.5,
-    effects: EffectsFile = None,
-    quiet: Quiet = False,
+    effects: options.EffectsFile = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write the model of a worn tire: tread and bristles stiffer as 1/depth, the lever arm shorter.
 
     P3 shows wear (Figs. 5, 6) and gives no equation; this is that of a block of rubber.
     """
-    from tirelog.api.models import load_model
-    from tirelog.physics.model.save import save_model
-    from tirelog.physics.model.worn import worn_model
+    from tirelog.api.models import load_model, save_model, worn_model
 
     made, changed = worn_model(load_model(model, effects=effects), new_depth, depth, neutral_axis)
     save_model(made, output)
-    if not quiet:
-        for name, (before, after) in changed.items():
-            say(f"note: {name} {before:g} -> {after:g}")
+    Session(quiet=quiet).notes(
+        f"{name} {before:g} -> {after:g}" for name, (before, after) in changed.items()
+    )
 
 
 @app.command()
 def nuisance(
-    model: Model_,
+    model: options.Model,
     name: Annotated[
         str,
         typer.Argument(
@@ -250,21 +213,21 @@ def nuisance(
         ),
     ],
     use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],
-    output: Target,
+    output: options.NewModel,
+    quiet: options.Quiet = False,
 ) -> None:
     """Say whether a nuisance of wheel, road or day stands beside the model."""
-    from tirelog.api.models import load_model
-    from tirelog.physics.model.save import save_model
+    from tirelog.api.models import load_model, save_model
 
     save_model(load_model(model).with_nuisance(name, use), output)
 
 
 @app.command()
 def fit(
-    logs: Logs,
-    model: ModelFile,
-    output: Target,
-    setup: SetupFile = None,
+    logs: options.Logs,
+    model: options.ModelFile,
+    output: options.NewModel,
+    setup: options.SetupFile = None,
     channel: Annotated[
         list[str],
         typer.Option(
@@ -278,8 +241,8 @@ def fit(
             "shift (words, or none)."
         ),
     ] = "shift",
-    effects: EffectsFile = None,
-    quiet: Quiet = False,
+    effects: options.EffectsFile = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Fit a model's free parameters to the logs as `compare` does, and write the model with values
     and standard errors.
@@ -289,23 +252,18 @@ def fit(
     obstacles of logs whose setup has a [road].
     """
     from tirelog.api.answers import fit as fit_model
-    from tirelog.api.models import load_model
+    from tirelog.api.models import load_model, refuse_another, save_model
     from tirelog.cli.models.model_page import fit_page, learned_page
-    from tirelog.physics.model.save import refuse_another, save_model
-    from tirelog.vocabulary.observables import WAVEFORMS
 
     refuse_another(output)
     start = load_model(model, effects=effects)
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"]
-    if start.observable not in WAVEFORMS:
-        words = ["shift"]
     with Session(setup, quiet) as session:
         measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
         with session.working() as line:
             line.say("fitting the model")
             result = fit_model(measured, start, nuisances=words)
-        for remark in result.remarks:
-            session.note(remark)
+        session.notes(result.remarks)
         save_model(result.model, output)
         if not quiet:
             typer.echo(fit_page(result))

@@ -5,31 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from tirelog.physics.model.forces import carcass_facts
+from tirelog.cli.text import aligned
 from tirelog.vocabulary.observables import together
 
 if TYPE_CHECKING:
-    from tirelog.api.results import FitOfLogs
-    from tirelog.diagnosis.obstacles.learn import Learned
-    from tirelog.physics.effects import Effect
-    from tirelog.physics.model.model import Model
-    from tirelog.physics.parameters import Parameter
-
-
-def _aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
-    """Rows of text in columns as wide as their widest cell."""
-    rows = list(rows)
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
-    return "\n".join(
-        (indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows
-    )
+    from tirelog.api.models import Effect, Model
+    from tirelog.api.results import FitOfLogs, Learned
 
 
 def _unit(unit: str) -> str:
     return "" if unit in ("", "1") else unit
 
 
-def _cells(p: Parameter) -> tuple[str, ...]:
+def _cells(p: Any) -> tuple[str, ...]:
     error = "" if p.se is None else f"+- {p.se:.2g}"
     state = f"free in [{p.min:g}, {p.max:g}]" if p.free else "fixed"
     return p.name, f"{p.value:.6g}", error, _unit(p.unit), state, p.description
@@ -37,16 +25,18 @@ def _cells(p: Parameter) -> tuple[str, ...]:
 
 def model_page(model: Model) -> str:
     """The model as a person reads it."""
+    from tirelog.api.models import carcass_facts
+
     road = {"flat_road": ", on a flat road", "point": ", under a point load"}.get(model.contact, "")
     parts = [
         f"{together(model.observables)} of a {model.carcass}{road}",
-        _aligned(_cells(p) for p in model.base),
+        aligned(_cells(p) for p in model.base),
     ]
     for e in model.effects:
         options = "".join(f", {key} = {word}" for key, word in e.options.items())
         parts += [
             f"{e.id}: {e.effect.mechanism}{options}",
-            _aligned(_cells(p) for p in e.parameters) or "  no parameters",
+            aligned(_cells(p) for p in e.parameters) or "  no parameters",
         ]
     if model.effects_file is not None:
         parts.append(f"own effects from {model.effects_file}")
@@ -55,7 +45,7 @@ def model_page(model: Model) -> str:
     if facts := carcass_facts(model):
         parts.append("from these numbers (P1 (2)-(5))")
         parts.append(
-            _aligned((name, f"{x:.6g}", unit, what) for name, (x, unit, what) in facts.items())
+            aligned((name, f"{x:.6g}", unit, what) for name, (x, unit, what) in facts.items())
         )
     return "\n".join(parts)
 
@@ -71,7 +61,7 @@ def difference_page(rows: dict[str, list[Any]]) -> str:
         )
         for name, value, against, sigma in zip(*rows.values())
     )
-    return _aligned([header, *body], indent="")
+    return aligned([header, *body], indent="")
 
 
 def fit_page(fitted: FitOfLogs) -> str:
@@ -93,7 +83,7 @@ def fit_page(fitted: FitOfLogs) -> str:
     ]
     lines = [
         f"{result.revolutions} revolutions, reduced chi-square {result.reduced_chi2:.3f}",
-        _aligned(rows),
+        aligned(rows),
     ]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
     lines += [f"{name} stands at a bound" for name in result.at_bound]
@@ -112,14 +102,14 @@ def learned_page(learned: Learned) -> str:
         [
             f"{learned.hits} hits on obstacles; the error of the answer to them fell by "
             f"{less:.0f} %",
-            _aligned(rows),
+            aligned(rows),
         ]
     )
 
 
 def effect_page(effect: Effect) -> str:
     """One effect of the catalogue."""
-    from tirelog.physics.effects import serves
+    from tirelog.api.models import serves
 
     rows: list[tuple[str, ...]] = [
         ("follows", effect.follows_said),
@@ -146,9 +136,9 @@ def effect_page(effect: Effect) -> str:
     return "\n".join(
         [
             f"{effect.id}: {effect.mechanism}",
-            _aligned(rows),
+            aligned(rows),
             "  parameters",
-            _aligned(numbers, indent="    "),
+            aligned(numbers, indent="    "),
         ]
     )
 
@@ -167,7 +157,7 @@ def catalogue_page(effects: Iterable[Effect]) -> str:
 
 def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
     """Columns of the catalogue's table."""
-    from tirelog.physics.effects import serves
+    from tirelog.api.models import serves
 
     effects = list(effects)
     return {
@@ -182,3 +172,19 @@ def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
         "valid": [e.valid for e in effects],
         "signature": [e.signature for e in effects],
     }
+
+
+def history_page(rows: dict[str, list[Any]]) -> str:
+    """The same to read: a line per step, errors in the observable's unit."""
+    lines, last = [], ""
+    for i, climbed in enumerate(rows["climbed"]):
+        if climbed != last:
+            lines.append(f"{climbed}  {rows['observable'][i]}  {rows['verdict'][i]}")
+            last = climbed
+        error, floor = rows["rmse_heldout"][i], rows["noise_floor"][i]
+        held_out = "-" if error != error else f"{error:.4g}"
+        lines.append(
+            f"  {rows['step'][i]}  {rows['effect'][i]:20} held-out error {held_out}, floor "
+            f"{floor:.4g}  {rows['decision'][i]}"
+        )
+    return "\n".join(lines)

@@ -2,35 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from tirelog.cli.common import (
-    ChannelName,
-    EffectsFile,
-    Format,
-    Output,
-    Plot,
-    Quiet,
-    Session,
-    SetupFile,
-    say,
-)
-
-if TYPE_CHECKING:
-    from tirelog.data.setup import Setup
-
-Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
-
-
-def setup_in(path: Path | None) -> Setup | None:
-    """The setup in a file, None if none is given."""
-    from tirelog.data.setup import load_setup
-
-    return None if path is None else load_setup(path)
-
+from tirelog.cli import options
+from tirelog.cli.session import Session
 
 #: one value, several with commas, or FROM:TO:STEP
 _SEVERAL = "; several with commas, or FROM:TO:STEP"
@@ -53,9 +30,9 @@ Slips = Annotated[
 
 
 def predict(
-    model: Model_,
+    model: options.Model,
     speed: Speeds,
-    setup: SetupFile = None,
+    setup: options.SetupFile = None,
     load: Loads = None,
     pressure: Pressures = None,
     acceleration: Accelerations = "0",
@@ -128,9 +105,10 @@ def predict(
         list[float],
         typer.Option(help="Sensor's angle on the belt [deg] at the start, 0 under the wheel."),
     ] = [],  # noqa: B006
-    effects: EffectsFile = None,
-    output: Output = None,
-    format: Format = None,
+    effects: options.EffectsFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """One revolution as the model sees it, from half a turn before the patch centre to half a turn
     after.
@@ -140,12 +118,12 @@ def predict(
     and what sensors read.
     """
     from tirelog.api import models
-    from tirelog.cli.models.passage import load_steps, road_words, speed_ramps
     from tirelog.cli.models.ranges import conditions_given, refuse_many
+    from tirelog.cli.models.road import load_steps, road_words, speed_ramps
     from tirelog.errors import UsageError
-    from tirelog.physics.model.from_setup import known_surface
 
-    read, given = models.load_model(model, effects=effects), setup_in(setup)
+    session = Session(setup, quiet, output, format)
+    read, given = models.load_model(model, effects=effects), session.setup()
     conditions = conditions_given(
         given,
         {"time_s": time, "temperature_K": temperature},
@@ -155,8 +133,8 @@ def predict(
         acceleration=acceleration,
         slip=slip,
     )
-    refuse_many(len(conditions) * points)
-    side = surface or known_surface(given) or "outer"
+    refuse_many(len(conditions), points)
+    side = surface or models.known_surface(given) or "outer"
     driven = road is not None or bool(load_step) or bool(speed_ramp)
     everything = everything or modes is not None or len(conditions) > 1
     if driven and everything:
@@ -165,7 +143,6 @@ def predict(
             allowed="one drive from one speed and load is allowed",
             do="leave them out",
         )
-    session = Session(None)
     rows: dict[str, Any] = {}
     if driven:
         name = "passage"
@@ -183,22 +160,21 @@ def predict(
                 sensors_deg=sensor,
                 surface=side,
             )
-        for remark in remarks:
-            say(f"note: {remark}")
+        session.notes(remarks)
     elif everything:
         name = "predict-all"
         rows |= models.revolutions(read, conditions, points=points, surface=side, modes=modes)
     else:
         name = "predict"
         rows |= models.revolution(read, conditions, points=points, surface=side)
-    with session.table(name, output, format) as table:
+    with session.table(name) as table:
         table.write(rows)
 
 
 def forces(
-    model: Model_,
+    model: options.Model,
     speed: Speeds,
-    setup: SetupFile = None,
+    setup: options.SetupFile = None,
     load: Loads = None,
     pressure: Pressures = None,
     acceleration: Accelerations = "0",
@@ -207,9 +183,10 @@ def forces(
         float, typer.Option(help="Slip angle [deg] of the brush, for the lateral force.")
     ] = 0.0,
     camber: Annotated[float, typer.Option(help="Camber [deg] of the wheel, likewise.")] = 0.0,
-    effects: EffectsFile = None,
-    output: Output = None,
-    format: Format = None,
+    effects: options.EffectsFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Forces at hub and road, patch, rolling resistance and losses as the model has them, a row
     per condition.
@@ -220,7 +197,8 @@ def forces(
     from tirelog.api import models
     from tirelog.cli.models.ranges import conditions_given
 
-    read, given = models.load_model(model, effects=effects), setup_in(setup)
+    session = Session(setup, quiet, output, format)
+    read, given = models.load_model(model, effects=effects), session.setup()
     conditions = conditions_given(
         given,
         {"time_s": 0.0},
@@ -233,12 +211,12 @@ def forces(
     rows = models.forces(
         read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
     )
-    with Session(None).table("forces", output, format) as table:
+    with session.table("forces") as table:
         table.write(rows)
 
 
 def modes(
-    model: Model_,
+    model: options.Model,
     speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,
     load: Annotated[
         float | None,
@@ -258,17 +236,17 @@ def modes(
         ),
     ] = None,
     to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,
-    effects: EffectsFile = None,
-    output: Output = None,
-    format: Format = None,
-    plot: Plot = None,
+    effects: options.EffectsFile = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    plot: options.Plot = None,
     log: Annotated[
         list[str],
         typer.Option("--log", help="With --plot: a log whose order map is drawn below; twice."),
     ] = [],  # noqa: B006
-    setup: SetupFile = None,
-    channel: ChannelName = None,
-    quiet: Quiet = False,
+    setup: options.SetupFile = None,
+    channel: options.ChannelName = None,
+    quiet: options.Quiet = False,
 ) -> None:
     """Natural frequencies, damping and shapes of a ring model, in the air and (with contact =
     "flat_road") on the road.
@@ -284,18 +262,19 @@ def modes(
         raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
     read = models.load_model(model, effects=effects)
     hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
-    session = Session(setup, quiet)
+    session = Session(setup, quiet, output, format)
     with session.working() as line:
         line.say("looking for modes")
         columns = models.modes(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
-    with session, session.table("modes", output, format) as table:
-        if plot is not None and log:
-            from tirelog.plots.orders import map_of_log, modes_over_orders
-
-            maps = [(each.log, map_of_log(each, channel)) for each in session.recordings(log)]
-            modes_over_orders(read, maps, plot, highest_Hz=to_frequency, **hub)
-        elif plot is not None:
-            from tirelog.plots.models.modes import modes_picture
-
-            modes_picture(columns, plot)
+    with session, session.table("modes") as table:
+        if plot is not None:
+            models.draw_modes(
+                read,
+                columns,
+                plot,
+                session.recordings(log) if log else (),
+                channel=channel,
+                highest_Hz=to_frequency,
+                **hub,
+            )
         table.write(columns)

@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import (
-    ChannelName,
-    EffectsFile,
-    Logs,
-    ModelFile,
-    Plot,
-    Quiet,
-    Session,
-    SetupFile,
-    page,
-    say,
-)
-from tirelog.cli.models.compare import measured_and_model, write_json
+from tirelog.cli import options
+from tirelog.cli.models.question import answered
+from tirelog.cli.session import Session, page, write_json
 from tirelog.cli.targets import in_a_folder
 
 if TYPE_CHECKING:
-    from tirelog.diagnosis.propose.results import Proposal
+    from tirelog.api.results import ProposalOfLogs
 
 #: letters in a line of the page
 _WIDTH = 110
 
 
 def propose(
-    logs: Logs,
-    model: ModelFile,
-    setup: SetupFile = None,
+    logs: options.Logs,
+    model: options.ModelFile,
+    setup: options.SetupFile = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -47,10 +38,10 @@ def propose(
         str | None,
         typer.Option("--format", help="json in place of the page.", show_default=False),
     ] = None,
-    quiet: Quiet = False,
-    channel: ChannelName = None,
-    effects: EffectsFile = None,
-    plot: Plot = None,
+    quiet: options.Quiet = False,
+    channel: options.ChannelName = None,
+    effects: options.EffectsFile = None,
+    plot: options.Plot = None,
     despite: Annotated[
         bool,
         typer.Option("--despite", help="Also if an effect of the catalogue explains it."),
@@ -61,8 +52,9 @@ def propose(
     ] = False,
 ) -> None:
     """Write down the unknown effect: formulas that remove it, or its measured shape."""
+    from tirelog.api import answers
+    from tirelog.api.models import refuse_another, save_model
     from tirelog.errors import UsageError
-    from tirelog.physics.model.save import refuse_another
 
     if format not in (None, "json"):
         raise UsageError(
@@ -71,25 +63,11 @@ def propose(
     if output is not None:
         refuse_another(output)
     with Session(setup, quiet) as session:
-        found, read = measured_and_model(session, logs, model, effects, channel)
-        from tirelog.api.answers import propose as propose_measured
-
-        with session.working() as line:
-            line.say("proposing")
-            result = propose_measured(
-                found,
-                read,
-                despite=despite,
-                shape=shape,
-                progress=None if quiet else say,
-            )
+        ask = partial(answers.propose, despite=despite, shape=shape, progress=session.say)
+        result = answered(session, logs, model, effects, channel, "proposing", ask)
         if plot is not None and result.status != "nothing":
-            from tirelog.plots.models.propose import draw
-
-            draw(result, plot)
+            result.plot(plot)
         if output is not None and result.model is not None:
-            from tirelog.physics.model.save import save_model
-
             save_model(result.model, output)
         if result.status == "nothing":
             unwritten = [str(path) for path in (output, plot) if path is not None]
@@ -101,14 +79,14 @@ def propose(
             _page(result, _next(result, logs, output))
 
 
-def _next(result: Proposal, logs: list[str], output: Path | None) -> str:
+def _next(result: ProposalOfLogs, logs: list[str], output: Path | None) -> str:
     """The command to type next; empty if there is no proposal."""
     if result.status == "nothing":
         return ""
     return f"tirelog compare {' '.join(logs)} --model {output or 'BETTER.toml'}"
 
 
-def _page(result: Proposal, command: str) -> None:
+def _page(result: ProposalOfLogs, command: str) -> None:
     """The proposal to read."""
     out = page(_WIDTH)
     out.print(f"{result.status.upper()}.  {result.sentence}")

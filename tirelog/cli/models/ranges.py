@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -45,10 +44,11 @@ def values_of(text: str, option: str) -> list[float]:
     )
 
 
-def refuse_many(rows: int) -> None:
-    """UsageError for more rows than memory is meant for."""
+def refuse_many(conditions: int, points: int) -> None:
+    """UsageError for more rows than memory is meant for: so many `points` of each condition."""
     from tirelog.errors import UsageError
 
+    rows = conditions * points
     if rows > MOST_ROWS:
         raise UsageError(
             f"{rows} rows",
@@ -64,10 +64,8 @@ def conditions_given(
 
     UsageError: no number, one that no tire is driven under, or more than MOST of them together.
     """
-    from tirelog.data.recording import Conditions
+    from tirelog.api.models import conditions_of
     from tirelog.errors import UsageError
-    from tirelog.physics.model.from_setup import known_conditions
-    from tirelog.physics.model.limits import check_conditions
 
     given = {
         _FIELDS[name]: values_of(text, f"--{name}")
@@ -81,14 +79,9 @@ def conditions_given(
             allowed=f"{MOST} are allowed in one command",
             do="ask for fewer values at once",
         )
-    rows = list(itertools.product(*given.values()))
-    named = {name: [row[i] for row in rows] for i, name in enumerate(given)}
     other = {name: value for name, value in more.items() if value is not None}
-    known = {k: v for k, v in known_conditions(setup).items() if k not in given}
-    conditions = Conditions.of(len(rows), **named, **other, **known)
     called = {_FIELDS[name]: f"--{name}" for name in options} | {
         "time_s": "--time",
         "temperature_K": "--temperature",
     }
-    check_conditions(conditions, called)
-    return conditions
+    return conditions_of(given, setup, called=called, **other)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.errors import UsageError, refuse_unknown
-from tirelog.plots.kinds import COMPARE
 from tirelog.plots.style import EDGE, SLIDE, by_value, figure_page, label, on_a_slide
 from tirelog.plots.wheel import around_the_wheel
 from tirelog.vocabulary.observables import WAVEFORMS, drawn
+from tirelog.vocabulary.pictures import COMPARE
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.results import Comparison, Map
@@ -31,7 +31,7 @@ _CLOSE, _NO_EDGE_DEG = 0.6, 10.0
 
 
 def figure(result: Comparison, kind: str = "page") -> Any:
-    """A matplotlib figure of a comparison, of a kind of `kinds.COMPARE`.
+    """A matplotlib figure of a comparison, of a kind of `pictures.COMPARE`.
 
     UsageError: not of a number per revolution, which has no waveform.
     """

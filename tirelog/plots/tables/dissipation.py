@@ -31,6 +31,7 @@ from tirelog.plots.style import (
     robust_range,
     write,
 )
+from tirelog.products import Part
 from tirelog.strain.dissipation import AVERAGED
 from tirelog.strain.dissipation_fit import Regression, regression
 from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows
@@ -73,6 +74,11 @@ class DissipationSketch:
                 float(p.speed_m_s[row]),
             )
         return cls(recording, found, least_and_most(found.channel), magnified)
+
+
+def sketch(recording: Recording, part: Part, kind: str) -> DissipationSketch:
+    """What the page keeps of a channel."""
+    return DissipationSketch.of(recording, part.found)
 
 
 def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> None:

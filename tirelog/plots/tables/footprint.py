@@ -14,11 +14,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tirelog.data.recording import Recording
+from tirelog.errors import UsageError
 from tirelog.plots.style import (
     COLOURS,
     EDGE,
@@ -32,6 +33,8 @@ from tirelog.plots.style import (
     robust_range,
     write,
 )
+from tirelog.plots.tables.turns import TurnsSketch, turns_picture
+from tirelog.products import Part
 from tirelog.strain.footprint.plain_edges import along_tread, lowpassed
 from tirelog.strain.footprint.table import FootprintOfChannel
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows
@@ -77,6 +80,26 @@ class FootprintSketch:
             if window is not None:
                 shown.append((row, title, window))
         return cls(recording, found, least_and_most(found.channel), shown)
+
+
+def sketch(recording: Recording, part: Part, kind: str) -> FootprintSketch | TurnsSketch:
+    """What a picture of this kind keeps of a channel.  UsageError: it is no grating."""
+    if not isinstance(part.found, FootprintOfChannel):
+        raise UsageError(
+            "--plot draws the footprint of a grating; this log has accelerometers",
+            allowed="a log of strain is allowed",
+            do="leave --plot out; `tirelog phase-shift --plot` draws fronts",
+            file=recording.log,
+        )
+    return (FootprintSketch if kind == "page" else TurnsSketch).of(recording, part.found)
+
+
+def draw(sketches: Sequence[Any], path: Path, kind: str) -> None:
+    """Write the picture of this kind to `path`."""
+    if kind == "page":
+        footprint_picture(sketches, path)
+    else:
+        turns_picture(sketches, path, kind)
 
 
 def footprint_picture(sketches: Sequence[FootprintSketch], path: Path) -> None:

@@ -14,14 +14,16 @@ import numpy as np
 
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, figure_page, label, write
+from tirelog.products import Part
 from tirelog.strain.inflation import InflationOfChannel
 
 
-def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path: Path) -> None:
+def inflation_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
     """Write the page to `path`, a row per channel."""
     figure = figure_page(12.0, 3.6 * len(kept) + 0.4)
     panels = figure.subplots(len(kept), 2, squeeze=False)
-    for (over_time, over_pressure), (recording, found) in zip(panels, kept, strict=True):
+    for (over_time, over_pressure), (recording, part) in zip(panels, kept, strict=True):
+        found: InflationOfChannel = part.found
         s, test = found.series, found.inflation
         over_time.plot(s.time_s, MICRO * (s.strain - s.strain[0]), color=COLOURS[0], lw=1.4)
         for stretch, start, duration, leak in zip(

@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, figure_page, write
+from tirelog.products import Part
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes
@@ -26,11 +28,10 @@ MOST = 4
 RAW, DETRENDED, CORRECTED = "0.65", COLOURS[0], COLOURS[1]
 
 
-def plot_phase_shift(
-    logs: Sequence[EdgeTimes], calibration: Calibration | None, path: Path
-) -> None:
+def phase_shift_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
     """Write the page to `path`; its suffix decides the format."""
-    shown = list(logs[:MOST])
+    shown = [passages for _, part in kept for passages in part.found.passages][:MOST]
+    calibration = kept[0][1].found.calibration
     columns = max(len(shown), 1)
     figure = figure_page(max(4.2 * columns, 12.0), 13.0)
     top, bottom = np.asarray(figure.subfigures(2, 1, height_ratios=[1.0, 2.2]))

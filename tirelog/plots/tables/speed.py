@@ -13,6 +13,7 @@ import numpy as np
 
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, RAW, figure_page, label, robust_range, write
+from tirelog.products import Part
 from tirelog.vocabulary.quality import OK
 
 #: logs that have a row of their own
@@ -21,11 +22,11 @@ _MOST = 8
 _MOST_PASSAGES = 20_000
 
 
-def speed_picture(kept: Sequence[tuple[Recording, Mapping[str, Any]]], path: Path) -> None:
+def speed_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
     """Write the page to `path`: logs by rows, channels by colour, flagged rows in grey."""
     logs: dict[str, list[Mapping[str, Any]]] = {}
-    for recording, columns in kept:
-        logs.setdefault(recording.log, []).append(columns)
+    for recording, part in kept:
+        logs.setdefault(recording.log, []).append(part.columns)
     shown = list(logs.items())[:_MOST]
     figure = figure_page(12.0, 3.2 * len(shown) + 0.4)
     panels = figure.subplots(len(shown), 2, squeeze=False)

@@ -7,24 +7,25 @@ Recording and columns of each log --> PNG, SVG or PDF
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, figure_page, label, write
+from tirelog.products import Part
 
 #: samples of a log that are drawn: evenly over the stretch if there are more
 _MOST_SAMPLES = 20_000
 
 
-def wheel_angle_picture(kept: Sequence[tuple[Recording, Mapping[str, Any]]], path: Path) -> None:
+def wheel_angle_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
     """Write the page to `path`, a row per log."""
     figure = figure_page(12.0, 2.8 * len(kept) + 0.4)
     panels = figure.subplots(len(kept), 3, squeeze=False)
-    for row, (recording, columns) in zip(panels, kept, strict=True):
+    for row, (recording, part) in zip(panels, kept, strict=True):
+        columns = part.columns
         size = np.size(columns["time_s"])
         picked = np.unique(np.linspace(0, size - 1, min(size, _MOST_SAMPLES)).round().astype(int))
         time = np.asarray(columns["time_s"])[picked]

@@ -55,11 +55,12 @@ def model_story(
     colours: LogColours | None = None,
 ) -> Story:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
-    from tirelog.api.answers import measure
     from tirelog.diagnosis.diagnose import diagnose
+    from tirelog.inference.measured import measured_for
     from tirelog.physics.model.user_effects import own_effects
 
-    logs = measure(recordings, model, asked.channel)
+    level = not model.ac_coupled
+    logs = measured_for(recordings, model.observables, asked.channel, level=level)
     own = own_effects(model.effects_file, asked=False)
     colours = LogColours(r.log for r in recordings) if colours is None else colours
     found = diagnose(logs.revolutions, model, effects=own, progress=progress)

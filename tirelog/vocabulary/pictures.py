@@ -1,6 +1,6 @@
-"""Which pictures a command can draw, by name: what `--plot-kind` takes.
+"""Which pictures a command can draw, and which tables of errors, by name.
 
-The first is drawn without it.
+`--plot-kind` takes the one (the first is drawn without it), `compare --by` the other.
 """
 
 from __future__ import annotations
@@ -20,3 +20,8 @@ COMPARE: Mapping[str, str] = {
     "polar": "measured and predicted around the wheel, with the model's contact pressure",
     "edges": "entry and exit edge close up, with the floor's band, and what is left there",
 }
+#: tables of errors that `compare` has of obstacles, and all that it can have
+BY_OBSTACLE = ("hit", "time", "frequency")
+ERRORS_BY = ("revolution", "angle", "speed", "regime", "conditions", *BY_OBSTACLE)
+#: of files that a picture can be written to
+SUFFIXES = (".png", ".svg", ".pdf")

@@ -1,9 +1,7 @@
-"""What the commands share.
+"""What the commands share: a session that opens logs and adds up what was lost, and writes.
 
-Common options, and a session that opens logs and adds up what was lost.
-
-    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
-        with session.table("speed", output, format) as table:
+    with Session(setup, quiet, output, format) as session:
+        with session.table("speed") as table:
             for recording, part in session.parts(logs, "speed"):
                 table.write(part.columns)
 
@@ -14,17 +12,16 @@ at all could be read).
 
 from __future__ import annotations
 
+import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tirelog.cli import completion
-from tirelog.cli.targets import drawable, in_a_folder
 from tirelog.cli.working import Working, summary
 from tirelog.errors import (
     DataLoss,
@@ -34,111 +31,16 @@ from tirelog.errors import (
     TirelogError,
     UsageError,
     printable,
-    refuse_unknown,
 )
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from tirelog.api.parts import Part
+    from tirelog.api.setups import Contents
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
-    from tirelog.drafts.contents import Contents
-    from tirelog.products import Part
     from tirelog.tables.writer import TableWriter
-
-
-def plot_kind(kinds: Mapping[str, str]) -> Any:
-    """The option --plot-kind of a command that draws these; one it cannot is refused at once."""
-
-    def known(kind: str) -> str:
-        refuse_unknown(kind, kinds, f"--plot-kind {kind}", do="choose one")
-        return kind
-
-    return typer.Option(
-        "--plot-kind",
-        help=f"What --plot draws: {', '.join(kinds)}.",
-        callback=known,
-        autocompletion=lambda incomplete: [kind for kind in kinds if kind.startswith(incomplete)],
-    )
-
-
-def refuse_kind_alone(kind: str, plot: Path | None) -> None:
-    """UsageError: --plot-kind names a picture, and no --plot says where to draw it."""
-    if plot is None and kind != "page":
-        raise UsageError(
-            f"--plot-kind {kind} without --plot",
-            allowed="it says what --plot draws",
-            do="add --plot FILE",
-        )
-
-
-Logs = Annotated[
-    list[str], typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)
-]
-SetupFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--setup", help="Setup file; without it FILE.toml beside the log.", show_default=False
-    ),
-]
-Output = Annotated[
-    Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        help="File to write; its suffix decides the format.",
-        show_default=False,
-        callback=in_a_folder,
-    ),
-]
-Format = Annotated[
-    str | None,
-    typer.Option(
-        "--format",
-        help="csv, ndjson, parquet or json.",
-        show_default=False,
-        autocompletion=completion.formats,
-    ),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
-Plot = Annotated[
-    Path | None,
-    typer.Option(
-        "--plot",
-        help="Picture to write, .png, .svg or .pdf.",
-        show_default=False,
-        callback=drawable,
-    ),
-]
-EffectsFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--effects",
-        help="Python file with effects of your own; it is run. A model with one of them "
-        "remembers it.",
-        show_default=False,
-    ),
-]
-ChannelName = Annotated[
-    str | None,
-    typer.Option(
-        "--channel",
-        help="Channel to compare; the first that fits by default. Of strain several gratings in "
-        "one fit: their names with commas between, or all.",
-        show_default=False,
-        autocompletion=completion.channels,
-    ),
-]
-Channels = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--channel",
-        help="Only this channel; several times for several (default: all that fit).",
-        show_default=False,
-        autocompletion=completion.channels,
-    ),
-]
-ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
 
 
 def say(text: str) -> None:
@@ -159,21 +61,48 @@ def page(width: int) -> Console:
     return Page(highlight=False, markup=False, soft_wrap=True, width=shown)
 
 
-def keeps_hashes(output: Path | None, format: str | None) -> bool:
-    """True if the table asked for carries the sha256 of its inputs: parquet has room for them."""
-    from tirelog.tables.writer import table_format
+def columns_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Rows as columns; what a row lacks is NaN or empty text."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    texts = {name for name in names if any(isinstance(row.get(name), str) for row in rows)}
+    empty = {name: "" if name in texts else float("nan") for name in names}
+    return {
+        name: [empty[name] if row.get(name) is None else row[name] for row in rows]
+        for name in names
+    }
 
-    return table_format(output, format) == "parquet"
+
+def write_json(value: Mapping[str, Any], output: Path | None) -> None:
+    """A JSON document on standard output, or as a whole file."""
+    text = json.dumps(value, indent=1) + "\n"
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    from tirelog.storage.whole import whole_file
+
+    with whole_file(output) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 class Session:
-    """One command's work on its logs; `hashed` if it tells their sha256.
+    """One command's work on its logs, and what it writes.
 
-    `tires`: the logs that were read, by the tire that their setups name.
+    output, format   as they were given; a parquet table tells the sha256 of its logs
+    hashed           tell them in any case
+    tires            the logs that were read, by the tire that their setups name
     """
 
-    def __init__(self, setup: Path | None, quiet: bool = False, *, hashed: bool = False) -> None:
-        self.quiet, self._hashed = quiet, hashed
+    def __init__(
+        self,
+        setup: Path | None = None,
+        quiet: bool = False,
+        output: Path | None = None,
+        format: str | None = None,
+        *,
+        hashed: bool = False,
+    ) -> None:
+        self.quiet, self.output, self.format = quiet, output, format
+        self._hashed = hashed or self._parquet()
         self._setup_file = setup
         self._shared: Setup | None = None
         self._resources = ExitStack()
@@ -191,21 +120,57 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
+    def _parquet(self) -> bool:
+        """True if a parquet table is asked for.  UsageError: an unknown format or suffix."""
+        if self.output is None and self.format is None:
+            return False
+        from tirelog.tables.writer import table_format
+
+        return table_format(self.output, self.format) == "parquet"
+
+    @property
+    def paged(self) -> bool:
+        """True if neither a file nor a format is asked for: a page to read is shown."""
+        return self.output is None and self.format is None
+
+    @property
+    def json(self) -> bool:
+        """True if a JSON document is asked for."""
+        named = self.output is not None and self.output.suffix == ".json"
+        return self.format == "json" or named
+
+    def say(self, text: str) -> None:
+        """What is being done, on standard error, unless --quiet."""
+        if not self.quiet:
+            say(text)
+
     def note(self, text: str) -> None:
         """A remark on standard error, unless --quiet."""
         if not self.quiet:
             say(f"note: {text}")
 
+    def notes(self, texts: Iterable[str]) -> None:
+        """Remarks on standard error, unless --quiet."""
+        for text in texts:
+            self.note(text)
+
     def working(self) -> Working:
         """A line on the terminal while something takes longer; none if rows go there."""
         return Working(shown=not self.quiet and not self._streams and sys.stderr.isatty())
 
+    @contextmanager
+    def working_on(self, what: str) -> Iterator[None]:
+        """The line of `working`, which says what takes long."""
+        with self.working() as line:
+            line.say(what)
+            yield
+
     def setup(self) -> Setup | None:
         """The setup given with --setup, read once."""
         if self._shared is None and self._setup_file is not None:
-            from tirelog.data.setup import load_setup
+            from tirelog.api.logs import as_setup
 
-            self._shared = load_setup(self._setup_file)
+            self._shared = as_setup(self._setup_file)
         return self._shared
 
     def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
@@ -228,7 +193,7 @@ class Session:
 
     def contents(self, logs: list[str]) -> Iterator[Contents]:
         """What is in logs that have no setup, one after the other; errors as for `recordings`."""
-        from tirelog.drafts.contents import contents
+        from tirelog.api.setups import contents
 
         for log in logs:
             try:
@@ -238,8 +203,7 @@ class Session:
                 say(f"error: {problem}")
                 continue
             self._read += 1
-            for remark in inside.remarks:
-                self.note(f"{log}: {remark}")
+            self.notes(f"{log}: {remark}" for remark in inside.remarks)
             for loss in inside.losses:
                 self.lost(f"{log}: {loss}")
             yield inside
@@ -267,17 +231,12 @@ class Session:
         If rows go to standard output, all that could refuse a log is looked at before the first. A
         file takes its place whole or not at all, so that its channels need not be read twice.
         """
-        from tirelog.products import checked, tables_of, with_channels
+        from tirelog.api.parts import checked_options, parts_of
 
-        given = {name: value for name, value in options.items() if value is not None}
-        wanted = checked({table: given})
+        checked_options(table, options)
+        first = self._streams or len(logs) > 1
         return self.parts_of(
-            logs,
-            lambda recording: tables_of(
-                with_channels(recording, channels, wanted) if channels else recording,
-                wanted,
-                refused_first=self._streams or len(logs) > 1,
-            ),
+            logs, lambda log: parts_of(log, table, options, channels or (), refused_first=first)
         )
 
     def parts_of(
@@ -329,11 +288,11 @@ class Session:
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None if it cannot be read (which has been said)."""
-        from tirelog.runs.ingest import open_recording
+        from tirelog.api.logs import opened
 
         try:
             recording = resources.enter_context(
-                open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
+                opened(log, self.setup(), blocks=blocks, hashed=self._hashed)
             )
         except ReadError as problem:
             self._unread.append(log)
@@ -341,8 +300,7 @@ class Session:
             return None
         self._read += 1
         self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))
-        for remark in recording.remarks:
-            self.note(f"{log}: {remark}")
+        self.notes(f"{log}: {remark}" for remark in recording.remarks)
         self._say_losses(recording)
         return recording
 
@@ -361,16 +319,24 @@ class Session:
         self._lost.append(text)
         say(f"error: {text}")
 
-    def table(
-        self, name: str, output: Path | None, format: str | None, **metadata: Any
-    ) -> TableWriter:
-        """A writer for the command's table."""
+    def table(self, name: str, output: Path | None = None, **metadata: Any) -> TableWriter:
+        """A writer for the command's table, or for one of several at an `output` of its own."""
         from tirelog.tables.writer import TableWriter
 
+        output = self.output if output is None else output
         self._streams |= output is None
-        writer = TableWriter(name, output, format, metadata={"inputs": self.hashes, **metadata})
+        about = {"inputs": self.hashes, **metadata}
+        writer = TableWriter(name, output, self.format, metadata=about)
         self._tables.append(writer)
         return writer
+
+    def write_rows(
+        self, name: str, parts: Iterable[Sequence[Mapping[str, Any]]], empty: Sequence[str] = ()
+    ) -> None:
+        """A table of rows that come in parts; if there are none the columns `empty`."""
+        with self.table(name) as table:
+            for rows in parts:
+                table.write(columns_of_rows(rows) or {name: [] for name in empty})
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()

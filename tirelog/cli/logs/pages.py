@@ -1,15 +1,19 @@
-"""The page that `info` prints of a log without a setup: every series in two or three lines."""
+"""The pages that `ingest` and `info` print: of a log with a setup, and of one without."""
 
 from __future__ import annotations
 
 import textwrap
 from typing import TYPE_CHECKING
 
-from tirelog.cli.common import page
+from tirelog.cli.session import page
+from tirelog.cli.text import console_table
 from tirelog.errors import printable
 
 if TYPE_CHECKING:
-    from tirelog.drafts.contents import Contents, FoundSeries
+    from rich.console import Console
+
+    from tirelog.api.setups import Contents, FoundSeries
+    from tirelog.data.recording import Recording
 
 #: columns of a page: as wide as a terminal, and no wider than one reads with ease
 _WIDEST = 100
@@ -80,3 +84,60 @@ def _likely(one: FoundSeries) -> str:
     if one.guess.kind == "signal":
         return f"kind unknown: {one.guess.reason}"
     return f"likely {one.guess.kind} in {one.guess.unit}: {one.guess.reason}"
+
+
+#: columns of a page that no terminal shows
+_SUMMARY_WIDTH = 160
+
+
+def _stacked(console: Console, cells: dict[str, list[str]]) -> None:
+    """Channel by channel, for a terminal that is narrower than the table: nothing is cut off."""
+    for row in zip(*cells.values(), strict=True):
+        of = dict(zip(cells, row, strict=True))
+        console.print(f"{of.pop('channel')}: {of.pop('kind')}, unit {of.pop('unit')}")
+        told = [f"{name} {text}" for name, text in of.items()]
+        for line in textwrap.wrap(", ".join(told), max(console.width - 2, 20)):
+            console.print(f"  {line}")
+
+
+def print_summary(recording: Recording) -> None:
+    """The page, on standard output."""
+    from tirelog.api.logs import channels
+
+    console = page(_SUMMARY_WIDTH)
+    about = recording.provenance
+    size = (
+        f", {about['bytes']:,} bytes, sha256 {about['sha256'][:12]}" if about.get("sha256") else ""
+    )
+    console.print(printable(f"{recording.log}: {about.get('format', 'log')}{size}"))
+    if about.get("start"):
+        console.print(printable(f"started {about['start']}"))
+    rows = {name: v for name, v in channels(recording).items() if name != "log"}
+    cells = {
+        name: [f"{x:,.6g}" if isinstance(x, float) else printable(str(x)) for x in values]
+        for name, values in rows.items()
+    }
+    across = sum(max(map(len, (name, *texts))) + 2 for name, texts in cells.items())
+    if across > console.width:
+        _stacked(console, cells)
+    else:
+        left = [i for i, name in enumerate(cells) if name in ("channel", "kind", "unit")]
+        console.print(console_table(list(cells), zip(*cells.values(), strict=True), left))
+    repairs = {
+        f"{group}: {what}": n
+        for group, done in about.get("repairs", {}).items()
+        for what, n in done.items()
+        if n
+    }
+    for what, n in repairs.items():
+        console.print(printable(f"repaired in the time axis of {what}: {n}"))
+    for what, n in about.get("counts", {}).items():
+        if n and not what.startswith("lost_samples"):
+            console.print(printable(f"{what}: {n}"))
+    tire, conditions = recording.setup.tire, recording.setup.conditions
+    known = {
+        **{k: v for k, v in tire.__dict__.items() if v},
+        **{k: v for k, v in conditions.__dict__.items() if v is not None},
+    }
+    if known:
+        console.print(printable("setup: " + ", ".join(f"{k} {v}" for k, v in known.items())))

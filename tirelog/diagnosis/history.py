@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, UsageError
 from tirelog.storage.documents import json_value
+from tirelog.storage.whole import whole_file
+
+if TYPE_CHECKING:
+    from tirelog.diagnosis.results import Ladder
 
 _STEP = (
     "step",
@@ -67,17 +73,31 @@ def history_rows(model: Path) -> dict[str, list[Any]]:
     }
 
 
-def history_page(rows: dict[str, list[Any]]) -> str:
-    """The same to read: a line per step, errors in the observable's unit."""
-    lines, last = [], ""
-    for i, climbed in enumerate(rows["climbed"]):
-        if climbed != last:
-            lines.append(f"{climbed}  {rows['observable'][i]}  {rows['verdict'][i]}")
-            last = climbed
-        error, floor = rows["rmse_heldout"][i], rows["noise_floor"][i]
-        held_out = "-" if error != error else f"{error:.4g}"
-        lines.append(
-            f"  {rows['step'][i]}  {rows['effect'][i]:20} held-out error {held_out}, floor "
-            f"{floor:.4g}  {rows['decision'][i]}"
-        )
-    return "\n".join(lines)
+def remember(ladder: Ladder, model: Path) -> None:
+    """The ladder, appended to those kept beside the model's file.  ModelError as `read_history`."""
+    past = read_history(model)
+    entry = {"climbed": datetime.now(UTC).isoformat(timespec="seconds")} | ladder.to_json()
+    with whole_file(history_file(model)) as part:
+        part.write_text(json.dumps({"ladders": [*past, entry]}, indent=1) + "\n", encoding="utf-8")
+
+
+def read_ladder(path: Path) -> dict[str, Any]:
+    """The last ladder of the file that `ladder` keeps beside the model, or a ladder's own JSON.
+
+    UsageError: neither.
+    """
+    try:
+        found = json_value(path.read_text(encoding="utf-8"))
+        climbed = found["ladders"][-1] if "ladders" in found else found
+        needed = {*_STEP, "sentence", "parameters"}
+        whole = bool(climbed["steps"]) and all(needed <= set(step) for step in climbed["steps"])
+        if whole and isinstance(climbed["observable"], str) and isinstance(climbed["unit"], str):
+            return dict(climbed)
+    except (OSError, ValueError, KeyError, IndexError, TypeError):
+        pass
+    raise UsageError(
+        "is no ladder",
+        allowed="`tirelog ladder LOG --model M` keeps one beside the model, as M.ladder.json",
+        do="give that",
+        file=path,
+    )

@@ -1,0 +1,191 @@
+"""Campaigns: every log of a test, every table, and the models over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path as File
+from typing import Any
+
+from tirelog.api.logs import Path
+from tirelog.campaign.folder import folder_at
+from tirelog.campaign.ledger import Entry, Ledger
+from tirelog.campaign.manifest import Campaign, load_manifest
+from tirelog.campaign.runner import plan_tasks, run_tasks, strangers, to_do, write_summary
+from tirelog.campaign.work import LogTask
+from tirelog.products import OF_A_DRIVE
+
+__all__ = [
+    "CampaignOutcome",
+    "CampaignStatus",
+    "Entry",
+    "LogStatus",
+    "campaign_status",
+    "run_campaign",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LogStatus:
+    """A log of a campaign: "done", "open" or "failed", and why; what is to be made of it."""
+
+    log: str
+    state: str
+    error: str
+    made: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CampaignStatus:
+    """How far a campaign is, log by log."""
+
+    name: str
+    logs: tuple[LogStatus, ...]
+
+    def count(self, state: str) -> int:
+        """The logs in this state."""
+        return sum(log.state == state for log in self.logs)
+
+
+@dataclass(frozen=True)
+class CampaignOutcome:
+    """What a run of a campaign came to.
+
+    summary   the file with a row per log
+    worked    logs that were worked on; the others were done
+    failed    sentences on logs and models that failed
+    lost      sentences on logs whose input was lost in part
+    """
+
+    summary: str
+    logs: int
+    worked: int
+    failed: tuple[str, ...]
+    lost: tuple[str, ...]
+
+
+def campaign_status(
+    manifest: Path, *, only: str | None = None, retry_failed: bool = False
+) -> CampaignStatus:
+    """What is done, failed and open of a campaign; also while a run works.
+
+    Parameters
+    ----------
+    manifest : str or os.PathLike
+        The campaign's manifest (TOML).
+    only : str, optional
+        Only the logs whose path or name matches this pattern.
+    retry_failed : bool
+        Count failed logs among the open ones, as `run_campaign` with it does.
+
+    Returns
+    -------
+    CampaignStatus
+        ``logs`` with their ``state``, ``error`` and what is to be ``made`` of them.
+
+    Raises
+    ------
+    UsageError, ReadError
+        The manifest is none, or its output folder cannot be read.
+    """
+    campaign, ledger = _campaign(manifest)
+    tasks = plan_tasks(campaign, ledger, only=only)
+    waiting = {task.name: task for task in to_do(tasks, ledger, retry_failed=retry_failed)}
+    return CampaignStatus(
+        campaign.name, tuple(_log(task, waiting.get(task.name), ledger) for task in tasks)
+    )
+
+
+def _log(task: LogTask, waiting: LogTask | None, ledger: Ledger) -> LogStatus:
+    if waiting is not None:
+        kept = (f"{name} for models" for name in waiting.observables)
+        return LogStatus(task.log, "open", "", (*waiting.tables, *kept))
+    entry = ledger.entry(task.name)
+    error = "" if entry is None else entry.error
+    return LogStatus(task.log, "failed" if error else "done", error, ())
+
+
+def _campaign(manifest: Path) -> tuple[Campaign, Ledger]:
+    known = {name: maker.options for name, maker in OF_A_DRIVE.items()}
+    campaign = load_manifest(File(manifest), known)
+    return campaign, Ledger(folder_at(campaign.output))
+
+
+def run_campaign(
+    manifest: Path,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    only: str | None = None,
+    retry_failed: bool = False,
+    began: Callable[[int], Callable[[Entry, int, int], None]] | None = None,
+    said: Callable[[str], None] = lambda text: None,
+    during: Callable[[str], AbstractContextManager[Any]] = nullcontext,
+) -> CampaignOutcome:
+    """Make what is not made yet: every log's tables, then the models over all logs.
+
+    Parameters
+    ----------
+    manifest : str or os.PathLike
+        The campaign's manifest (TOML).
+    workers : int
+        Processes on this machine.
+    scheduler : str, optional
+        A Dask scheduler in their place, ``"tcp://HOST:PORT"``.
+    only, retry_failed
+        As for `campaign_status`; models are over all logs, and left out with `only`.
+    began : callable, optional
+        Hears how many logs are to be worked on, and gives what hears of each that is finished.
+    said : callable, optional
+        Hears remarks, a sentence at a time.
+    during : callable, optional
+        Gives a context in which the models are made, of a sentence that says so.
+
+    Returns
+    -------
+    CampaignOutcome
+        ``failed`` and ``lost`` in sentences, and the ``summary``'s path.
+
+    Raises
+    ------
+    UsageError, ReadError
+        As `campaign_status`; another run holds the output folder.
+    OutputError
+        The output cannot be written.
+    """
+    campaign, ledger = _campaign(manifest)
+    failed: list[str] = []
+    with ledger.folder.held():
+        tasks = plan_tasks(campaign, ledger, only=only)
+        ledger.save_hashes()
+        left = to_do(tasks, ledger, retry_failed=retry_failed)
+        hears = began(len(left)) if began is not None else lambda entry, finished, of: None
+        run_tasks(campaign, ledger, left, workers=workers, scheduler=scheduler, said=hears)
+        summary = write_summary(campaign, ledger)
+        said(f"{len(left)} of {len(tasks)} logs worked on, {len(tasks) - len(left)} were done; "
+             f"{summary}")  # fmt: skip
+        if more := strangers(campaign, ledger):
+            said(
+                "the dataset holds logs that the manifest does not have: "
+                f"{', '.join(more)}; remove their log=... folders"
+            )
+        entries = [e for task in tasks if (e := ledger.entry(task.name)) is not None]
+        if campaign.models and only is not None:
+            said("models are over the whole campaign; they are left to a run without --only")
+        elif campaign.models:
+            from tirelog.campaign.models import run_models
+
+            with during("models over the whole campaign"):
+                failed = run_models(campaign, ledger, tasks, said)
+    return CampaignOutcome(
+        summary,
+        len(tasks),
+        len(left),
+        (*(entry.error for entry in entries if entry.error), *failed),
+        tuple(
+            f"{entry.log}: lost: {'; '.join(entry.losses)}"
+            for entry in entries
+            if entry.losses and not entry.error
+        ),
+    )
