@@ -11,7 +11,7 @@ import pytest
 
 from tirelog.report.figures import LogColours
 from tirelog.report.sections import recorded as sections
-from tirelog.report.sections.recorded import tables as table_sections
+from tirelog.report.sections import tables as table_sections
 from tirelog.tables.check import differences
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import (
