@@ -43,7 +43,7 @@ test-versions:
 		fi; \
 		echo "Python $$version:"; \
 		test -x .venv-$$version/bin/python || python$$version -m venv .venv-$$version || exit 1; \
-		.venv-$$version/bin/python -m pip install --quiet --editable . pytest hypothesis || exit 1; \
+		.venv-$$version/bin/python -m pip install --quiet --editable ".[plot]" pytest hypothesis || exit 1; \
 		.venv-$$version/bin/python -m pytest -q $(QUICK) || exit 1; \
 	done
 

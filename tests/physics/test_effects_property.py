@@ -16,12 +16,17 @@ from tirelog.vocabulary.conditions import CONDITIONS
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
 N = 7
+VARIED = {
+    "speed_m_s": np.linspace(6.0, 24.0, N), "acceleration_m_s2": np.linspace(-4.0, 3.0, N),
+    "time_s": np.linspace(0.0, 60.0, N), "temperature_K": np.linspace(0.0, 12.0, N),
+    "inflation_pressure_Pa": 2.2e5, "distance_km": np.linspace(1e3, 3e4, N),
+    "water_depth_mm": 1.5, "load_N": np.linspace(3000.0, 4000.0, N),
+    "longitudinal_force_N": np.linspace(-1800.0, 1500.0, N),
+}  # fmt: skip
+#: a condition that is new is driven at its example, so that an effect of it is tested by itself
 DRIVE = Conditions.of(
-    N, speed_m_s=np.linspace(6.0, 24.0, N), acceleration_m_s2=np.linspace(-4.0, 3.0, N),
-    time_s=np.linspace(0.0, 60.0, N), temperature_K=np.linspace(0.0, 12.0, N),
-    inflation_pressure_Pa=2.2e5, distance_km=np.linspace(1e3, 3e4, N), water_depth_mm=1.5,
-    load_N=np.linspace(3000.0, 4000.0, N), longitudinal_force_N=np.linspace(-1800.0, 1500.0, N),
-)  # fmt: skip
+    N, **{name: c.example for name, c in CONDITIONS.items() if c.example is not None} | VARIED
+)
 WAVES = [e for e in CATALOGUE if "strain" in e.observables]
 REGRESSORS = [e for e in CATALOGUE if "regressors" in e.acts_on]
 

@@ -417,7 +417,7 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
 ) -> None:
     log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
-    monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_: measured)
+    monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_, **__: measured)
     monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", lambda *_, **__: proposal())
     asked = Asked(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
     story = model_story([], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"]))
@@ -442,7 +442,7 @@ def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.Monk
         raise UsageError("no waveform")
 
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)])
-    monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_: measured)
+    monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_, **__: measured)
     monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", refused)
     asked = Asked(("made",), model=Path("M.toml"), propose=True)
     story = model_story([], MODEL, None, asked, BY_ID, lambda _: None)

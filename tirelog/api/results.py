@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -10,14 +10,24 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.drive_next import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Candidate, Comparison, Ladder, in_unit, plain_values
-from tirelog.diagnosis.wording import percent, probability
+from tirelog.diagnosis.told import (
+    ToldTable,
+    errors_sentence,
+    errors_table,
+    further_sentences,
+    hits_table,
+    parameters_table,
+    ranking_table,
+    steps_table,
+    terms_table,
+    together_table,
+)
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.inference.fit.result import FitResult
 from tirelog.physics.model.model import Model
@@ -32,8 +42,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Candidate", "Comparison", "ComparisonOfLogs", "DiagnosisOfLogs", "FitOfLogs", "GratingsFound",
-    "LadderOfLogs", "Learned", "ProposalOfLogs", "TransientComparison", "answer_of",
-    "drive_sentences", "in_unit", "percent", "probability",
+    "LadderOfLogs", "Learned", "ProposalOfLogs", "ToldTable", "TransientComparison", "answer_of",
+    "errors_sentence", "errors_table", "further_sentences", "hits_table", "parameters_table",
+    "ranking_table", "together_table",
 ]  # fmt: skip
 
 #: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
@@ -67,9 +78,9 @@ def _drawn(
     return target.figure
 
 
-def _read(observable: str, unit: str) -> tuple[float, str]:
-    """Factor and unit in which a person reads the observable."""
-    return shown(observable, unit)
+def _html(title: str, tables: Iterable[ToldTable], remarks: Iterable[str]) -> str:
+    """An answer as a notebook shows it."""
+    return document(title, [table(one.names, one.rows) for one in tables], remarks)
 
 
 @dataclass(frozen=True)
@@ -157,7 +168,7 @@ class ComparisonOfLogs(Comparison):
         return _drawn(path_or_axes, lambda: figure(self, kind), lambda axes: waveforms(axes, self))
 
     def __repr__(self) -> str:
-        factor, unit = _read(self.observable, self.unit)
+        factor, unit = shown(self.observable, self.unit)
         return (
             f"{self.observable} in {unit}: {self.revolutions} revolutions, "
             f"{self.manoeuvres} manoeuvres, held-out error {in_unit(self.rmse_heldout, factor)}, "
@@ -165,22 +176,9 @@ class ComparisonOfLogs(Comparison):
         )
 
     def _repr_html_(self) -> str:
-        factor, _ = _read(self.observable, self.unit)
-        held_out = (self.rmse_heldout, self.noise_floor, self.excess_heldout)
-        errors = [
-            ("all, fitted", *(x * factor for x in (self.rmse, self.noise_floor, self.excess))),
-            ("all, held out", *(None if x is None else x * factor for x in held_out)),
-        ]
-        for part in self.parts:
-            factor, own = _read(part.observable, part.unit)
-            held = (part.rmse_heldout, part.noise_floor, part.excess_heldout)
-            told = (None if x is None else x * factor for x in held)
-            errors.append((f"{part.observable} [{own}], held out", *told))
-        return document(
-            repr(self),
-            [table(["", "rmse", "floor", "excess"], errors), _parameters(self.model)],
-            (*([self.agreement] if self.agreement else []), *self.notes),
-        )
+        errors = together_table(self) if self.parts else errors_table(self)
+        said = [self.agreement] if self.agreement else []
+        return _html(repr(self), [errors, parameters_table(self)], (*said, *self.notes))
 
 
 @dataclass(frozen=True)
@@ -231,28 +229,8 @@ class DiagnosisOfLogs(Diagnosis):
         return self.sentence
 
     def _repr_html_(self) -> str:
-        factor, unit = _read(self.before.observable, self.before.unit)
-        ranking = [
-            (c.effect, "yes" if c.selected else "", 100.0 * c.excess_removed, c.p_adjusted)
-            for c in self.effects
-        ]
-        errors = (
-            f"held-out error {in_unit(self.rmse_heldout_before, factor)} -> "
-            f"{in_unit(self.rmse_heldout_after, factor)} {unit}, noise floor "
-            f"{in_unit(self.noise_floor, factor)}"
-        )
-        return document(
-            repr(self),
-            [table(["effect", "selected", "excess removed [%]", "p"], ranking)],
-            (
-                self.certainty.sentence,
-                errors,
-                *self.notes,
-                *drive_sentences(self.drive_next),
-                *self.before.remarks,
-                f"next: {self.next_command}",
-            ),
-        )
+        said = [self.certainty.sentence, errors_sentence(self), *further_sentences(self)]
+        return _html(repr(self), [ranking_table(self)], (*said, *self.before.remarks))
 
 
 @dataclass(frozen=True)
@@ -272,14 +250,7 @@ class ProposalOfLogs(Proposal):
         return self.sentence
 
     def _repr_html_(self) -> str:
-        rows = []
-        for term in self.terms:
-            words: tuple[str, ...] = (term.name, term.formula.acts_on, term.formula.expression)
-            for name, n in term.numbers.items():
-                rows.append((*words, name, n["value"], n["se"], n["unit"]))
-                words = ("", "", "")
-        names = ["effect", "acts on", "expression", "number", "value", "error", "unit"]
-        return document(self.sentence, [table(names, rows)] if rows else [], self.sentences())
+        return _html(self.sentence, [terms_table(self)] if self.terms else [], self.sentences())
 
 
 @dataclass(frozen=True)
@@ -299,20 +270,7 @@ class LadderOfLogs(Ladder):
         return f"{self.verdict.replace('_', ' ')}: {len(self.steps)} steps"
 
     def _repr_html_(self) -> str:
-        factor, unit = _read(self.observable, self.unit)
-        rows = [
-            (
-                step.step,
-                step.effect,
-                in_unit(step.rmse_fit, factor),
-                in_unit(step.rmse_heldout, factor),
-                in_unit(step.noise_floor, factor),
-                step.decision,
-            )
-            for step in self.steps
-        ]
-        names = ["step", "effect", f"fit [{unit}]", "held out", "floor", "decision"]
-        return document(repr(self), [table(names, rows)], self.remarks)
+        return _html(repr(self), [steps_table(self.to_json())], self.remarks)
 
 
 @dataclass(frozen=True)
@@ -387,16 +345,10 @@ class FitOfLogs:
 
     def _repr_html_(self) -> str:
         bounds = [f"{name} stands at a bound" for name in self.found.at_bound]
-        return document(
-            repr(self), [_parameters(self.model)], (*bounds, *self.doubts, *self.remarks)
-        )
-
-
-def _parameters(model: Model) -> str:
-    """The free parameters with their errors."""
-    rows = [
-        (name, p.value, p.se if p.se is None or np.isfinite(p.se) else "not determined", p.unit)
-        for name, p in model.parameters.items()
-        if p.free
-    ]
-    return table(["parameter", "value", "error", "unit"], rows)
+        rows = [
+            (name, p.value, p.se if p.se is None or np.isfinite(p.se) else "not determined", p.unit)
+            for name, p in self.model.parameters.items()
+            if p.free
+        ]
+        fitted = ToldTable("Parameters as fitted", ["parameter", "value", "error", "unit"], rows)
+        return _html(repr(self), [fitted], (*bounds, *self.doubts, *self.remarks))

@@ -44,20 +44,13 @@ def simulated_log(
     """(what was driven, the files written) of `simulate`."""
     source, log = File(scenario), File(output)
     suffix_of(log)
-    if log.resolve() == source.resolve():
-        raise UsageError(
-            "is the scenario itself",
-            allowed="allowed is a log of another name",
-            do="change -o",
-            file=log,
-        )
-    if setup_of(log).resolve() == source.resolve():
-        raise UsageError(
-            "its setup would take the scenario's place",
-            allowed="allowed is a log of another name",
-            do="change -o",
-            file=log,
-        )
+    for path, what in (
+        (log, "is the scenario itself"),
+        (setup_of(log), "its setup would take the scenario's place"),
+    ):
+        if path.resolve() == source.resolve():
+            named = "allowed is a log of another name"
+            raise UsageError(what, allowed=named, do="change -o", file=log)
     refuse_inputs(truth_of(log), setup_of(log))
     described = load_scenario(source)
     files = write_log(drive(described if seed is None else replace(described, seed=seed)), log)

@@ -19,14 +19,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-Manifest = Annotated[
-    Path, typer.Argument(help="The campaign's manifest (TOML).", show_default=False)
-]
+Manifest = Annotated[Path, typer.Argument(help="The campaign's manifest (TOML).")]
 Only = Annotated[
-    str | None,
-    typer.Option(
-        "--only", help="Only logs whose path or name matches this pattern.", show_default=False
-    ),
+    str | None, typer.Option("--only", help="Only logs whose path or name matches this pattern.")
 ]
 
 
@@ -37,8 +32,7 @@ def run(
         int, typer.Option("--workers", min=1, max=256, help="Processes on this machine.")
     ] = 1,
     scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.", show_default=False),
+        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.")
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done.")] = False,
     only: Only = None,

@@ -38,43 +38,26 @@ def refuse_kind_alone(kind: str, plot: Path | None) -> None:
         )
 
 
-Logs = Annotated[
-    list[str], typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)
-]
+Logs = Annotated[list[str], typer.Argument(help="Logs or runs; '-' is standard input.")]
 SetupFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--setup", help="Setup file; without it FILE.toml beside the log.", show_default=False
-    ),
+    Path | None, typer.Option("--setup", help="Setup file; without it FILE.toml beside the log.")
 ]
 Output = Annotated[
     Path | None,
     typer.Option(
-        "-o",
-        "--output",
-        help="File to write; its suffix decides the format.",
-        show_default=False,
-        callback=in_a_folder,
+        "-o", "--output", help="File to write; its suffix decides the format.", callback=in_a_folder
     ),
 ]
 Format = Annotated[
     str | None,
     typer.Option(
-        "--format",
-        help="csv, ndjson, parquet or json.",
-        show_default=False,
-        autocompletion=completion.formats,
+        "--format", help="csv, ndjson, parquet or json.", autocompletion=completion.formats
     ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
 Plot = Annotated[
     Path | None,
-    typer.Option(
-        "--plot",
-        help="Picture to write, .png, .svg or .pdf.",
-        show_default=False,
-        callback=drawable,
-    ),
+    typer.Option("--plot", help="Picture to write, .png, .svg or .pdf.", callback=drawable),
 ]
 EffectsFile = Annotated[
     Path | None,
@@ -82,7 +65,6 @@ EffectsFile = Annotated[
         "--effects",
         help="Python file with effects of your own; it is run. A model with one of them "
         "remembers it.",
-        show_default=False,
     ),
 ]
 ChannelName = Annotated[
@@ -91,7 +73,6 @@ ChannelName = Annotated[
         "--channel",
         help="Channel to compare; the first that fits by default. Of strain several gratings in "
         "one fit: their names with commas between, or all.",
-        show_default=False,
         autocompletion=completion.channels,
     ),
 ]
@@ -100,18 +81,14 @@ Channels = Annotated[
     typer.Option(
         "--channel",
         help="Only this channel; several times for several (default: all that fit).",
-        show_default=False,
         autocompletion=completion.channels,
     ),
 ]
-ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
+ModelFile = Annotated[Path, typer.Option("--model", help="Model file.")]
 #: a model that a command reads or changes, as its argument
-Model = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
+Model = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.")]
 NewModel = Annotated[
-    Path,
-    typer.Option(
-        "-o", "--output", help="Model file to write.", show_default=False, callback=in_a_folder
-    ),
+    Path, typer.Option("-o", "--output", help="Model file to write.", callback=in_a_folder)
 ]
 Sets = Annotated[
     list[str],

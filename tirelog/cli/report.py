@@ -19,35 +19,24 @@ _FORMATS = ("html", "png")
 
 def report(
     logs: Annotated[
-        list[str] | None,
-        typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False),
+        list[str] | None, typer.Argument(help="Logs or runs; '-' is standard input.")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="The page to write, .html.",
-            show_default=False,
-            callback=in_a_folder,
-        ),
+        typer.Option("-o", "--output", help="The page to write, .html.", callback=in_a_folder),
     ] = None,
     setup: options.SetupFile = None,
     table: Annotated[
-        list[Path] | None,
-        typer.Option("--table", help="A table already made; may be repeated.", show_default=False),
+        list[Path] | None, typer.Option("--table", help="A table already made; may be repeated.")
     ] = None,
     campaign: Annotated[
-        Path | None,
-        typer.Option("--campaign", help="A campaign's output folder.", show_default=False),
+        Path | None, typer.Option("--campaign", help="A campaign's output folder.")
     ] = None,
     model: Annotated[
-        Path | None,
-        typer.Option("--model", help="Model file to hold against the logs.", show_default=False),
+        Path | None, typer.Option("--model", help="Model file to hold against the logs.")
     ] = None,
     ladder: Annotated[
-        Path | None,
-        typer.Option("--ladder", help="The ladder kept beside the model.", show_default=False),
+        Path | None, typer.Option("--ladder", help="The ladder kept beside the model.")
     ] = None,
     channel: options.ChannelName = None,
     effects: options.EffectsFile = None,
@@ -60,10 +49,7 @@ def report(
     ] = False,
     format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
     figures: Annotated[
-        Path | None,
-        typer.Option(
-            "--figures", help="Folder for the pictures.", show_default=False, callback=folder
-        ),
+        Path | None, typer.Option("--figures", help="Folder for the pictures.", callback=folder)
     ] = None,
     quiet: options.Quiet = False,
 ) -> None:

@@ -26,7 +26,7 @@ from tirelog.diagnosis.candidates.nuisance_sizes import (
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.gratings.gather import gathered
-from tirelog.diagnosis.locked import untouched
+from tirelog.diagnosis.locked import locked_away, untouched
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
@@ -34,7 +34,6 @@ from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
 from tirelog.inference.base import Base, settled
-from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether
 from tirelog.inference.fit.cells import Problem
 from tirelog.inference.metric.projection import Normal, solve_scaled
@@ -44,6 +43,8 @@ from tirelog.physics.model.model import Model
 #: every so many manoeuvres one is locked away, if at least so many remain: these leave sign flips a
 #: least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single one
 _LOCK_EVERY = 7
+#: the fourth is the first: those before it are as a rule the slowest
+_LOCK_FIRST = 3
 #: with twice as many, logs of fewer than 27 manoeuvres have none locked
 _LOCK_LEAST = 12
 
@@ -61,7 +62,7 @@ def ladder(
     `effects`: the user's own candidates beside the catalogue. `proposing`: if they end above the
     floor, what is unknown is written down (`propose`) and is the last step.
     """
-    seen, locked = locked_away(measured_pieces(measured))
+    seen, locked = locked_away(measured_pieces(measured), _LOCK_FIRST, _LOCK_EVERY, _LOCK_LEAST)
     progress("fitting the model")
     said: list[str] = []
     base: Base
@@ -127,21 +128,6 @@ def _said(seen: int, locked: int) -> str:
         "the errors of the steps are those on the "
         f"other {seen}, so the first differs somewhat from what `compare` says on all"
     )
-
-
-def locked_away(
-    pieces: Pieces | PiecesTogether,
-) -> tuple[Pieces | PiecesTogether, Pieces | PiecesTogether | None]:
-    """(what the search may see, what nothing touches).
-
-    The second is every seventh manoeuvre, from the fourth, if twelve remain.
-    """
-    numbers = np.unique(pieces.manoeuvre)
-    chosen = numbers[3::_LOCK_EVERY]
-    if numbers.size - chosen.size < _LOCK_LEAST:
-        return pieces, None
-    mask = np.isin(pieces.manoeuvre, chosen)
-    return pieces.take(~mask), pieces.take(mask)
 
 
 def _verdict(found: Found) -> str:

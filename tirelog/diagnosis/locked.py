@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,23 @@ from tirelog.inference.cells.together import PiecesTogether, predicted
 from tirelog.inference.fit.cells import centred
 from tirelog.inference.floor import Plain, at_mean_speed
 from tirelog.inference.nuisances import shared_by
+
+Measurement = TypeVar("Measurement", Pieces, PiecesTogether, Pieces | PiecesTogether)
+
+
+def locked_away(
+    pieces: Measurement, first: int, every: int, least: int
+) -> tuple[Measurement, Measurement | None]:
+    """(what a search may see, what nothing touches): each so many-th manoeuvre from the `first`.
+
+    Nothing is locked away if fewer than `least` would be left.
+    """
+    numbers = np.unique(pieces.manoeuvre)
+    chosen = numbers[first::every]
+    if numbers.size - chosen.size < least:
+        return pieces, None
+    mask = np.isin(pieces.manoeuvre, chosen)
+    return pieces.take(~mask), pieces.take(mask)
 
 
 def untouched(after: Base, locked: Pieces | PiecesTogether) -> tuple[float, float]:

@@ -131,25 +131,12 @@ def _trace(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
 
 
 def _bars(axes: Axes, trace: dict[str, Any], name: str) -> None:
-    colour = trace["marker"]["color"]
-    if trace["orientation"] == "h":
-        error = unpacked_array(trace["error_x"]["array"]) if "error_x" in trace else None
-        axes.barh(
-            [html.unescape(word) for word in trace["y"]],
-            trace["x"],
-            trace["width"],
-            xerr=error,
-            color=colour,
-            label=name,
-        )
-    else:
-        axes.bar(
-            [html.unescape(word) for word in trace["x"]],
-            trace["y"],
-            trace["width"],
-            color=colour,
-            label=name,
-        )
+    across = trace["orientation"] == "h"
+    words, values = (trace["y"], trace["x"]) if across else (trace["x"], trace["y"])
+    error = unpacked_array(trace["error_x"]["array"]) if "error_x" in trace else None
+    draw, of = (axes.barh, "xerr") if across else (axes.bar, "yerr")
+    more = {of: error, "color": trace["marker"]["color"], "label": name}
+    draw([html.unescape(word) for word in words], values, trace["width"], **more)
 
 
 def _heat(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:

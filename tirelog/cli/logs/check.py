@@ -14,14 +14,9 @@ from tirelog.errors import ExitStatus, UsageError
 
 def check(
     table: Annotated[
-        Path,
-        typer.Argument(
-            help="The table to check; '-' is csv on standard input.", show_default=False
-        ),
+        Path, typer.Argument(help="The table to check; '-' is csv on standard input.")
     ],
-    against: Annotated[
-        Path, typer.Option("--against", help="The table it should agree with.", show_default=False)
-    ],
+    against: Annotated[Path, typer.Option("--against", help="The table it should agree with.")],
     tolerance: Annotated[
         list[str] | None,
         typer.Option("--tolerance", help="COLUMN=VALUE, absolute; may be repeated."),

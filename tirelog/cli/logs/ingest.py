@@ -13,18 +13,9 @@ from tirelog.cli.targets import in_a_folder
 
 
 def ingest(
-    log: Annotated[
-        str, typer.Argument(help="The log, or '-' for standard input.", show_default=False)
-    ],
+    log: Annotated[str, typer.Argument(help="The log, or '-' for standard input.")],
     output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            help="The run to write (HDF5).",
-            show_default=False,
-            callback=in_a_folder,
-        ),
+        Path, typer.Option("-o", "--output", help="The run to write (HDF5).", callback=in_a_folder)
     ],
     setup: options.SetupFile = None,
     quiet: options.Quiet = False,

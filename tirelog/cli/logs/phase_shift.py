@@ -28,7 +28,6 @@ def phase_shift(
         Path | None,
         typer.Option(
             help="Calibration file to write, learnt from these logs, and applied.",
-            show_default=False,
             callback=in_a_folder,
         ),
     ] = None,

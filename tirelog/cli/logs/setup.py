@@ -15,14 +15,13 @@ from tirelog.errors import ExitStatus, printable
 app = typer.Typer(help="Draft the setup of a log, and check one.", no_args_is_help=True)
 
 NOTHING = "nothing is implausible, missing, unused or guessed"
-Log = Annotated[str, typer.Argument(help="A log; '-' is standard input.", show_default=False)]
+Log = Annotated[str, typer.Argument(help="A log; '-' is standard input.")]
 NewSetup = Annotated[
     Path | None,
     typer.Option(
         "-o",
         "--output",
         help="Setup file to write; standard output without it.",
-        show_default=False,
         callback=in_a_folder,
     ),
 ]

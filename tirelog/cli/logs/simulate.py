@@ -14,24 +14,16 @@ from tirelog.cli.targets import in_a_folder
 
 def simulate(
     scenario: Annotated[
-        Path,
-        typer.Argument(
-            help="TOML file: manoeuvres, tire, road, sensors, effects, seed.", show_default=False
-        ),
+        Path, typer.Argument(help="TOML file: manoeuvres, tire, road, sensors, effects, seed.")
     ],
     output: Annotated[
         Path,
         typer.Option(
-            "-o",
-            "--output",
-            help="The log: .csv, .txt, .mcap or .h5.",
-            show_default=False,
-            callback=in_a_folder,
+            "-o", "--output", help="The log: .csv, .txt, .mcap or .h5.", callback=in_a_folder
         ),
     ],
     seed: Annotated[
-        int | None,
-        typer.Option("--seed", help="Another seed than the scenario's.", show_default=False),
+        int | None, typer.Option("--seed", help="Another seed than the scenario's.")
     ] = None,
     quiet: options.Quiet = False,
 ) -> None:

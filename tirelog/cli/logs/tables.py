@@ -29,11 +29,7 @@ def tables(
     output: Annotated[
         Path,
         typer.Option(
-            "-o",
-            "--output",
-            help="Folder to write FOLDER/NAME.csv into.",
-            show_default=False,
-            callback=folder,
+            "-o", "--output", help="Folder to write FOLDER/NAME.csv into.", callback=folder
         ),
     ],
     setup: options.SetupFile = None,
@@ -63,19 +59,11 @@ def tables(
     from tirelog.storage.whole import all_or_none, make_folder
 
     refuse_other_tables(table or ())
-    with (
-        Session(setup, quiet, format=format) as session,
-        all_or_none(),
-        ExitStack() as open_tables,
-    ):
+    with Session(setup, quiet, format=format) as session, all_or_none(), ExitStack() as open_tables:
 
         def made(recording: Recording) -> Iterator[Part]:
             parts, unsuited = parts_of_drive(
-                recording,
-                table or (),
-                channel or (),
-                workers=workers,
-                refused_first=len(logs) > 1,
+                recording, table or (), channel or (), workers=workers, refused_first=len(logs) > 1
             )
             session.notes(f"{recording.log}: no channel for {name}" for name in unsuited)
             return parts

@@ -6,7 +6,6 @@ Numbers are in the observable's unit, strain in microstrain.
 from __future__ import annotations
 
 import sys
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from tirelog.cli.session import page
@@ -18,12 +17,12 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from tirelog.api.results import (
-        Candidate,
         Comparison,
         ComparisonOfLogs,
         DiagnosisOfLogs,
         GratingsFound,
         LadderOfLogs,
+        ToldTable,
         TransientComparison,
     )
 
@@ -33,101 +32,46 @@ _BAR = 40
 _WIDTH = 110
 
 
-def _held_out(result: Comparison, factor: float) -> list[float | str]:
-    """Error, floor and excess on manoeuvres held out; dashes if none could be."""
-    if result.rmse_heldout is None or result.excess_heldout is None:
-        return ["-", result.noise_floor * factor, "-"]
-    return [
-        result.rmse_heldout * factor,
-        result.noise_floor * factor,
-        result.excess_heldout * factor,
-    ]
+def _table(told: ToldTable) -> Any:
+    return console_table(told.names, told.rows)
 
 
 def comparison_page(result: ComparisonOfLogs) -> None:
     """Errors, where they are, parameters; of several observables what each brings."""
-    if result.parts:
-        _together_page(result)
-    else:
-        out = page(_WIDTH)
+    from tirelog.api.results import parameters_table, together_table
+
+    out = page(_WIDTH)
+    if not result.parts:
         _errors_page(out, result)
-        parameters = [
-            [n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]
-        ]
-        out.print(console_table(["parameter", "value", "error", "unit"], parameters))
+        out.print(_table(parameters_table(result)))
+    else:
+        out.print(
+            f"{result.observable}, fitted together, in {result.unit}: {result.revolutions} "
+            f"revolutions, {result.manoeuvres} manoeuvres"
+        )
+        out.print(_table(together_table(result)))
+        out.print(result.agreement)
+        known = parameters_table(result)
+        out.print(_table(known))
+        if not all(part.member for part in result.parts):
+            out.print("without an observable: the error that the others alone would leave")
+            for part in result.parts:
+                out.print("")
+                _errors_page(out, part)
     if result.obstacles is not None:
         _hits_page(result.obstacles)
 
 
-def _together_page(result: Comparison) -> None:
-    """One fit of several observables: errors of all and of each, what each knows, agreement."""
-    out = page(_WIDTH)
-    out.print(
-        f"{result.observable}, fitted together, in {result.unit}: {result.revolutions} "
-        f"revolutions, {result.manoeuvres} manoeuvres"
-    )
-    rows: list[list[Any]] = [
-        ["all", result.rmse, *_held_out(result, 1.0), result.reduced_chi2, result.unit]
-    ]
-    for part in result.parts:
-        factor, unit = shown(part.observable, part.unit)
-        errors = [part.rmse * factor, *_held_out(part, factor)]
-        rows.append([f"  {part.label}", *errors, part.reduced_chi2, unit])
-    names = ["", "rmse", "held out", "floor", "excess", "chi-square", "unit"]
-    out.print(console_table(names, rows))
-    out.print(result.agreement)
-    gratings = all(part.member for part in result.parts)
-    known = result.contributions if not gratings else ()  # of like sensors each knows the same
-    parameters = [
-        [n, p["value"], p["se"], p["unit"]] + [_without(k.error_without.get(n)) for k in known]
-        for n, p in result.parameters.items()
-        if p["free"]
-    ]
-    without = [f"without {k.observable}" for k in known]
-    out.print(console_table(["parameter", "value", "error", "unit", *without], parameters))
-    if gratings:
-        return
-    out.print("without an observable: the error that the others alone would leave")
-    for part in result.parts:
-        out.print("")
-        _errors_page(out, part)
-
-
-def _named(result: Comparison) -> str:
-    return f"{result.observable} of {result.member}" if result.member else result.observable
-
-
-def _without(error: float | None) -> float | str | None:
-    return "not known" if error is not None and not isfinite(error) else error
-
-
 def _errors_page(out: Console, result: Comparison) -> None:
     """The errors of one observable, and where they are."""
+    from tirelog.api.results import errors_table
+
     factor, unit = shown(result.observable, result.unit)
+    named = f"{result.observable} of {result.member}" if result.member else result.observable
     out.print(
-        f"{_named(result)} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} "
-        "manoeuvres"
+        f"{named} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} manoeuvres"
     )
-    rows: list[list[Any]] = [
-        ["all, fitted", result.rmse * factor, result.noise_floor * factor, result.excess * factor],
-        ["all, held out", *_held_out(result, factor)],
-    ]
-    for name in ("angle", "speed", "regime", "conditions"):
-        for row in result.tables[name]:
-            label = (
-                row["log"]
-                if name == "conditions"
-                else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
-            )
-            rows.append(
-                [
-                    f"  {label}",
-                    row["rmse"] * factor,
-                    row["noise_floor"] * factor,
-                    row["excess"] * factor,
-                ]
-            )
-    out.print(console_table(["", "rmse", "floor", "excess"], rows))
+    out.print(_table(errors_table(result).columns("", "rmse", "floor", "excess")))
     out.print(f"reduced chi-square {result.reduced_chi2:.3g}, fit {result.fit_percent:.2f} %")
     out.print(
         f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, "
@@ -139,8 +83,9 @@ def _errors_page(out: Console, result: Comparison) -> None:
 
 def _hits_page(result: TransientComparison) -> None:
     """The hits to read."""
+    from tirelog.api.results import hits_table
+
     out = page(_WIDTH)
-    factor, unit = shown(result.observable, result.unit)
     total = result.to_json()
     out.print(
         f"obstacles: {len(result.hits)} hits; the model covers {100.0 * total['covered']:.0f} % "
@@ -148,67 +93,24 @@ def _hits_page(result: TransientComparison) -> None:
         f"({total['nuisance_parameters']} nuisance numbers: when, phase, level and alignment of "
         "each)"
     )
-    names = ["added", "missed", "rmse", "rmse_steady", "noise_floor", "excess"]
-    rows = [
-        [
-            f"  {row['log']} at {row['time_s']:.4f} +- {row['time_se_s']:.1g} s",
-            row["speed_m_s"],
-            *(row[name] * factor for name in names),
-        ]
-        for row in result.tables["hit"]
-    ]
-    words = [f"in {unit}", "m/s", "added", "missed", "rmse", "steady", "floor", "excess"]
-    out.print(console_table(words, rows))
+    told = hits_table(result)
+    out.print(_table(told.columns(*told.names[:-2])))
 
 
 def diagnosis_page(result: DiagnosisOfLogs) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
-    from tirelog.api.results import drive_sentences, in_unit, percent, probability
+    from tirelog.api.results import errors_sentence, further_sentences, ranking_table
 
     out = page(_WIDTH)
-    factor, unit = shown(result.before.observable, result.before.unit)
     out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
     out.print(result.certainty.sentence)
-    error = (
-        f"held-out error {in_unit(result.rmse_heldout_before, factor)} -> "
-        f"{in_unit(result.rmse_heldout_after, factor)} {unit}, "
-    )
-    if result.rmse_heldout_before is None:
-        error = f"error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out, "
-    out.print(
-        f"{error}noise floor {result.noise_floor * factor:.3g}; {result.revolutions} "
-        f"revolutions, {result.manoeuvres} manoeuvres"
-    )
-    rows = [
-        [
-            ("* " if c.selected else "  ") + c.effect,
-            percent(c.excess_removed),
-            probability(c.p_adjusted, result.manoeuvres),
-            _strength(c),
-        ]
-        for c in result.effects
-    ]
-    out.print(console_table(["  effect", "excess removed", "p", "strength"], rows))
+    out.print(errors_sentence(result))
+    ranking = ranking_table(result, most=2)
+    out.print(_table(ranking.columns("  effect", "excess removed", "p", "strength")))
     if result.gratings is not None:
         out.print(_gratings(result.gratings))
-    for group in result.ambiguous_groups:
-        out.print(f"cannot be told apart here: {', '.join(group)}")
-    for row in result.separating_manoeuvres:
-        times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
-        out.print(
-            f"to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
-            f"({row['separation_sigma']:.1f} sigma a run)"
-        )
-    for said in drive_sentences(result.drive_next):
+    for said in further_sentences(result):
         out.print(said)
-    for note in result.notes:
-        out.print(note)
-    out.print(result.unexplained["sentence"])
-    if result.after.agreement:
-        out.print(result.after.agreement)
-    for effect, reason in result.not_tested.items():
-        out.print(f"not tested: {effect}: {reason}")
-    out.print(f"next: {result.next_command}")
 
 
 def _gratings(found: GratingsFound) -> Any:
@@ -229,22 +131,6 @@ def _gratings(found: GratingsFound) -> Any:
         ["  grating", "angle [deg]", "alone [floors^2]", *(s.parameter for s in found.strengths)],
         rows,
     )
-
-
-def _strength(candidate: Candidate) -> str:
-    """The first two strengths with their errors.
-
-    A dash if there was no refit, since a linear step may be no number of physics.
-    """
-    parts = []
-    for name, s in list(candidate.strengths.items())[:2]:
-        if s["se"] is None:
-            return "-"
-        error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
-        parts.append(
-            f"{name} {s['value']:.4g} {error}" + (f" {s['unit']}" if s["unit"] != "1" else "")
-        )
-    return ", ".join(parts) or "-"
 
 
 def ladder_bars(result: LadderOfLogs) -> None:

@@ -18,7 +18,6 @@ By = Annotated[
         "--by",
         help="A table by revolution, angle, speed, regime or conditions; with a [road] in the "
         "setup by hit, time or frequency.",
-        show_default=False,
     ),
 ]
 

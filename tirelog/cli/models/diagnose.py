@@ -30,7 +30,6 @@ def diagnose(
             help="Draw the manoeuvres anew so many times, and say how often each effect is named.",
             min=0,
             max=10000,
-            show_default=False,
         ),
     ] = 0,
     leave_one_out: Annotated[
@@ -38,7 +37,6 @@ def diagnose(
         typer.Option(
             metavar="log|tire",
             help="Diagnose without each log, or tire, in turn; say where the verdict changes.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

@@ -14,9 +14,7 @@ def effects(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="One effect; without it the catalogue.",
-            show_default=False,
-            autocompletion=completion.effects,
+            help="One effect; without it the catalogue.", autocompletion=completion.effects
         ),
     ] = None,
     own: options.EffectsFile = None,

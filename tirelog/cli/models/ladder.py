@@ -30,10 +30,7 @@ def ladder(
     save: Annotated[
         Path | None,
         typer.Option(
-            "--save",
-            help="Write the model at the top of the ladder.",
-            show_default=False,
-            callback=in_a_folder,
+            "--save", help="Write the model at the top of the ladder.", callback=in_a_folder
         ),
     ] = None,
     propose: Annotated[

@@ -50,15 +50,13 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
 def new(
     output: options.NewModel,
     carcass: Annotated[
-        str | None,
-        typer.Option(help="beam (the default), ring or coupled_ring.", show_default=False),
+        str | None, typer.Option(help="beam (the default), ring or coupled_ring.")
     ] = None,
     preset: Annotated[
         str | None,
         typer.Option(
             help="Start from the numbers of a paper's table: P1, P2 (beams) or P3 (a ring).",
             autocompletion=completion.presets,
-            show_default=False,
         ),
     ] = None,
     setup: options.SetupFile = None,
@@ -101,7 +99,7 @@ def new(
 def show(
     model: options.Model,
     against: Annotated[
-        Path | None, typer.Option(help="Another model: differences in sigma.", show_default=False)
+        Path | None, typer.Option(help="Another model: differences in sigma.")
     ] = None,
     history: Annotated[
         bool, typer.Option("--history", help="The ladders climbed from this model.")

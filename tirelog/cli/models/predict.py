@@ -13,19 +13,12 @@ from tirelog.cli.session import Session
 _SEVERAL = "; several with commas, or FROM:TO:STEP"
 Speeds = Annotated[str, typer.Option(help=f"Speed [m/s]{_SEVERAL}.")]
 Loads = Annotated[
-    str | None,
-    typer.Option(
-        help=f"Load [N]{_SEVERAL}; default the setup's, else the model's.", show_default=False
-    ),
+    str | None, typer.Option(help=f"Load [N]{_SEVERAL}; default the setup's, else the model's.")
 ]
-Pressures = Annotated[
-    str | None,
-    typer.Option(help=f"Inflation pressure [Pa]{_SEVERAL}.", show_default=False),
-]
+Pressures = Annotated[str | None, typer.Option(help=f"Inflation pressure [Pa]{_SEVERAL}.")]
 Accelerations = Annotated[str, typer.Option(help=f"Longitudinal acceleration [m/s^2]{_SEVERAL}.")]
 Slips = Annotated[
-    str | None,
-    typer.Option(help=f"Longitudinal slip, positive in braking{_SEVERAL}.", show_default=False),
+    str | None, typer.Option(help=f"Longitudinal slip, positive in braking{_SEVERAL}.")
 ]
 
 
@@ -37,16 +30,11 @@ def predict(
     pressure: Pressures = None,
     acceleration: Accelerations = "0",
     time: Annotated[float, typer.Option(help="Time since the start [s].")] = 0.0,
-    temperature: Annotated[
-        float | None, typer.Option(help="Temperature change [K].", show_default=False)
-    ] = None,
+    temperature: Annotated[float | None, typer.Option(help="Temperature change [K].")] = None,
     slip: Slips = None,
     surface: Annotated[
         str | None,
-        typer.Option(
-            help="outer or inner; default the setup's strain channel, else outer.",
-            show_default=False,
-        ),
+        typer.Option(help="outer or inner; default the setup's strain channel, else outer."),
     ] = None,
     points: Annotated[
         int, typer.Option(min=8, max=100_000, help="Angles over the revolution.")
@@ -57,7 +45,6 @@ def predict(
             min=1,
             max=1023,
             help="Waves round the circumference, the last of them; default all (P3's n_mode).",
-            show_default=False,
         ),
     ] = None,
     everything: Annotated[
@@ -72,8 +59,7 @@ def predict(
         str | None,
         typer.Option(
             help="Drive a coupled_ring over it: KIND,KEY=VALUE,... (step, cleat, sine, profile; "
-            "keys as in a setup's [road]) or setup.",
-            show_default=False,
+            "keys as in a setup's [road]) or setup."
         ),
     ] = None,
     load_step: Annotated[
@@ -91,15 +77,10 @@ def predict(
     ] = [],  # noqa: B006
     duration: Annotated[
         float | None,
-        typer.Option(
-            help="Time driven [s]; default half a second past the last event.", show_default=False
-        ),
+        typer.Option(help="Time driven [s]; default half a second past the last event."),
     ] = None,
     step: Annotated[
-        float | None,
-        typer.Option(
-            help="Step of the motion [s]; default the longest good one.", show_default=False
-        ),
+        float | None, typer.Option(help="Step of the motion [s]; default the longest good one.")
     ] = None,
     sensor: Annotated[
         list[float],
@@ -219,20 +200,16 @@ def modes(
     model: options.Model,
     speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,
     load: Annotated[
-        float | None,
-        typer.Option(help="Load [N] on the road; default the model's.", show_default=False),
+        float | None, typer.Option(help="Load [N] on the road; default the model's.")
     ] = None,
     hub_mass: Annotated[
         float | None,
-        typer.Option(
-            help="Mass m_h [kg] of hub and rim; default the model's, else 20.", show_default=False
-        ),
+        typer.Option(help="Mass m_h [kg] of hub and rim; default the model's, else 20."),
     ] = None,
     hub_inertia: Annotated[
         float | None,
         typer.Option(
-            help="Moment of inertia J_h [kg m^2] about the axle; default the model's, else 0.8.",
-            show_default=False,
+            help="Moment of inertia J_h [kg m^2] about the axle; default the model's, else 0.8."
         ),
     ] = None,
     to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,

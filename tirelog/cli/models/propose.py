@@ -30,25 +30,21 @@ def propose(
             "-o",
             "--output",
             help="Write the model with what is proposed; none if nothing is.",
-            show_default=False,
             callback=in_a_folder,
         ),
     ] = None,
     format: Annotated[
-        str | None,
-        typer.Option("--format", help="json in place of the page.", show_default=False),
+        str | None, typer.Option("--format", help="json in place of the page.")
     ] = None,
     quiet: options.Quiet = False,
     channel: options.ChannelName = None,
     effects: options.EffectsFile = None,
     plot: options.Plot = None,
     despite: Annotated[
-        bool,
-        typer.Option("--despite", help="Also if an effect of the catalogue explains it."),
+        bool, typer.Option("--despite", help="Also if an effect of the catalogue explains it.")
     ] = False,
     shape: Annotated[
-        bool,
-        typer.Option("--shape", help="A measured shape in any case, in place of formulas."),
+        bool, typer.Option("--shape", help="A measured shape in any case, in place of formulas.")
     ] = False,
 ) -> None:
     """Write down the unknown effect: formulas that remove it, or its measured shape."""

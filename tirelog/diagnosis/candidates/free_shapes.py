@@ -11,31 +11,32 @@ from tirelog.inference.cells.together import embedded
 from tirelog.inference.fit.cells import Problem
 from tirelog.vocabulary.arrays import FloatArray
 
+#: nodes of free shapes over the wheel's angle [rad]: 3 degrees apart about the patch, 10 beyond;
+#: half as many lose the edges of the patch, twice as many measure noise
+ANGLES = np.r_[-180:-60:10.0, -60:60:3.0, 60:181:10.0] * (np.pi / 180.0)
 #: share of a contribution's energy that makes it even, or odd: the other part is a quarter as large
 #: at most; with twice the rest, a third
 _SYMMETRIC = 0.95
 
 
-def hats(phi: FloatArray) -> FloatArray:
-    """Free shapes over the angle, (C, m) to (C, m, k).
+def hats_on(x: FloatArray, nodes: FloatArray, period: float | None = None) -> FloatArray:
+    """Linear B-splines on nodes (k,), at x (...): (..., k); nothing outside the nodes."""
+    if period is not None:
+        x = (x - nodes[0]) % period + nodes[0]
+    out = np.zeros((*x.shape, nodes.size))
+    inside = (x >= nodes[0]) & (x <= nodes[-1])
+    i = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
+    share = (x - nodes[i]) / (nodes[i + 1] - nodes[i])
+    np.put_along_axis(out, i[..., None], np.where(inside, 1.0 - share, 0.0)[..., None], -1)
+    np.put_along_axis(out, (i + 1)[..., None], np.where(inside, share, 0.0)[..., None], -1)
+    return out
 
-    Triangles on nodes 3 degrees apart within +-60 degrees, 10 beyond.
-    """
-    nodes = np.deg2rad(
-        np.r_[
-            np.arange(-180.0, -60.0, 10.0),
-            np.arange(-60.0, 60.0, 3.0),
-            np.arange(60.0, 180.0, 10.0),
-        ]
-    )
-    ring = np.r_[nodes[-1] - 2 * np.pi, nodes, nodes[0] + 2 * np.pi]
-    x = np.nan_to_num((phi + np.pi) % (2 * np.pi) - np.pi)
-    place = np.clip(np.searchsorted(ring, x, side="right") - 1, 0, ring.size - 2)
-    share = (x - ring[place]) / (ring[place + 1] - ring[place])
-    result = np.zeros((*phi.shape, nodes.size))
-    for index, weight in ((place, 1.0 - share), (place + 1, share)):
-        np.put_along_axis(result, ((index - 1) % nodes.size)[..., None], weight[..., None], axis=-1)
-    return result
+
+def hats(phi: FloatArray) -> FloatArray:
+    """Free shapes over the angle, (C, m) to (C, m, k): hats all around the wheel."""
+    found = hats_on(np.nan_to_num(phi), ANGLES, 2.0 * np.pi)
+    found[..., 0] += found[..., -1]  # half a turn before the patch and after it are one place
+    return found[..., :-1]
 
 
 def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tirelog.diagnosis.candidates.free_shapes import ANGLES, hats_on
 from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.diagnosis.propose.ground import Ground
@@ -25,13 +26,12 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: nodes in each frame's unit: as close as a strain at the speeds of a car can bend, 3 mm along the
 #: tread at the patch; half as many lose a ringing of 300 Hz, twice as many measure noise
-_ANGLES = np.r_[-180:-60:10.0, -60:60:3.0, 60:181:10.0] * (np.pi / 180.0)
 _PATCH = np.unique(np.r_[-18:-3:1.0, np.arange(-25, 26) * 0.12, 3.12:18.1:1.0])
 _TIMES = np.r_[0:0.03:0.0007, 0.03:0.06:0.0014, 0.06:0.41:0.01]
 _DISTANCES = np.r_[0:0.3:0.007, 0.3:0.6:0.014, 0.6:3.1:0.06]
 _PRESSED = np.r_[-1.95:1.96:0.15]
 NODES: Mapping[tuple[str, str], FloatArray] = {
-    ("wheel_angle", ""): _ANGLES,
+    ("wheel_angle", ""): ANGLES,
     ("patch", ""): _PATCH,
     ("time_since_exit", ""): _TIMES,
     ("distance_since_exit", ""): _DISTANCES,
@@ -101,19 +101,6 @@ class _Hats:
     nodes: FloatArray
     columns: FloatArray
     likely: float
-
-
-def hats_on(x: FloatArray, nodes: FloatArray, period: float | None = None) -> FloatArray:
-    """Linear B-splines on nodes (k,), at x (...): (..., k); nothing outside the nodes."""
-    if period is not None:
-        x = (x - nodes[0]) % period + nodes[0]
-    out = np.zeros((*x.shape, nodes.size))
-    inside = (x >= nodes[0]) & (x <= nodes[-1])
-    i = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
-    share = (x - nodes[i]) / (nodes[i + 1] - nodes[i])
-    np.put_along_axis(out, i[..., None], np.where(inside, 1.0 - share, 0.0)[..., None], -1)
-    np.put_along_axis(out, (i + 1)[..., None], np.where(inside, share, 0.0)[..., None], -1)
-    return out
 
 
 def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:

@@ -19,7 +19,7 @@ from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.candidates.separation import advise
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
-from tirelog.diagnosis.locked import untouched
+from tirelog.diagnosis.locked import locked_away, untouched
 from tirelog.diagnosis.propose.formulas import (
     Choice,
     Draft,
@@ -105,7 +105,7 @@ def propose(
             allowed="allowed is a model of one waveform",
             do="propose with a model of one of them, and compare the result on all",
         )
-    seen, locked = locked_third(pieces)
+    seen, locked = locked_away(pieces, 1, LOCK_EVERY, FEWEST_MANOEUVRES)
     if locked is None:
         return _nothing(model, _too_few(pieces), int(np.unique(pieces.manoeuvre).size))
     progress("fitting the model")
@@ -123,16 +123,6 @@ def propose(
     alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
     climb = _climb(ground, alarm, progress)
     return _proposal(climb, diagnosis, locked, shape, progress)
-
-
-def locked_third(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
-    """(what may be seen, what nothing touches); nothing is locked if too few would be left."""
-    numbers = np.unique(pieces.manoeuvre)
-    chosen = numbers[1::LOCK_EVERY]
-    if numbers.size - chosen.size < FEWEST_MANOEUVRES:
-        return pieces, None
-    mask = np.isin(pieces.manoeuvre, chosen)
-    return pieces.take(~mask), pieces.take(mask)
 
 
 def _too_few(pieces: Pieces) -> str:

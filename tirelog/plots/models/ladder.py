@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tirelog.plots.style import COLOURS, figure_page, write
+from tirelog.plots.style import COLOURS, figure_page
 from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
@@ -62,8 +61,3 @@ def steps(axes: Any, result: Ladder) -> None:
     axes.set(ylabel=f"{result.observable} error [{unit}]")
     axes.margins(y=0.2)
     axes.legend(fontsize=8)
-
-
-def draw(result: Ladder, path: Path) -> None:
-    """Write the figure; the suffix decides the format."""
-    write(figure(result), path)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tirelog.physics.model.empirical import FRAMES
-from tirelog.plots.style import COLOURS, figure_page, write
+from tirelog.plots.style import COLOURS, figure_page
 from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
@@ -58,8 +57,3 @@ def rest(axes: Any, result: Proposal) -> None:
     axes.plot(angle, result.leading_after * factor, color=COLOURS[2], label="with the proposal")
     axes.set(xlabel="angle [deg]", ylabel=f"{result.observable} [{unit}]", title="what is left")
     axes.legend(fontsize=8)
-
-
-def draw(result: Proposal, path: Path) -> None:
-    """Write the figure; the suffix decides the format."""
-    write(figure(result), path)

@@ -45,20 +45,11 @@ def _in_time(axes: Any, result: HitResult, factor: float, unit: str, *, first: b
     axes.plot(time, factor * hit.measured[at], color=COLOURS[6], lw=0.9, label="measured")
     axes.plot(time, factor * hit.predicted[at], color=COLOURS[0], lw=0.9, label="model")
     below = factor * (hit.measured[at].min() - 1.2 * np.abs(hit.added[at]).max())
-    axes.plot(
-        time,
-        below + factor * hit.added[at],
-        color=COLOURS[7],
-        lw=0.8,
-        label="added by the obstacle",
-    )
-    axes.plot(
-        time,
-        below + factor * hit.missed[at],
-        color=COLOURS[1],
-        lw=0.8,
-        label="of that missed by the model",
-    )
+    for values, colour, words in (
+        (hit.added, 7, "added by the obstacle"),
+        (hit.missed, 1, "of that missed by the model"),
+    ):
+        axes.plot(time, below + factor * values[at], color=COLOURS[colour], lw=0.8, label=words)
     title = (
         f"{Path(result.log.log).name}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s: "
         f"{100 * result.row()['covered']:.0f} % covered"

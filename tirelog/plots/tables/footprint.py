@@ -304,28 +304,16 @@ def _passage(
 def _edges(axes: Axes, found: FootprintOfChannel, row: int) -> None:
     """Vertical lines at the edges by each method, and at the slip onset."""
     f = found.footprint
-    middle, half = f.fits.shift_m[row], 0.5 * f.length_m[row]
-    for number, place in enumerate((middle - half, middle + half)):
-        axes.axvline(
-            1e3 * place, color=EDGE, lw=1.3, label="edges, best estimate" if number == 0 else None
-        )
-    for number, place in enumerate((f.d2_entry_m[row], f.d2_exit_m[row])):
-        axes.axvline(
-            1e3 * place,
-            color="black",
-            lw=0.9,
-            ls="--",
-            label="by the 2nd derivative" if number == 0 else None,
-        )
-    half = 0.5 * f.length_d1_m[row]
-    for number, place in enumerate((middle - half, middle + half)):
-        axes.axvline(
-            1e3 * place,
-            color="black",
-            lw=0.9,
-            ls=":",
-            label="by the 1st derivative" if number == 0 else None,
-        )
+    middle = f.fits.shift_m[row]
+    best, plain = (np.array([-0.5, 0.5]) * length[row] for length in (f.length_m, f.length_d1_m))
+    for ends, words, style in (
+        (middle + best, "edges, best estimate", {"color": EDGE, "lw": 1.3}),
+        ((f.d2_entry_m[row], f.d2_exit_m[row]), "by the 2nd derivative", {"ls": "--"}),
+        (middle + plain, "by the 1st derivative", {"ls": ":"}),
+    ):
+        drawn: dict[str, Any] = {"color": "black", "lw": 0.9, **style}
+        for place, name in zip(ends, (words, None), strict=True):
+            axes.axvline(1e3 * place, label=name, **drawn)
     if np.isfinite(f.slip.onset_m[row]):
         onset = 1e3 * (middle + f.slip.onset_m[row])
         axes.axvline(

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, figure_page, write
@@ -22,6 +21,9 @@ from tirelog.products import Part
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: accelerometers that have a column of their own
 MOST = 4

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.diagnosis.told import separation_sentence, strengths
 from tirelog.report.figures import (
     GREY,
     INK,
@@ -32,11 +33,9 @@ from tirelog.report.sections.models import (
     ANGLE,
     edges,
     logs_of,
-    manoeuvre,
     residual_map,
     short,
     shown_value,
-    strengths,
     where,
     window,
 )
@@ -247,7 +246,7 @@ def _advice(given: Answered) -> list[str]:
     if found is None:
         return ["Ask what is missing:"]
     left = str(found.unexplained["sentence"])
-    drives = [manoeuvre(row) for row in found.separating_manoeuvres]
+    drives = [f"Drive next, {separation_sentence(row)}." for row in found.separating_manoeuvres]
     drives = drives or drive_sentences(found.drive_next)
     return [*([left] if found.verdict in ("unknown", "partial") and left else []), *drives]
 

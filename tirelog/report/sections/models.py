@@ -15,6 +15,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.diagnosis.candidates.ranking import removed_errors
+from tirelog.diagnosis.told import (
+    ToldTable,
+    errors_sentence,
+    errors_table,
+    further_sentences,
+    parameters_table,
+    ranking_table,
+    steps_table,
+    together_table,
+)
 from tirelog.report.figures import (
     DASHES,
     INK,
@@ -63,6 +74,13 @@ def shown_number(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
+def page_table(told: ToldTable) -> PageTable:
+    """A table of an answer as the page shows it."""
+    header = [word.replace("m/s^2", "m/s²") for word in told.names]
+    rows = [[shown_number(cell) for cell in row] for row in told.rows]
+    return PageTable(told.caption.replace("m/s^2", "m/s²"), header, rows)
+
+
 def logs_of(result: Comparison) -> list[str]:
     """The logs that a comparison is about."""
     rows = (row for part in result.parts or (result,) for row in part.tables["conditions"])
@@ -87,29 +105,6 @@ def comparisons(
 
 def _together(result: Comparison, command: str) -> Section:
     """One fit of several observables: the error of each, what each knows, whether they agree."""
-    from tirelog.diagnosis.results import in_unit
-
-    rows = []
-    for one in (result, *result.parts):
-        factor, unit = shown_value(one.observable, one.unit)
-        rows.append(
-            [
-                one.label if one is not result else "all",
-                unit,
-                f"{one.rmse * factor:.3g}",
-                in_unit(one.rmse_heldout, factor),
-                f"{one.noise_floor * factor:.3g}",
-                f"{one.reduced_chi2:.3g}",
-            ]
-        )
-    known = result.contributions
-    parameters = [
-        [name, shown_number(p["value"]), shown_number(p["se"]), p["unit"]]
-        + [shown_number(one.error_without.get(name)) or "not known" for one in known]
-        for name, p in result.parameters.items()
-        if p["free"]
-    ]
-    without = [f"error without {one.observable}" for one in known]
     return Section(
         "model",
         "Several observables in one fit",
@@ -122,16 +117,8 @@ def _together(result: Comparison, command: str) -> Section:
         ],
         (),
         [
-            PageTable(
-                "Errors of each observable",
-                ["observable", "unit", "fitted", "held out", "noise floor", "reduced chi-square"],
-                rows,
-            ),
-            PageTable(
-                "Parameters, and the error that the others alone would leave",
-                ["parameter", "value", "error", "unit", *without],
-                parameters,
-            ),
+            page_table(together_table(result)),
+            page_table(parameters_table(result)),
         ],
     )
 
@@ -167,7 +154,10 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         command,
         words,
         figures,
-        [_errors(result, factor, unit), _parameters(result)],
+        [
+            page_table(errors_table(result, lambda log: Path(log).name)),
+            page_table(parameters_table(result, fixed=True)),
+        ],
     )
 
 
@@ -305,131 +295,23 @@ def residual_map(
     return Figure(id, title, alt, [colours], over_angle(result, name))
 
 
-def _errors(result: Comparison, factor: float, unit: str) -> PageTable:
-    """Errors by part of the data."""
-    rows = []
-    for table in ("angle", "speed", "regime", "conditions"):
-        for row in result.tables[table]:
-            part = (
-                Path(row["log"]).name
-                if table == "conditions"
-                else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
-            )
-            cells = [shown_number(row[name] * factor) for name in ("rmse", "noise_floor", "excess")]
-            rows.append(
-                [{"conditions": "log"}.get(table, table), part, *cells, str(row["revolutions"])]
-            )
-    return PageTable(
-        "Where the error is",
-        ["by", "part", f"rmse [{unit}]", f"floor [{unit}]", f"excess [{unit}]", "revolutions"],
-        rows,
-    )
-
-
-def _parameters(result: Comparison) -> PageTable:
-    rows = [
-        [
-            name,
-            shown_number(p["value"]),
-            shown_number(p["se"]) if p["free"] else "fixed",
-            "" if p["unit"] == "1" else p["unit"],
-        ]
-        for name, p in result.parameters.items()
-    ]
-    return PageTable(
-        "Parameters of the model as fitted", ["parameter", "value", "standard error", "unit"], rows
-    )
-
-
 def diagnosis(result: Diagnosis, command: str) -> Section:
     """The section of a diagnosis.
 
     Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
     command.
     """
-    from tirelog.diagnosis.candidates.drive_next import drive_sentences
-    from tirelog.diagnosis.candidates.ranking import removed_errors
-    from tirelog.diagnosis.results import in_unit
-    from tirelog.diagnosis.wording import probability
-
-    factor, unit = shown_value(result.before.observable, result.before.unit)
-    error = (
-        f"Held-out error {in_unit(result.rmse_heldout_before, factor)} {unit} as it came, "
-        f"{in_unit(result.rmse_heldout_after, factor)} with what was selected"
-    )
-    if result.rmse_heldout_before is None:
-        error = f"Error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out"
+    errors = errors_sentence(result)
     words = [
         f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
         result.certainty.sentence,
-        f"{error}; noise floor {result.noise_floor * factor:.3g}; {result.revolutions} "
-        f"revolutions, {result.manoeuvres} manoeuvres.",
-        *(
-            f"These data cannot tell apart: {', '.join(group)}."
-            for group in result.ambiguous_groups
-        ),
-        str(result.unexplained["sentence"]),
-        *(manoeuvre(row) for row in result.separating_manoeuvres),
-        *drive_sentences(result.drive_next),
-        *result.notes,
-        f"Next: {result.next_command}",
+        f"{errors[:1].upper()}{errors[1:]}.",
+        *(f"{said[:1].upper()}{said[1:]}" for said in further_sentences(result)),
     ]
     ranked = result.effects
-    errors = removed_errors(result.found)
-    tables = [
-        PageTable(
-            "Ranking of the candidates",
-            [
-                "effect",
-                "excess removed alone [%]",
-                "standard error [%]",
-                "p, adjusted",
-                "selected",
-                "strength",
-            ],
-            [
-                [
-                    c.effect,
-                    f"{100 * c.excess_removed:.1f}",
-                    shown_number(100 * errors[c.effect]) if c.effect in errors else "",
-                    probability(c.p_adjusted, result.manoeuvres),
-                    "yes" if c.selected else "",
-                    "–"
-                    if any(s["se"] is None for s in c.strengths.values())
-                    else strengths(c.strengths),
-                ]
-                for c in ranked
-            ],
-        )
-    ]
-    if result.not_tested:
-        tables.append(
-            PageTable(
-                "Not tested",
-                ["effect", "why"],
-                [[name, why] for name, why in result.not_tested.items()],
-            )
-        )
-    figures = [_ranking(ranked, errors)] if ranked else []
+    figures = [_ranking(ranked, removed_errors(result.found))] if ranked else []
+    tables = [page_table(ranking_table(result))]
     return Section("diagnosis", "The diagnosis", command, words, figures, tables)
-
-
-def manoeuvre(row: Mapping[str, Any]) -> str:
-    times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
-    return (
-        f"Drive next, to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
-        f"({row['separation_sigma']:.1f} sigma a run)."
-    )
-
-
-def strengths(strengths: Mapping[str, Mapping[str, Any]]) -> str:
-    parts = []
-    for name, s in strengths.items():
-        error = f" ± {s['se']:.2g}" if s["se"] is not None and np.isfinite(s["se"]) else ""
-        parts.append(
-            f"{name} {s['value']:.4g}{error}" + (f" {s['unit']}" if s["unit"] != "1" else "")
-        )
-    return ", ".join(parts)
 
 
 def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
@@ -498,7 +380,9 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     }
     alt += f"; noise floor {floor[-1]:.3g} {unit}."
     figures = [Figure("ladder-steps", "The error falling to the floor", alt, traces, shape)]
-    return Section("ladder", "The ladder", command, words, figures, [_steps(climbed, factor, unit)])
+    return Section(
+        "ladder", "The ladder", command, words, figures, [page_table(steps_table(climbed))]
+    )
 
 
 def _fallen(held: Sequence[float], floor: Sequence[float], unit: str, names: Sequence[str]) -> str:
@@ -515,35 +399,3 @@ def _fallen(held: Sequence[float], floor: Sequence[float], unit: str, names: Seq
 def _times(error: float | None, factor: float) -> float:
     """An error in the page's unit; not a number if there is none."""
     return float("nan") if error is None else error * factor
-
-
-def _own(step: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The parameters that a step brought: the first all, a further one those of what it added."""
-    found: Mapping[str, Any] = step["parameters"]
-    if step["step"] == 0:
-        return found
-    names = str(step["effect"]).split(" and ")
-    return {name: p for name, p in found.items() if name.split(".")[0] in names}
-
-
-_ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
-
-
-def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> PageTable:
-    rows = [
-        [
-            str(s["step"]),
-            s["effect"],
-            *("-" if s[k] is None else shown_number(s[k] * factor) for k in _ERRORS),
-            shown_number(s["p_adjusted"]),
-            s["decision"],
-            strengths(_own(s)),
-        ]
-        for s in climbed["steps"]
-    ]
-    errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
-    return PageTable(
-        "Steps of the ladder",
-        ["step", "effect", *errors, "p, adjusted", "decision", "its parameters"],
-        rows,
-    )

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tirelog.diagnosis.told import hits_table
 from tirelog.report.figures import GREY, INK, Figure, LogColours, dots, layout, line
 from tirelog.report.page import PageTable, Section
-from tirelog.report.sections.models import shown_number, shown_value
+from tirelog.report.sections.models import page_table, shown_value
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.compare import HitResult, TransientComparison
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 #: hits that are drawn, and how long [s] of each
 _MOST = 3
 _SHOWN_S = 0.25
-_COLUMNS = ("added", "missed", "rmse", "rmse_steady", "noise_floor", "excess")
 
 
 def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Section:
@@ -57,28 +57,12 @@ def obstacles(result: TransientComparison, command: str, colours: LogColours) ->
     ]
     if len(result.hits) > _MOST:
         words.append(f"The first {_MOST} hits are drawn; the table has all of them.")
-    rows = [
-        [
-            Path(row["log"]).name,
-            f"{row['time_s']:.4f} ± {row['time_se_s']:.1g}",
-            shown_number(row["speed_m_s"]),
-            *(shown_number(row[name] * factor) for name in _COLUMNS),
-            f"{100.0 * row['covered']:.0f}",
-            row["quality"],
-        ]
-        for row in result.tables["hit"]
-    ]
-    header = [
-        *("log", "at [s]", "speed [m/s]"),
-        *(f"{name.replace('_', ' ')} [{unit}]" for name in _COLUMNS),
-        *("covered [%]", "quality"),
-    ]
     figures = [
         figure
         for number, hit in enumerate(result.hits[:_MOST])
         for figure in _hit(hit, number, result.observable, factor, unit, colours)
     ]
-    table = PageTable("Hit by hit", header, rows)
+    table = page_table(hits_table(result, lambda log: Path(log).name))
     return Section("obstacles", "Obstacles", command, words, figures, [table])
 
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tirelog.diagnosis.told import terms_table
 from tirelog.physics.model.empirical import FRAMES
 from tirelog.report.figures import GREY, INK, Figure, band, layout, line
 from tirelog.report.page import PageTable, Section
-from tirelog.report.sections.models import ANGLE, shown_number, shown_value
+from tirelog.report.sections.models import ANGLE, page_table, shown_value
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.propose.results import Proposal
@@ -27,21 +28,7 @@ def proposed(result: Proposal, command: str) -> Section:
     if result.status == "nothing":
         return Section("propose", "What is unknown, written down", command, [result.sentence])
     terms = result.terms if result.status == "formula" else ()
-    tables = []
-    if terms:
-        rows = [
-            [
-                term.name,
-                name,
-                shown_number(float(number["value"])),
-                "not determined" if number["se"] is None else f"{number['se']:.2g}",
-                "" if number["unit"] == "1" else str(number["unit"]),
-            ]
-            for term in terms
-            for name, number in term.numbers.items()
-        ]
-        header = ["effect", "parameter", "value", "standard error", "unit"]
-        tables.append(PageTable("Numbers of the formulas", header, rows))
+    tables = [page_table(terms_table(result))] if terms else []
     return Section(
         "propose",
         "What is unknown, written down",
