@@ -22,9 +22,9 @@ from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.diagnosis.trust.certainty import CLASSES, calibration
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
 from tirelog.physics.model import presets
-from tirelog.physics.model.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
+from tirelog.physics.model.own.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.presets import PRESETS
 from tirelog.simulation.scenario import schema
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL

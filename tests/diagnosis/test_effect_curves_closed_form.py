@@ -11,7 +11,7 @@ from tests.diagnosis.planted import MODEL, stack
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.effect_curves import effect_curves
 from tirelog.physics import Model
-from tirelog.physics.model.user_effects import effect_by_expression
+from tirelog.physics.model.own.user_effects import effect_by_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -16,7 +16,7 @@ from tirelog.errors import ModelError, OutputError, UsageError
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.user_effects import effect_by_expression
+from tirelog.physics.model.own.user_effects import effect_by_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre

@@ -11,7 +11,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import BY_ID, CATALOGUE, Model, ModelEffect
 from tirelog.physics.effects.base import ACTS_ON
-from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
+from tirelog.physics.model.own.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 from tirelog.vocabulary.conditions import CONDITIONS
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01

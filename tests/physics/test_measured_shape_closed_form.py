@@ -7,11 +7,11 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.physics.model.empirical import FRAMES, effect_by_shape
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.file import load_model, parse_model
+from tirelog.physics.model.own.empirical import FRAMES, effect_by_shape
+from tirelog.physics.model.own.user_effects import effect_by_expression
 from tirelog.physics.model.save import as_toml, save_model
-from tirelog.physics.model.user_effects import effect_by_expression
 from tirelog.physics.parameters import Parameter
 
 AT = Conditions.of(

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from tirelog.errors import ModelError
-from tirelog.physics.model.empirical import MOST_NODES
 from tirelog.physics.model.file import load_model
+from tirelog.physics.model.own.empirical import MOST_NODES
 
 FILE = """[model]
 observable = "strain"

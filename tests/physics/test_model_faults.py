@@ -11,11 +11,11 @@ from tirelog.cli import run
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.model.expression import LONGEST
-from tirelog.physics.model.expression import parse_expression as parse_expression
 from tirelog.physics.model.file import load_model, parse_model
+from tirelog.physics.model.own.expression import LONGEST
+from tirelog.physics.model.own.expression import parse_expression as parse_expression
+from tirelog.physics.model.own.user_effects import effects_of_file
 from tirelog.physics.model.save import as_toml, save_model
-from tirelog.physics.model.user_effects import effects_of_file
 
 PHI = np.linspace(-1.0, 1.0, 9)
 

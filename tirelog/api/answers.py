@@ -40,7 +40,7 @@ from tirelog.inference.measured import (
 from tirelog.inference.motion import motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.user_effects import own_effects
+from tirelog.physics.model.own.user_effects import own_effects
 from tirelog.vocabulary.observables import (
     WAVEFORMS,
     waveform_of,

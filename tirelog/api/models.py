@@ -28,9 +28,9 @@ from tirelog.physics.model.from_setup import (
 from tirelog.physics.model.limits import check_conditions, check_model
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import BY_NAME as NUISANCES
+from tirelog.physics.model.own.user_effects import catalogue_with, effect_called
 from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.save import refuse_another, save_model
-from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.physics.model.worn import worn_model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS

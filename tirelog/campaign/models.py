@@ -32,7 +32,7 @@ from tirelog.campaign.work import LogTask, pieces_name
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
-from tirelog.physics.model.user_effects import own_effects
+from tirelog.physics.model.own.user_effects import own_effects
 from tirelog.version import __version__
 
 if TYPE_CHECKING:

@@ -235,7 +235,7 @@ def _models(
         what = "the model against the measurement, the diagnosis, switches for effects"
         report.missing.append((f"{what} (then --model M)", asked.make_model()))
         return [without_a_model(seen, asked, NO_MODEL), *ladder]
-    from tirelog.physics.model.user_effects import catalogue_with
+    from tirelog.physics.model.own.user_effects import catalogue_with
     from tirelog.report.sections.diagnosed import model_story
 
     catalogue = catalogue_with(model.effects_file, asked=False)

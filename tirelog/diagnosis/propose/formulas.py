@@ -25,9 +25,9 @@ from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
 from tirelog.inference.floor import held_out_losses, steps_left_out
 from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.user_effects import CONDITIONS, PLACES, effect_by_expression
+from tirelog.physics.model.own.expression import parse_expression
+from tirelog.physics.model.own.user_effects import CONDITIONS, PLACES, effect_by_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES

@@ -24,8 +24,8 @@ from tirelog.inference.base import Base
 from tirelog.inference.fit.cells import Problem
 from tirelog.inference.metric.offsets import ProjectedOut
 from tirelog.inference.metric.whitening import Whitener
-from tirelog.physics.model.expression import parse_expression
-from tirelog.physics.model.user_effects import CONDITIONS, PLACES
+from tirelog.physics.model.own.expression import parse_expression
+from tirelog.physics.model.own.user_effects import CONDITIONS, PLACES
 from tirelog.vocabulary.arrays import FloatArray
 
 #: cells of which the coupling is kept as a low rank, and on which the grammar is scanned: the time

@@ -20,8 +20,8 @@ from tirelog.errors import ModelError
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.projection import side_by_side
-from tirelog.physics.model.empirical import FRAMES, effect_by_shape
 from tirelog.physics.model.entry import ModelEffect
+from tirelog.physics.model.own.empirical import FRAMES, effect_by_shape
 from tirelog.vocabulary.arrays import FloatArray
 
 #: nodes in each frame's unit: as close as a strain at the speeds of a car can bend, 3 mm along the

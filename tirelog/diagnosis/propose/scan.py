@@ -19,7 +19,7 @@ from tirelog.diagnosis.propose.ground import Ground
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
 from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.user_effects import CONDITIONS, effect_by_expression
+from tirelog.physics.model.own.user_effects import CONDITIONS, effect_by_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 

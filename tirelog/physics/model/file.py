@@ -20,12 +20,12 @@ from tomlkit.exceptions import TOMLKitError
 from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import Effect
-from tirelog.physics.model import empirical
-from tirelog.physics.model.dimensions import BASE, dimension_of, unit_disagreements
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model, observables_known
 from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
-from tirelog.physics.model.user_effects import (
+from tirelog.physics.model.own import empirical
+from tirelog.physics.model.own.dimensions import BASE, dimension_of, unit_disagreements
+from tirelog.physics.model.own.user_effects import (
     EXPRESSION_ACTS_ON,
     catalogue_with,
     effect_by_expression,

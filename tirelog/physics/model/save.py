@@ -18,7 +18,7 @@ from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.file import EFFECTS_FILE
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import BY_NAME, USES
-from tirelog.physics.model.user_effects import installed_effects
+from tirelog.physics.model.own.user_effects import installed_effects
 from tirelog.physics.parameters import Parameter
 from tirelog.storage.documents import LARGEST_BYTES, toml_tables
 from tirelog.storage.whole import whole_file

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.physics.model.empirical import FRAMES
+from tirelog.physics.model.own.empirical import FRAMES
 from tirelog.plots.style import COLOURS, figure_page
 from tirelog.vocabulary.observables import drawn
 

@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ReadError, nearest
-from tirelog.readers.mcap.columns import FieldColumn
-from tirelog.readers.mcap.source import FieldError, Want, extract
+from tirelog.readers.mcap.source import FieldColumn, FieldError, Want, extract
 from tirelog.readers.mcap.templates import FrozenPlan, MessagePlan, NoPlanError
 from tirelog.readers.mcap.walk import MessageTable
 from tirelog.vocabulary.arrays import FloatArray, IntArray

@@ -23,7 +23,7 @@ from tirelog.readers.mcap.json_shapes import MessageShape, read_messages, shape_
 from tirelog.readers.mcap.source import Want
 
 if TYPE_CHECKING:
-    from tirelog.readers.mcap.columns import FieldColumn
+    from tirelog.readers.mcap.source import FieldColumn
     from tirelog.readers.mcap.walk import MessageTable
 
 
@@ -105,7 +105,7 @@ def _fields(pa: Any, tree: dict[str, Any]) -> list[Any]:
 def _column(table: Any, want: Want) -> FieldColumn | None:
     import pyarrow.compute as pc
 
-    from tirelog.readers.mcap.columns import FieldColumn
+    from tirelog.readers.mcap.source import FieldColumn
 
     index = want.tokens[-1] if not isinstance(want.tokens[-1], str) else None
     names = [token for token in want.tokens if isinstance(token, str)]

@@ -25,7 +25,7 @@ from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from tirelog.readers.mcap.columns import FieldColumn
+    from tirelog.readers.mcap.source import FieldColumn
     from tirelog.readers.mcap.walk import MessageTable
 
 
@@ -207,7 +207,7 @@ def _number(value: Any) -> int:
 
 def read_messages(table: MessageTable, shape: MessageShape) -> list[FieldColumn] | None:
     """The columns of the table's messages; None if not all have this shape."""
-    from tirelog.readers.mcap.columns import FieldColumn
+    from tirelog.readers.mcap.source import FieldColumn
     from tirelog.readers.text.digits import bytes_of
 
     n = len(table)

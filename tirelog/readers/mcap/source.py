@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ReadError
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 Token = str | int | slice
 
@@ -28,6 +28,17 @@ class Want:
 
     path: str
     tokens: tuple[Token, ...]
+
+
+@dataclass(frozen=True)
+class FieldColumn:
+    """Numbers that the messages of one topic hold for one want.
+
+    `lengths` shape (n,) if each message holds a batch; `values` are then the batches end to end.
+    """
+
+    values: FloatArray
+    lengths: IntArray | None = None
 
 
 class FieldError(ValueError):

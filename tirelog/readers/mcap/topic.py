@@ -22,10 +22,16 @@ import numpy as np
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.base import Group, ReadReport
-from tirelog.readers.mcap.columns import FieldColumn
 from tirelog.readers.mcap.decode import ChannelDecoder, spread
 from tirelog.readers.mcap.order import OrderedGroup
-from tirelog.readers.mcap.source import FieldError, Want, extract, field_names, parse_path
+from tirelog.readers.mcap.source import (
+    FieldColumn,
+    FieldError,
+    Want,
+    extract,
+    field_names,
+    parse_path,
+)
 from tirelog.readers.mcap.walk import MessageTable
 from tirelog.readers.rates import RATES, rate_Hz
 from tirelog.vocabulary import units

@@ -57,7 +57,7 @@ def model_story(
     """The sections of a model.  TirelogError if model and logs do not fit together."""
     from tirelog.diagnosis.diagnose import diagnose
     from tirelog.inference.measured import measured_for
-    from tirelog.physics.model.user_effects import own_effects
+    from tirelog.physics.model.own.user_effects import own_effects
 
     level = not model.ac_coupled
     logs = measured_for(recordings, model.observables, asked.channel, level=level)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tirelog.diagnosis.told import terms_table
-from tirelog.physics.model.empirical import FRAMES
+from tirelog.physics.model.own.empirical import FRAMES
 from tirelog.report.figures import GREY, INK, Figure, band, layout, line
 from tirelog.report.page import PageTable, Section
 from tirelog.report.sections.models import ANGLE, page_table, shown_value

@@ -29,7 +29,7 @@ import numpy as np
 from tirelog.errors import ModelError, TirelogError, refuse_unknown
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
-from tirelog.physics.model.expression import FUNCTIONS, parse_expression
+from tirelog.physics.model.own.expression import FUNCTIONS, parse_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
 from tirelog.storage.documents import LARGEST_BYTES

@@ -24,8 +24,8 @@ import numpy as np
 
 from tirelog.errors import ModelError, nearest
 from tirelog.physics.effects import Effect
-from tirelog.physics.model.expression import Expression, parse_expression
-from tirelog.physics.model.user_effects import CONDITIONS, PLACES, effect_by_formula
+from tirelog.physics.model.own.expression import Expression, parse_expression
+from tirelog.physics.model.own.user_effects import CONDITIONS, PLACES, effect_by_formula
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tirelog.physics.model.expression import CONSTANTS
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.own.expression import CONSTANTS
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import OBSERVABLES
