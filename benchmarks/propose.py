@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -26,6 +27,8 @@ import numpy as np
 import tirelog
 from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import FIRST_REPORTING, CaseOf
+from tirelog.diagnosis.propose.grammar import EXPONENTS, FRAMES
+from tirelog.diagnosis.propose.results import FoundFormula, Term
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, to_recording
@@ -74,7 +77,7 @@ class Place:
 class Unknown:
     """A form of unit size over a place.
 
-    `frame` as a measured shape names it, `law` the condition that it grows with and its power ("1":
+    `frame` as the grammar names it, `law` the condition that it grows with and its power ("1":
     none); `inside` if the grammar has it, then with its true `numbers`.
     """
 
@@ -119,7 +122,7 @@ CHOOSING: Mapping[str, Unknown] = {
     ),
     "odd": Unknown(
         lambda x: x.xi_m / 0.11 * np.exp(0.5 - 0.5 * (x.xi_m / 0.11) ** 2) * x.load / 3500.0,
-        "distance", ("load", 1.0), True, {"width": 0.11},
+        "tread", ("load", 1.0), True, {"width": 0.11},
     ),
     "echo": Unknown(
         lambda x: np.exp(-0.5 * ((x.since_s - 0.009) / 0.0016) ** 2),
@@ -195,11 +198,11 @@ REPORTING: Mapping[str, Unknown] = {
     ),
     "flanks": Unknown(
         lambda x: (x.xi_m / 0.16) ** 2 * np.exp(1.0 - (x.xi_m / 0.16) ** 2) * x.load / 3500.0,
-        "distance", ("load", 1.0), True, {"width": 0.16},
+        "tread", ("load", 1.0), True, {"width": 0.16},
     ),
     "odd_braking": Unknown(
         lambda x: x.xi_m / 0.14 * np.exp(0.5 - 0.5 * (x.xi_m / 0.14) ** 2) * x.acceleration / 3.0,
-        "distance", ("acceleration", 1.0), True, {"width": 0.14},
+        "tread", ("acceleration", 1.0), True, {"width": 0.14},
     ),
 }  # fmt: skip
 
@@ -263,6 +266,7 @@ class Row:
     law: str
     frame_right: bool
     law_right: bool
+    in_set: bool
     covered: int
     numbers: int
     manoeuvres: int
@@ -335,11 +339,12 @@ def run(task: Task) -> Row:
     except TirelogError as problem:
         return Row(
             task.world, task.seed, task.planted, bool(unknown and unknown.inside), task.size, nan,
-            "refused", "", 0, nan, nan, "", "", False, False, 0, 0, 0, nan, str(problem),
+            "refused", "", 0, nan, nan, "", "", False, False, False, 0, 0, 0, nan, str(problem),
         )  # fmt: skip
     locked, best = result.locked, result.shapes[0] if result.shapes else None
     first = result.terms[0] if result.terms else None
-    law = first.formula.law if first else best.law if best else ""
+    frame, law = _said(first) if first else (best.frame, best.law) if best else ("", "")
+    right = [_right(unknown, *said) for said in _every_said(first, (frame, law))]
     covered, numbers = _covered(unknown, first)
     floor, before = result.noise_floor or nan, result.rmse_heldout_before or nan
     return Row(
@@ -354,10 +359,11 @@ def run(task: Task) -> Row:
         len(result.terms),
         nan if locked is None or locked.share is None else locked.share,
         nan if locked is None else locked.after / locked.floor,
-        best.frame if best else "",
+        frame,
         law,
-        bool(unknown and best and best.frame.startswith(unknown.frame)),
-        bool(unknown) and _same_law(law, unknown.law if unknown else ("1", 0.0)),
+        right[0][0],
+        right[0][1],
+        any(both == (True, True) for both in right),
         covered,
         numbers,
         result.manoeuvres,
@@ -366,8 +372,31 @@ def run(task: Task) -> Row:
     )
 
 
+def _said(term: Term, formula: FoundFormula | None = None) -> tuple[str, str]:
+    """(frame, law) of a term's formula as they are said, a free exponent with its fitted value."""
+    formula = formula or term.formula
+    law = formula.law
+    for name in EXPONENTS:
+        if name in term.numbers:
+            law = re.sub(rf"\*\* {name}\b", f"** {term.numbers[name]['value']:.3g}", law)
+    frame = next((f.name for f in FRAMES if formula.words.endswith(f.words)), "")
+    return frame, law
+
+
+def _every_said(term: Term | None, first: tuple[str, str]) -> list[tuple[str, str]]:
+    """What is said first, and what is said to be as good."""
+    return [first, *(_said(term, formula) for formula in (term.as_good if term else ()))]
+
+
+def _right(unknown: Unknown | None, frame: str, law: str) -> tuple[bool, bool]:
+    """Is the frame the true one, and the law?"""
+    if unknown is None:
+        return False, False
+    return frame == unknown.frame, _same_law(law, unknown.law)
+
+
 def _number(text: str) -> float:
-    """An exponent; that is none, NaN, if it was left free and is a name."""
+    """An exponent; NaN, if it was left free and has no value."""
     try:
         return float(text)
     except ValueError:
@@ -423,8 +452,11 @@ def summary(rows: list[Row]) -> Iterator[str]:
             named = [r for r in some if r.share_locked >= share]
             where = "inside" if inside else "outside"
             yield f"    {where} of the grammar {wilson(len(named), len(some))}"
-        right = [r for r in of if r.frame_right and r.law_right]
-        yield f"    frame and law right {wilson(len(right), len(of))}"
+        said = [r for r in of if r.status in ("formula", "shape")]
+        right = [r for r in said if r.frame_right and r.law_right]
+        among = [r for r in said if r.in_set]
+        yield f"    of proposals, frame and law right {wilson(len(right), len(said))}"
+        yield f"    of proposals, right among those as good {wilson(len(among), len(said))}"
         bad = "; ".join(
             f"{r.planted} {r.world} {r.seed}: {r.status} {r.verdict} {r.share_locked:.2f}"
             for r in of
