@@ -78,14 +78,19 @@ class Unknown:
     """A form of unit size over a place.
 
     `frame` as the grammar names it, `law` the condition that it grows with and its power ("1":
-    none); `inside` if the grammar has it, then with its true `numbers`.
+    none); `profile` in the grammar's words if it has the form, then with its true `numbers`.
     """
 
     form: Callable[[Place], FloatArray]
     frame: str
     law: tuple[str, float]
-    inside: bool = False
+    profile: str = ""
     numbers: Mapping[str, float] | None = None
+
+    @property
+    def inside(self) -> bool:
+        """Has the grammar this form?"""
+        return bool(self.profile)
 
 
 def _v(x: Place) -> FloatArray:
@@ -118,15 +123,15 @@ CHOOSING: Mapping[str, Unknown] = {
     "stretched": Unknown(_stretched, "time_since_exit", ("1", 0.0)),
     "ring": Unknown(
         lambda x: np.exp(-x.since_s / 0.01) * np.sin(2 * np.pi * 110.0 * x.since_s) * _v(x),
-        "time_since_exit", ("speed", 1.0), True, {"decay": 0.01, "f": 110.0},
+        "time_since_exit", ("speed", 1.0), "ringing", {"decay": 0.01, "f": 110.0},
     ),
     "odd": Unknown(
         lambda x: x.xi_m / 0.11 * np.exp(0.5 - 0.5 * (x.xi_m / 0.11) ** 2) * x.load / 3500.0,
-        "tread", ("load", 1.0), True, {"width": 0.11},
+        "tread", ("load", 1.0), "odd wave", {"width": 0.11},
     ),
     "echo": Unknown(
         lambda x: np.exp(-0.5 * ((x.since_s - 0.009) / 0.0016) ** 2),
-        "time_since_exit", ("1", 0.0), True, {"at": 0.009, "width": 0.0016},
+        "time_since_exit", ("1", 0.0), "bump", {"at": 0.009, "width": 0.0016},
     ),
 }  # fmt: skip
 
@@ -182,27 +187,27 @@ REPORTING: Mapping[str, Unknown] = {
     "packet": Unknown(_packet, "time_since_exit", ("speed", 2.0)),
     "ring": Unknown(
         lambda x: np.exp(-x.since_s / 0.006) * np.sin(2 * np.pi * 210.0 * x.since_s) * _v(x) ** 2,
-        "time_since_exit", ("speed", 2.0), True, {"decay": 0.006, "f": 210.0},
+        "time_since_exit", ("speed", 2.0), "ringing", {"decay": 0.006, "f": 210.0},
     ),
     "wave": Unknown(
         lambda x: np.exp(-x.before_m / 0.12) * np.sin(2 * np.pi * x.before_m / 0.2) * _v(x),
-        "distance_before_entry", ("speed", 1.0), True, {"decay": 0.12, "f": 5.0},
+        "distance_before_entry", ("speed", 1.0), "ringing", {"decay": 0.12, "f": 5.0},
     ),
     "pulse": Unknown(
         lambda x: x.since_s / 0.005 * np.exp(1.0 - x.since_s / 0.005) * _v(x),
-        "time_since_exit", ("speed", 1.0), True, {"decay": 0.005},
+        "time_since_exit", ("speed", 1.0), "pulse", {"decay": 0.005},
     ),
     "bump": Unknown(
         lambda x: np.exp(-0.5 * (np.angle(np.exp(1j * (x.phi + 1.9))) / 0.14) ** 2) * _v(x) ** 2,
-        "wheel_angle", ("speed", 2.0), True, {"at": -1.9, "width": 0.14},
+        "wheel_angle", ("speed", 2.0), "bump", {"at": -1.9, "width": 0.14},
     ),
     "flanks": Unknown(
         lambda x: (x.xi_m / 0.16) ** 2 * np.exp(1.0 - (x.xi_m / 0.16) ** 2) * x.load / 3500.0,
-        "tread", ("load", 1.0), True, {"width": 0.16},
+        "tread", ("load", 1.0), "flanks from zero", {"width": 0.16},
     ),
     "odd_braking": Unknown(
         lambda x: x.xi_m / 0.14 * np.exp(0.5 - 0.5 * (x.xi_m / 0.14) ** 2) * x.acceleration / 3.0,
-        "tread", ("acceleration", 1.0), True, {"width": 0.14},
+        "tread", ("acceleration", 1.0), "odd wave", {"width": 0.14},
     ),
 }  # fmt: skip
 
@@ -417,12 +422,13 @@ def _same_law(text: str, truth: tuple[str, float]) -> bool:
 
 
 def _covered(unknown: Unknown | None, term: Any) -> tuple[int, int]:
-    """(how many true numbers lie within 95 %, of how many that the term has)."""
+    """(how many true numbers lie within 95 %, of how many); (0, 0) of a term of another form."""
     if unknown is None or term is None or unknown.numbers is None:
         return 0, 0
-    own = {n: v for n, v in unknown.numbers.items() if n in term.numbers}
-    if set(own) != set(unknown.numbers):
+    frame, _ = _said(term)
+    if frame != unknown.frame or not term.formula.words.startswith(unknown.profile):
         return 0, 0
+    own = unknown.numbers
     good = [
         abs(term.numbers[n]["value"] - v) <= _SIGMAS * (term.numbers[n]["se"] or 0.0)
         for n, v in own.items()

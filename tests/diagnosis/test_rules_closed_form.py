@@ -93,6 +93,8 @@ def base_of(prediction, held_plain, held_white, chi2=8.0):
         held_plain=np.array(held_plain),
         held_white=np.array(held_white),
         floor=SimpleNamespace(square=1.0),
+        square_held=np.mean(held_plain),
+        share=lambda removed: removed / (np.mean(held_plain) - 1.0),
     )
 
 

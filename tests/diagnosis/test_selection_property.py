@@ -5,7 +5,13 @@ what repeats.
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.candidates.sign_flips import Scores, flip_signs, flip_test, gain_and_error
+from tirelog.diagnosis.candidates.sign_flips import (
+    Scores,
+    flip_signs,
+    flip_test,
+    gain_and_error,
+    surely_gains,
+)
 from tirelog.diagnosis.candidates.signatures import candidate_effects, idle_candidates
 from tirelog.physics import CATALOGUE, Model
 
@@ -91,6 +97,19 @@ def test_gain_and_its_error():
     gain, error = gain_and_error(np.array([3.0, 5.0, 4.0, 4.0]), np.array([2.0, 3.0, 3.0, 2.0]))
     assert gain == pytest.approx(6.0)
     assert error == pytest.approx(np.sqrt(4) * np.std([1, 2, 1, 2], ddof=1))
+
+
+def test_what_few_manoeuvres_can_show_is_sure_if_all_agree_and_most_of_the_excess_goes():
+    size = np.r_[9.0, 6.0, np.full(10, 0.1)]  # two of twelve are driven so that it shows
+    scores = [Scores(size[:, None] ** 2, np.array([[np.sum(size**2)]]))]
+    _, p = flip_test(scores, size.size)
+    gain, error = gain_and_error(size**2 + 1.0, np.ones(size.size))
+    assert gain < 2.0 * error
+    assert p[0] == 2.0**-11
+    assert surely_gains(gain, error, p[0], share=0.99)
+    assert not surely_gains(gain, error, p[0], share=0.5)
+    assert not surely_gains(gain, error, 0.005, share=0.99)
+    assert surely_gains(2.1 * error, error, 0.5, share=0.0)
 
 
 def test_an_effect_that_is_nearly_anothers_is_not_tried_unasked():

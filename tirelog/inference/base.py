@@ -163,6 +163,10 @@ class Base(FittedChannel):
         """Held-out mean square above the floor; may be slightly negative by chance."""
         return self.square_held - self.floor.square
 
+    def share(self, removed: float) -> float:
+        """What share of the excess a mean square is; none if there is no excess."""
+        return removed / self.excess if self.excess > 0.0 else 0.0
+
 
 @dataclass(frozen=True)
 class TogetherBase(Base):

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error
+from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error, surely_gains
 from tirelog.diagnosis.candidates.signatures import Signature
-from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
@@ -48,16 +48,16 @@ class Assessed:
     def id(self) -> str:
         return self.signature.effect.id
 
-    def alarms(self, floor_square: float) -> bool:
-        """All three rules: significance, held-out gain, size.
+    def alarms(self, base: Base) -> bool:
+        """All three rules: significance, held-out gain, size beside what the base leaves.
 
         The size of what is beyond doubt is judged once it is refitted: if manoeuvres scatter,
         held-out errors do not tell it.
         """
-        large = self.removed > LEAST_SHARE_OF_FLOOR * floor_square
+        large = self.removed > LEAST_SHARE_OF_FLOOR * base.floor.square
         return (
             self.p <= ALARM_P
-            and self.gain > GAIN_SIGMAS * self.gain_error
+            and surely_gains(self.gain, self.gain_error, self.p, base.share(self.removed))
             and (large or self.p <= BEYOND_DOUBT_P)
         )
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import Assessed, assess
 from tirelog.diagnosis.candidates.free_shapes import freedom_of_shape
-from tirelog.diagnosis.candidates.sign_flips import gain_and_error
+from tirelog.diagnosis.candidates.sign_flips import gain_and_error, surely_gains
 from tirelog.diagnosis.candidates.signatures import (
     all_signatures,
     candidate_effects,
@@ -354,16 +354,18 @@ def right_to_the_floor(best: Refitted) -> bool:
     return quiet(after, after.floor.square)
 
 
-def worth_it(before: Base, after: Base, p: float = 1.0) -> bool:
+def worth_it(before: Base, after: Base, p: float = 1.0, *, held_out_only: bool = False) -> bool:
     """Held-out gain of a refit above its error, and a size above the rule's.
 
-    `p`: by what chance it looks as it does, if that is known.
+    `p`: by what chance it looks as it does, if that is known; `held_out_only`: the size is what
+    goes of the held-out error, and nothing else, however small p is.
     """
     gain, error = gain_and_error(before.held_white, after.held_white)
-    if gain <= GAIN_SIGMAS * error:
+    removed = before.square_held - after.square_held
+    if not surely_gains(gain, error, p, before.share(removed)):
         return False
     least = LEAST_SHARE_OF_FLOOR * before.floor.square
-    size, by_size = removed_by(before, after, sure=p <= BEYOND_DOUBT_P)
+    size, by_size = removed_by(before, after, sure=p <= BEYOND_DOUBT_P and not held_out_only)
     if by_size and size <= least:  # less is scatter once what it does is in
         size, _ = removed_by(before, settled(after), sure=True)
     return size > least
@@ -392,7 +394,7 @@ def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
 def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
     """The first effect, if there is one."""
     assessed, reasons = assess_all(base, extra)
-    alarming = [a for a in assessed if a.alarms(base.floor.square)]
+    alarming = [a for a in assessed if a.alarms(base)]
     if not alarming:
         return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
@@ -414,7 +416,7 @@ def next_step(
     """
     assessed, reasons = assess_all(base, extra)
     floor = base.floor.square
-    if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(floor) for a in assessed):
+    if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(base) for a in assessed):
         return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
     if not contenders or not worth_it(base, contenders[0].base, contenders[0].assessed.p):

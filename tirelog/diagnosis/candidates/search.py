@@ -205,7 +205,7 @@ def _may_do_as_well(base: Base, rival: Base, extra: tuple[Effect, ...]) -> bool:
     if rival.excess > LEAST_SHARE_OF_FLOOR * rival.floor.square:
         return True
     assessed, _ = assess_all(base, extra)
-    most = max((a.removed for a in assessed if a.alarms(base.floor.square)), default=0.0)
+    most = max((a.removed for a in assessed if a.alarms(base)), default=0.0)
     return most > 0.5 * MOST * (base.excess - rival.excess)
 
 

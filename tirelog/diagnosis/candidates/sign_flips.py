@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tirelog.diagnosis.rules import BEYOND_DOUBT_P, GAIN_SIGMAS, MOST
 from tirelog.vocabulary.arrays import FloatArray
 
 #: up to so many manoeuvres all patterns of signs are tried, 2^13; each more doubles the time
@@ -113,6 +114,17 @@ def flip_test(candidates: Sequence[Scores], manoeuvres: int) -> tuple[FloatArray
     observed = all_t[0]
     reached = largest.size - np.searchsorted(largest, observed * (1.0 - 1e-9), side="left")
     return observed, reached / largest.size
+
+
+def surely_gains(gain: float, error: float, p: float, share: float) -> bool:
+    """Is a held-out gain more than the scatter of manoeuvres?
+
+    `p` of what gains, family-wise; `share` of the excess that it removes held out. What can be
+    gained differs with what each manoeuvre is driven under: of an effect of few of them the gains
+    scatter by as much as they are. If their signs agree beyond doubt and most of the excess goes,
+    that scatter is no doubt.
+    """
+    return gain > GAIN_SIGMAS * error or (p <= BEYOND_DOUBT_P and share >= MOST)
 
 
 def gain_and_error(before: FloatArray, after: FloatArray) -> tuple[float, float]:

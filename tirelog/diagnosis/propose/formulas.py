@@ -46,6 +46,9 @@ _LARGER = 100.0
 #: standard errors that a number may lie from a round one: beyond them rounding would push the
 #: others out of their errors; twice as much makes rounder formulas that fit worse
 ROUNDED_SIGMAS = 2.0
+#: a step of an exponent that is small: over a decade of speed an effect changes by 12 % at most,
+#: and no law that is known lies so near to a half; twice as much would round 0.4
+_ROUND_NEAR = 0.05
 #: standard errors by which another form may be worse held out and be as good; twice as much says
 #: more forms as good as the first
 AS_GOOD = 1.0
@@ -286,7 +289,9 @@ def simplified(draft: Draft) -> Draft:
             law = replace(best.atom.law, numbers={**best.atom.law.numbers, number: wanted})
             atom = replace(best.atom, law=law, fixed=(*best.atom.fixed, number))
             trial = _with_fixed(best, atom, best.quarter)
-            if trial is not None and _costs_nothing(best.base, trial.base):
+            if trial is not None and _costs_nothing(
+                best.base, trial.base, small=abs(wanted - value) <= _ROUND_NEAR
+            ):
                 best = trial
                 break
     if best.atom.form.wave:
@@ -313,12 +318,15 @@ def _with_fixed(draft: Draft, atom: Atom, quarter: int | None) -> Draft | None:
     return _read(atom, entry, new, quarter)
 
 
-def _costs_nothing(before: Base, rounded: Base) -> bool:
-    """Is a rounded number as good: by chi-square, or, of a form that is not right, held out?"""
+def _costs_nothing(before: Base, rounded: Base, *, small: bool = False) -> bool:
+    """Is a rounded number as good: by chi-square, or, of a form that is not right, held out?
+
+    Held out too if the step is `small`: of a large effect chi-square sees more than matters.
+    """
     worse = rounded.noise_chi2 - before.noise_chi2
     if worse <= ROUNDED_SIGMAS**2 * max(1.0, before.reduced_chi2):
         return True
-    return before.reduced_chi2 > QUIET_CHI2 and _as_good(before, rounded, before.excess)
+    return (small or before.reduced_chi2 > QUIET_CHI2) and _as_good(before, rounded, before.excess)
 
 
 def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:

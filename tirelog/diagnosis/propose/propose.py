@@ -17,6 +17,7 @@ from tirelog.diagnosis.candidates.drive_next import by_the_minute
 from tirelog.diagnosis.candidates.naming import quiet, worth_it
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.candidates.separation import advise
+from tirelog.diagnosis.candidates.sign_flips import surely_gains
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
 from tirelog.diagnosis.locked import locked_away, untouched
@@ -42,7 +43,6 @@ from tirelog.diagnosis.rules import (
     ALARM_P,
     BEYOND_DOUBT_P,
     FEWEST_MANOEUVRES,
-    GAIN_SIGMAS,
     LEAST_SHARE_OF_FLOOR,
     REST_SHARE,
     SECOND_LEAST,
@@ -196,7 +196,8 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         choice = None
         if scanned.p <= alarm:
             choice = choose(full, polished(few, scanned.atoms), _free_name(base, number))
-            choice = choice if choice and worth_it(at, choice.chosen.base) else None
+            if choice and not worth_it(at, choice.chosen.base, scanned.p, held_out_only=True):
+                choice = None
         rival = None if quiet(at, at.floor.square) else best_nuisance(at, allowed_nuisances(at))
         if rival is not None and (choice is None or _leaves_less(rival, choice)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
@@ -287,7 +288,8 @@ def _proposal(
     base, after = climb.bases[0], climb.after
     status = "formula" if climb.choices else "nothing"
     repeats = diagnosis.verdict != "scatter" or climb.choices
-    by_shape = _with_shape(base, climb.shapes) if repeats else None
+    p = diagnosis.unexplained["p"]
+    by_shape = _with_shape(base, climb.shapes, p) if repeats else None
     if by_shape is not None:
         more = after.square_held - by_shape.square_held
         if shape_wanted or more > max(
@@ -362,12 +364,16 @@ def _doubt(climb: _Climb) -> str:
     )
 
 
-def _with_shape(base: Base, shapes: list[MeasuredShape]) -> Base | None:
-    """The base with the best measured shape; None if it is not beyond doubt."""
+def _with_shape(base: Base, shapes: list[MeasuredShape], p: float) -> Base | None:
+    """The base with the best measured shape; None if it is not beyond doubt.
+
+    `p`: by what chance a free shape takes as much.
+    """
     if not shapes:
         return None
     best = shapes[0]
-    if best.gain < GAIN_SIGMAS or best.removed < LEAST_SHARE_OF_FLOOR * base.floor.square:
+    surely = surely_gains(best.gain, 1.0, p, base.share(best.removed))
+    if not surely or best.removed < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return None
     try:
         return settled(refit(base, base.model.with_entry(best.entry(_shape_name(base)))))

@@ -22,10 +22,10 @@ import numpy as np
 from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.candidates.assessment import nuisance
 from tirelog.diagnosis.candidates.free_shapes import even_share, hats
-from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error
+from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error, surely_gains
 from tirelog.diagnosis.rest.followed import SPEED, best_factor, factors_of, gone_along
 from tirelog.diagnosis.rest.pressure_shapes import pressure_columns
-from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, TogetherBase, apart, thinned
 from tirelog.inference.cells.together import model_of
 from tirelog.inference.floor import held_out_losses
@@ -175,7 +175,7 @@ def describe(base: Base) -> Leftover:
     shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
     if (
         p[best] > ALARM_P
-        or gain < GAIN_SIGMAS * error
+        or not surely_gains(gain, error, float(p[best]), base.share(size))
         or size < LEAST_SHARE_OF_FLOOR * base.floor.square
     ):
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
