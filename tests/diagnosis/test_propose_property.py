@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis import ladder as climbing
+from tirelog.diagnosis.candidates.search import Found, search_effects
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.propose.formulas import Choice, Draft, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
@@ -22,7 +24,7 @@ from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.propose.scan import Atom, Scanned
 from tirelog.diagnosis.wording import next_command
 from tirelog.errors import UsageError
-from tirelog.inference.base import refit
+from tirelog.inference.base import Base, refit
 from tirelog.physics import Model
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.save import save_model
@@ -102,6 +104,41 @@ def test_a_ladder_ends_with_what_is_proposed(
     kept = climbing.ladder(LOGS, MODEL, proposing=True)
     assert not any("proposed" in step.decision for step in kept.steps)
     assert any("it scatters." in remark for remark in kept.remarks)
+
+
+class Misled(Found):
+    """A search that has named what is not there."""
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        return ("viscous_damping",)
+
+
+def test_a_ladder_takes_away_the_name_that_a_proposal_makes_needless(
+    proposal: Proposal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The search is made to name viscous damping first, which is not there."""
+    assert proposal.model is not None
+    (ringing_entry,) = proposal.model.effects
+
+    def misled(base: Base, *asked: Any) -> Found:
+        found = search_effects(base, *asked)
+        wrong = refit(base, base.model.with_effect("viscous_damping"))
+        return Misled(found.before, found.steps, wrong)
+
+    def beside_it(seen: object, model: Model, **_: object) -> Proposal:
+        assert [entry.id for entry in model.effects] == ["viscous_damping"]
+        return replace(proposal, model=model.with_entry(ringing_entry))
+
+    monkeypatch.setattr(climbing, "search_effects", misled)
+    monkeypatch.setattr(climbing, "propose", beside_it)
+    climbed = climbing.ladder(LOGS, MODEL, proposing=True)
+    last = climbed.steps[-1]
+    assert (last.decision, last.effect) == ("removed", "viscous_damping")
+    assert last.rmse_heldout is not None
+    assert last.rmse_heldout < 1.05 * last.noise_floor
+    assert [entry.id for entry in climbed.model.effects] == ["proposed_1"]
+    assert climbed.verdict == "at_the_floor"
 
 
 def test_a_shape_is_said_to_do_better_only_if_it_was_not_asked_for(proposal: Proposal) -> None:
