@@ -17,11 +17,13 @@ from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.candidates.search import Found, search_effects
 from tirelog.diagnosis.compare import compare, start
+from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.propose.formulas import Choice, Draft, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
 from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.propose.scan import Atom, Scanned
+from tirelog.diagnosis.rest.leftover import describe
 from tirelog.diagnosis.wording import next_command
 from tirelog.errors import UsageError
 from tirelog.inference.base import Base, refit
@@ -279,3 +281,19 @@ def test_another_format_than_json_is_refused(tirelog: Command) -> None:
     result = tirelog(*COMMAND, "--format", "csv")
     assert result.status == 2
     assert "json is allowed" in result.err
+
+
+def test_an_echo_of_fixed_delay_repeats_though_no_shape_over_the_angle_does() -> None:
+    def echo(xi: FloatArray, speed: FloatArray) -> FloatArray:
+        late = since_exit(xi) / speed
+        return 1e-5 * np.exp(-0.5 * ((late - 0.012) / 0.0016) ** 2)
+
+    base = start([stack(echo)], MODEL)
+    left = describe(base)
+    assert left.significant
+    assert left.in_time
+    assert (left.where, left.follows, left.frequency_Hz) == ("exit", "nothing", None)
+    assert left.size > 0.9 * base.excess
+    facts = diagnose([stack(echo)], MODEL)
+    assert facts.verdict == "unknown"
+    assert "fixed in the time since that edge" in facts.unexplained["sentence"]

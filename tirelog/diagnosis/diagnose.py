@@ -407,6 +407,7 @@ def _unexplained(
         "speed_exponent": left.speed_exponent,
         "frequency_Hz": left.frequency_Hz,
         "in_pressure": left.in_pressure,
+        "in_time": left.in_time,
         "nearest_effect": nearest.effect if nearest and not selected else None,
         "nearest_share": nearest.excess_removed if nearest and not selected else None,
     }

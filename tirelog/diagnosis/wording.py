@@ -294,7 +294,8 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
     parts = [f"in {facts['observable']}"] if facts.get("observable") else []
     if facts["where"]:
         parts.append(_WHERE[facts["where"]])
-        parts.append(_PARITY[facts["parity"]])
+        if not facts["in_time"]:
+            parts.append(_PARITY[facts["parity"]])
     if facts["frequency_Hz"]:
         parts.append(f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time")
     elif facts["follows"] == "nothing":
@@ -303,6 +304,8 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
         parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
     elif facts["follows"]:
         parts.append(_following(facts))
+    if facts["in_time"] and not facts["frequency_Hz"]:
+        parts.append("fixed in the time since that edge")
     if facts["in_pressure"] and not facts["frequency_Hz"]:
         parts.append("as a change of the contact pressure would be")
     near = ""

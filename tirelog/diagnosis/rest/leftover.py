@@ -5,6 +5,8 @@ Where, even or odd, what it follows, at which exponent of speed or fixed frequen
     projected whitened residual against families of columns:
         (what a cell is driven under: 1, (v/20)^e for a few e, acceleration, time, load, distance,
         water) x (free shapes over the angle)    -> the family with the largest T describes it
+        (v/20)^e x (free shapes over the time since the exit edge): what stands still there moves
+        over the angle as the speed changes, and no shape over the angle repeats it
         rings after the exit edge at a fixed frequency in time, or at a fixed wavelength along the
         tread                                    -> which of the two
 
@@ -21,7 +23,7 @@ import numpy as np
 
 from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.candidates.assessment import nuisance
-from tirelog.diagnosis.candidates.free_shapes import even_share, hats
+from tirelog.diagnosis.candidates.free_shapes import even_share, hats, hats_on
 from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error, surely_gains
 from tirelog.diagnosis.rest.followed import SPEED, best_factor, factors_of, gone_along
 from tirelog.diagnosis.rest.pressure_shapes import pressure_columns
@@ -41,6 +43,8 @@ _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
 _DECAYS_M = (0.1, 0.3)
+#: a ringing turns so often before it has fallen to 1/e: with half of it a single bump would be one
+_TURNS = 1.0
 #: a fixed frequency must explain so much more than a fixed wavelength, and so much of what is left:
 #: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
 _RINGS_MORE = 1.15
@@ -62,12 +66,18 @@ _MORE = 1.03
 _ONE_SIGN = 0.8
 
 
+#: nodes of free shapes over the time since the exit edge [s]: as many as over the angle; half as
+#: close, a ringing of 150 Hz would have three to a period and not six
+_TIMES_S = np.r_[0:0.03:0.001, 0.03:0.06:0.003, 0.06:0.42:0.02]
+
+
 @dataclass(frozen=True)
 class Leftover:
     """What a free shape still explains in the residual.
 
     `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
-    change of the contact pressure explains it best; `shape` (m,) the residual's leading one over
+    change of the contact pressure explains it best, `in_time` if a shape over the time since the
+    exit edge does; `shape` (m,) the residual's leading one over
     `phi_rad` (m,). `observable`: of several fitted together the one that it is told of;
     `contradicts`: nothing repeats within that one, but it contradicts the others.
     """
@@ -86,6 +96,7 @@ class Leftover:
     together: tuple[str, ...] = ()
     observable: str | None = None
     contradicts: bool = False
+    in_time: bool = False
 
 
 def _describe_several(base: TogetherBase) -> Leftover:
@@ -129,6 +140,20 @@ def _shapes(base: Base) -> FloatArray:
     return hats(phi) if phi.shape[1] > 1 else np.ones((*phi.shape, 1))
 
 
+def _late_shapes(base: Base) -> FloatArray:
+    """Free shapes over the time since the exit edge, (C, m, k)."""
+    since = _behind_m(base) / base.cells.conditions.speed_m_s[:, None]
+    return hats_on(since, _TIMES_S[: int(np.searchsorted(_TIMES_S, since.max())) + 1])
+
+
+def _behind_m(base: Base) -> FloatArray:
+    """How far the tread has come since the exit edge, (C, m) [m]."""
+    radius = base.model.values["radius_m"]
+    after = (np.nan_to_num(base.cells.phi, nan=-1.0) - half_angle(base)) * radius
+    behind: FloatArray = np.where(after > 0, after, after + 2.0 * np.pi * radius)
+    return behind
+
+
 def _score(
     base: Base,
     taken: ProjectedOut,
@@ -164,9 +189,21 @@ def describe(base: Base) -> Leftover:
     scores = [
         _score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()
     ]
+    by_speed = [name for name in factors if name.startswith(SPEED) and cells.phi.shape[1] > 1]
+    if by_speed:
+        late = _late_shapes(base)
+        scores += [
+            _score(base, taken, residual, late, factors[name][:, None, None]) for name in by_speed
+        ]
+        del late
     statistic, p = flip_test(scores, cells.manoeuvres)
-    best = best_factor(factors, statistic)
+    best = best_factor(factors, statistic[: len(factors)])
     name = list(factors)[best]
+    most_late = int(np.argmax(statistic[len(factors) :])) if by_speed else 0
+    in_time = bool(by_speed and statistic[len(factors) + most_late] > statistic[best])
+    if in_time:
+        best, name = len(factors) + most_late, by_speed[most_late]
+        free = _late_shapes(base)
     together = gone_along(factors, name)
     free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
@@ -179,9 +216,9 @@ def describe(base: Base) -> Leftover:
         or size < LEAST_SHARE_OF_FLOOR * base.floor.square
     ):
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
-    free = _shapes(base)
+    free = _late_shapes(base) if in_time else _shapes(base)
     exponent, in_pressure = (
-        _exponent(base, taken, residual, free)
+        _exponent(base, taken, residual, free, pressed=not in_time)
         if name.startswith(SPEED) and not _crosses_zero(base)
         else (None, False)
     )
@@ -200,6 +237,8 @@ def describe(base: Base) -> Leftover:
             together=together,
         )
     where, parity = place_and_parity(base, shape, phi)
+    if in_time:
+        where, parity = "exit", "mixed"
     side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
     where, parity = (side, "mixed") if side else (where, parity)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
@@ -216,19 +255,21 @@ def describe(base: Base) -> Leftover:
         phi,
         in_pressure,
         together,
+        in_time=in_time,
     )
 
 
 def _exponent(
-    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray
+    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray, *, pressed: bool
 ) -> tuple[float, bool]:
     """The exponent of speed with which free shapes explain most.
 
-    Also whether these are shapes of the pressure rather than of the observable.
+    Also, if `pressed` is asked, whether these are shapes of the pressure rather than of the
+    observable.
     """
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
     kinds: list[Callable[[], FloatArray]] = [lambda: free]  # one after the other in memory
-    if free.shape[-1] > 1:
+    if pressed and free.shape[-1] > 1:
         kinds.insert(0, lambda: pressure_columns(base))
     explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
@@ -331,11 +372,10 @@ def _frequency(base: Base) -> float | None:
     Only if a fixed frequency in time explains more than a fixed wavelength.
     """
     base = thinned(base, _SOME_CELLS)
-    cells, radius = base.cells, base.model.values["radius_m"]
+    cells = base.cells
     taken = nuisance(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
-    after = (np.nan_to_num(cells.phi, nan=-1.0) - half_angle(base)) * radius
-    behind = np.where(after > 0, after, after + 2.0 * np.pi * radius)
+    behind = _behind_m(base)
     since = behind / cells.conditions.speed_m_s[:, None]
     factor = (cells.conditions.speed_m_s / 20.0)[:, None, None]
 
@@ -345,6 +385,8 @@ def _frequency(base: Base) -> float | None:
         found = []
         for number in numbers:
             for decay in decays:
+                if decays is _DECAYS_S and number * decay < _TURNS:
+                    continue
                 turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
                 wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
                 found.append(
