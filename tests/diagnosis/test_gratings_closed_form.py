@@ -47,7 +47,13 @@ MODEL = TRUTH.with_parameters(
 Added = Callable[[FloatArray, float, float], FloatArray]
 
 
-def grating(number: int, truth: Model = TRUTH, added: Added | None = None, place: float = 0.0):
+def grating(
+    number: int,
+    truth: Model = TRUTH,
+    added: Added | None = None,
+    place: float = 0.0,
+    grows: Callable[[FloatArray], FloatArray] | None = None,
+) -> Stack:
     """Ten manoeuvres at a speed each; `added` strain of the road's and of the wheel's angle."""
     rng = np.random.default_rng([5, number])
     which = np.repeat(np.arange(SPEEDS.size), 5)
@@ -58,7 +64,8 @@ def grating(number: int, truth: Model = TRUTH, added: Added | None = None, place
     lever = truth.values["lever_arm_m"] * RATIOS[number % 3]
     values = truth.with_values({"lever_arm_m": lever}).predict(conditions, PHI)
     if added is not None:
-        values = values + added(PHI, place, RATIOS[number % 3])
+        shape = added(PHI, place, RATIOS[number % 3])
+        values = values + (grows(SPEEDS[which])[:, None] if grows else 1.0) * shape
     return Stack(
         observable="strain",
         channel=f"g{number + 1}",
@@ -79,11 +86,15 @@ def grating(number: int, truth: Model = TRUTH, added: Added | None = None, place
     )
 
 
-def three(*added: Added | None, truths: tuple[Model, ...] = (TRUTH,) * 3) -> StacksTogether:
-    """Three gratings; what is added to each, or one thing to all."""
+def three(
+    *added: Added | None,
+    truths: tuple[Model, ...] = (TRUTH,) * 3,
+    grows: Callable[[FloatArray], FloatArray] | None = None,
+) -> StacksTogether:
+    """Three gratings; what is added to each, or one thing to all, and how it grows with speed."""
     each = added * 3 if len(added) == 1 else added or (None,) * 3
     parts = tuple(
-        [grating(i, truth, more, place)]
+        [grating(i, truth, more, place, grows)]
         for i, (truth, more, place) in enumerate(zip(truths, each, PLACES, strict=True))
     )
     return StacksTogether(parts, tuple(PLACES.tolist()))
@@ -177,6 +188,15 @@ def test_a_shape_belongs_to_road_wheel_or_one_grating(added, frame):
     if frame == "g2":  # its mean square about its mean over that of the noise
         shape = bump(2.0)(PHI, 0.0, RATIOS[1])
         assert found[0].size == pytest.approx(float(np.var(shape)) / NOISE**2, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("added", "frame"), [((bump(2.0),), ROAD), ((None, bump(2.0), None), "g2")]
+)
+def test_what_grows_with_the_speed_and_is_nothing_on_average_belongs_there_too(added, frame):
+    mean = float(np.mean(SPEEDS**2))
+    found = frames_of(members_of(fitted(three(*added, grows=lambda v: v**2 / mean - 1.0))))
+    assert [one.frame for one in found if one.matters] == [frame]
 
 
 def test_a_grating_that_no_other_agrees_with_is_left_out():

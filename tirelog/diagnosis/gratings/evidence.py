@@ -30,6 +30,10 @@ _EFFECT, _LEVER = " effect", " lever arm"
 #: apart: a splice of 6 degrees leaves 3 %. Twice as much would hide a bad grating beside an effect
 #: of eight times its size
 _FORM = 0.06
+#: shapes are asked as they are and growing with the speed, from this one on: what an effect of
+#: v^2, a lag or a bandwidth leaves at one speed is not what it leaves at another.  Another speed
+#: spans the same columns
+_SPEED_M_S = 15.0
 #: a column of which less than this share is left beside the others is one of them
 _NOTHING = 1e-9
 #: eigenvalues of the normal equations below this share of the largest are rounding
@@ -164,8 +168,10 @@ def _parts(
         if shapes:
             ratio = fit.model.values.get(LEVER, 1.0) / (lever or fit.model.values.get(LEVER, 1.0))
             lever = lever or fit.model.values.get(LEVER, 1.0)
-            blocks[2].append(ratio * hats(cells.phi))
-            blocks[3].append(ratio * hats(cells.phi + member.place_rad))
+            faster = (cells.conditions.speed_m_s / _SPEED_M_S - 1.0)[:, None, None]
+            for block, angle in ((2, cells.phi), (3, cells.phi + member.place_rad)):
+                still = ratio * hats(angle)
+                blocks[block] += [still, still * faster]
             wheel = None if member.wheel else shared_effects(cells, fit, WHEEL)
             if wheel is not None:
                 blocks[3].append(wheel.columns * wheel.sd)
