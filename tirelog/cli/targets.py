@@ -49,19 +49,9 @@ def drawable(path: Path | None) -> Path | None:
         return None
     from importlib.util import find_spec
 
-    from tirelog.errors import UsageError
-    from tirelog.vocabulary.pictures import SUFFIXES
+    from tirelog.vocabulary.pictures import no_matplotlib, refuse_no_picture
 
-    if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(
-            f"--plot {path}: suffix {path.suffix!r}",
-            allowed=f"allowed are {', '.join(SUFFIXES)}",
-            do="rename it",
-        )
+    refuse_no_picture(path)
     if find_spec("matplotlib") is None:
-        raise UsageError(
-            "--plot needs matplotlib",
-            allowed="allowed without it are tables",
-            do="install it: pip install 'tirelog[plot]'",
-        )
+        raise no_matplotlib()
     return in_a_folder(path)

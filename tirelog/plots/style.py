@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.errors import UsageError
 from tirelog.storage.whole import whole_file
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.pictures import SUFFIXES
+from tirelog.vocabulary.pictures import no_matplotlib, refuse_no_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,11 +57,7 @@ def figure_page(width: float, height: float) -> Figure:
     try:
         kind = _page()
     except ImportError:
-        raise UsageError(
-            "--plot needs matplotlib",
-            allowed="allowed without it are tables",
-            do="install it: pip install 'tirelog[plot]'",
-        ) from None
+        raise no_matplotlib() from None
     return kind(figsize=(width, height), layout="constrained")
 
 
@@ -71,15 +66,9 @@ def write(figure: Figure, path: Path) -> None:
 
     UsageError: not a picture's suffix.
     """
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise UsageError(
-            f"--plot {path}: suffix {suffix!r}",
-            allowed=f"allowed are {', '.join(SUFFIXES)}",
-            do="rename it",
-        )
+    refuse_no_picture(path)
     with whole_file(path) as target:
-        figure.savefig(target, format=suffix[1:], dpi=120)
+        figure.savefig(target, format=path.suffix.lower()[1:], dpi=120)
 
 
 def label(axes: Axes, x: str, y: str, title: str = "", **limits: Any) -> None:

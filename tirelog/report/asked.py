@@ -28,12 +28,9 @@ class Asked:
 
     def command(self, name: str, *more: str, model: bool = False) -> str:
         """A command line on the same logs."""
-        words = ["tirelog", name, *(self._logs() or ["LOG"]), *more]
-        words += ["--setup", str(self.setup)] if self.setup else []
+        words = ["tirelog", name, *(self._logs() or ["LOG"]), *more, *self._given("setup")]
         if model:
-            words += ["--model", str(self.model or "M")]
-            words += ["--channel", self.channel] if self.channel else []
-            words += ["--effects", str(self.effects)] if self.effects else []
+            words += ["--model", str(self.model or "M"), *self._given("channel", "effects")]
         return shlex.join(words)
 
     def make_model(self) -> str:
@@ -48,34 +45,20 @@ class Asked:
 
     def with_options(self, line: str) -> str:
         """A command line on these logs with the options that were given for them."""
-        given = {
-            "--setup": self.setup,
-            "--channel": self.channel,
-            "--effects": self.effects,
-        }
-        more = [w for option, v in given.items() if v is not None for w in (option, str(v))]
-        return f"{line} {shlex.join(more)}" if more else line
-
-    def _logs(self) -> list[str]:
-        return [shown(log) for log in self.logs]
+        return f"{line} {shlex.join(self._given('setup', 'channel', 'effects'))}".rstrip()
 
     def report_command(self) -> str:
         """The page's own command line."""
         words = ["tirelog", "report", *self._logs()]
-        single = {
-            "--setup": self.setup,
-            "--model": self.model,
-            "--ladder": self.ladder,
-            "--campaign": self.campaign,
-            "--channel": self.channel,
-            "--effects": self.effects,
-        }
-        words += [
-            word
-            for option, value in single.items()
-            if value is not None
-            for word in (option, str(value))
-        ]
+        words += self._given("setup", "model", "ladder", "campaign", "channel", "effects")
         words += [word for path in self.tables for word in ("--table", str(path))]
         words += ["--propose"] if self.propose else []
         return shlex.join([*words, "-o", "report.html"])
+
+    def _logs(self) -> list[str]:
+        return [shown(log) for log in self.logs]
+
+    def _given(self, *names: str) -> list[str]:
+        """These options with their values, those that were given."""
+        values = {name: getattr(self, name) for name in names}
+        return [w for name, v in values.items() if v is not None for w in (f"--{name}", str(v))]

@@ -6,6 +6,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
+
+from tirelog.errors import UsageError
 
 FOOTPRINT: Mapping[str, str] = {
     "page": "the drive, contact lengths, and passages with their derivatives (P2)",
@@ -25,3 +28,22 @@ BY_OBSTACLE = ("hit", "time", "frequency")
 ERRORS_BY = ("revolution", "angle", "speed", "regime", "conditions", *BY_OBSTACLE)
 #: of files that a picture can be written to
 SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def refuse_no_picture(path: Path) -> None:
+    """UsageError: the path's suffix is not a picture's."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            f"--plot {path}: suffix {path.suffix!r}",
+            allowed=f"allowed are {', '.join(SUFFIXES)}",
+            do="rename it",
+        )
+
+
+def no_matplotlib() -> UsageError:
+    """The error that says how to come by what draws pictures."""
+    return UsageError(
+        "--plot needs matplotlib",
+        allowed="allowed without it are tables",
+        do="install it: pip install 'tirelog[plot]'",
+    )
