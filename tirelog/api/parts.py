@@ -139,7 +139,24 @@ def calibrated(
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """The calibration as a file for `phase_shift` and ``--calibration``, whole or not at all."""
+    """The calibration as a file for `phase_shift` and ``--calibration``, whole or not at all.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        As `calibrate` gives it.
+    path : str or os.PathLike
+        The file to write (TOML).
+
+    Returns
+    -------
+    None
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
     from tirelog.wheel.calibration_file import write_calibration
 
     write_calibration(File(path), calibration)

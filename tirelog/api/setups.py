@@ -106,6 +106,12 @@ def check_setup(log: Path, setup: Path | Setup | None = None) -> SetupCheck:
     ------
     ReadError, SetupError
         The log cannot be read, or the setup is none.
+
+    Examples
+    --------
+    >>> import tirelog
+    >>> tirelog.check_setup("sample_data/drive.csv.gz").channels[0]
+    ('strain_1', 'fbg_strain', 2500.0, 39.9996)
     """
     name = os.fspath(log)
     with open_recording(name, as_setup(setup), blocks=_BLOCKS, check=False) as recording:

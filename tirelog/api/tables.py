@@ -214,6 +214,12 @@ def calibrate(
     ------
     UsageError
         Too few passages, or no force channel to learn from.
+
+    Examples
+    --------
+    >>> import tirelog
+    >>> round(tirelog.calibrate("sample_data/encoder.h5").patch_width_deg, 1)
+    13.1
     """
     options = {"zero": zero, "forces": True}
     parts = (p for r in each_log(logs, setup) for p in parts_of(r, "phase-shift", options))
@@ -302,6 +308,10 @@ def plot_table(
         Which picture, as ``--plot-kind``.
     **options
         The table's options, as in campaigns.
+
+    Returns
+    -------
+    None
 
     Raises
     ------
