@@ -63,8 +63,8 @@ def _give_parameters(command: Callable[..., None], table: LogTable) -> None:
     for option in (*table.options, *table.views):
         switch = option.kind is bool
         of = bool if switch else option.kind | None
-        taken = Annotated[of, table_option(option)]  # type: ignore[valid-type]  # made at run time
-        parameters.append((option.name, taken, False if switch else None))
+        first = False if switch else None
+        parameters.append((option.name, Annotated[of, table_option(option)], first))
     if table.picture:
         parameters.append(("plot", options.Plot, None))
     if table.pictures:
