@@ -54,36 +54,12 @@ _MORE_ALONG = {
 
 
 __all__ = [
-    "NUISANCES",
-    "PRESETS",
-    "Effect",
-    "Model",
-    "added",
-    "angles",
-    "carcass_facts",
-    "catalogue_with",
-    "conditions_of",
-    "contributions",
-    "difference_rows",
-    "draw_effects",
-    "draw_modes",
-    "forces",
-    "given_conditions",
-    "known_surface",
-    "ladder_rows",
-    "load_model",
-    "modes",
-    "new_model",
-    "parameter_rows",
-    "passage",
-    "predict",
-    "refuse_another",
-    "revolution",
-    "revolutions",
-    "save_model",
-    "serves",
-    "worn_model",
-]
+    "NUISANCES", "PRESETS", "Effect", "Model", "added", "angles", "carcass_facts", "catalogue_with",
+    "conditions_of", "contributions", "difference_rows", "draw_effects", "draw_modes", "forces",
+    "given_conditions", "known_surface", "ladder_rows", "load_model", "modes", "new_model",
+    "parameter_rows", "passage", "predict", "refuse_another", "revolution", "revolutions",
+    "save_model", "serves", "worn_model",
+]  # fmt: skip
 
 
 def load_model(path: Path, *, effects: Path | None = None) -> Model:
