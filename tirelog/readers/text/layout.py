@@ -29,6 +29,8 @@ _NUMBER = {
     sign: re.compile(rf"[+-]?(\d+{re.escape(sign)}?\d*|{re.escape(sign)}\d+)([eE][+-]?\d+)?")
     for sign in (".", ",")
 }
+#: for `str.translate`: a number stays one, whatever its digits
+_DIGITS_ALIKE = dict.fromkeys(map(ord, "123456789"), "0")
 #: a time of day that ends with a colon and stands before the first separator
 _TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
 #: marks of a comment, which some programs put in front of a header
@@ -285,12 +287,20 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
     return choice
 
 
-def _is_row(cells: list[str], decimal: str, like: str) -> bool:
+def _is_row(cells: list[str], decimal: str, like: str, plain: set[str]) -> bool:
     """True if a line's first cell is of the rows' kind and half of it can be read.
 
-    At least half of its cells.
+    At least half of its cells. `plain`: how cells behind the first look that were all numbers, each
+    digit as a 0; it grows. Most rows look like one before, and are not read cell by cell.
     """
-    kinds = [_kind(cell, decimal) for cell in cells]
+    behind = "\n".join(cells[1:]).translate(_DIGITS_ALIKE)
+    kinds = [_kind(cells[0], decimal)]
+    if behind in plain:
+        kinds += ["number"] * (len(cells) - 1)
+    else:
+        kinds += [_kind(cell, decimal) for cell in cells[1:]]
+        if all(kind == "number" for kind in kinds[1:]):
+            plain.add(behind)
     readable = sum(kind != "text" for kind in kinds)
     first = kinds[0] == like or {kinds[0], like} <= {"number", "blank"}
     return (
@@ -306,7 +316,8 @@ def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most:
     like = Counter(_kind(cells[i][0], decimal) for i in tail[len(tail) // 4 :]).most_common(1)[0][0]
     if like == "text":
         return None
-    rows = {i: _is_row(cells[i], decimal, like) for i in full}
+    plain: set[str] = set()
+    rows = {i: _is_row(cells[i], decimal, like, plain) for i in full}
     usual = Counter(len(cells[i]) for i in tail if rows[i]).most_common(1)
     if not usual:
         return None
