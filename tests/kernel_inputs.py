@@ -504,7 +504,9 @@ def _(rng: np.random.Generator) -> Arguments:
     starts, shift = np.array([-0.004, 0.0, 0.004]), np.zeros(5)
     form = values, motion, table, grids[0], waves
     told, best, moved = np.zeros(4, onset.TRIED), np.zeros(k.FITTED + 1), np.zeros((k.OWN, 4))
-    half = values[:, ::2].copy(), motion
+    half, tried = (values[:, ::2].copy(), motion), np.zeros(5, onset.TRIED)
+    for name in onset.TRIED.names or ():
+        tried[name] = rng.uniform(1.0, 2.0, 5)
     return {
         "_beside": [(columns, place, used, waves, 2, lined, sums)],
         "_left_of": [(sums, inverse, moved, np.zeros(4))],
@@ -535,6 +537,23 @@ def _(rng: np.random.Generator) -> Arguments:
                 np.full(5, np.nan, onset.ONSET),
             )
             for enough in (0.0, 1e9)
+        ],
+        "_put": [
+            (20, 2, 1, 0.001, tried, np.linspace(1.0, 2.0, 9), one)
+            for one in np.full(1, np.nan, onset.ONSET)
+        ],
+        "follow_rows": [
+            (*form, 2, np.full(5, 4), shift, 0.002, 2, 0.02, 0.3, np.full(5, np.nan, onset.ONSET))
+        ],
+        "moved_waves": [
+            (
+                rng.normal(size=(3, 200)),
+                4,
+                np.array([0, 3, 17]),
+                np.array([0.0, 0.25, 0.9]),
+                rng.normal(size=(3, 3)),
+                np.zeros((40, 3)),
+            )
         ],
     }
 

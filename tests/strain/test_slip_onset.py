@@ -6,12 +6,14 @@ Seeds from 1000: none was used for tuning.
 from __future__ import annotations
 
 import dataclasses
+from itertools import product
 
 import numpy as np
 import pytest
 
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Channel, TimeAxis
+from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import footprint
 from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
 from tirelog.strain.passages.find import find_passages
@@ -131,13 +133,47 @@ def test_no_onset_is_sought_beside_a_form_that_is_none_of_a_tire(drive, radius_m
     assert set(found.slip.reason) == {NO_FORM, TOO_SMALL}
 
 
+def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(
+    drive, radius_m, monkeypatch
+):
+    """Most passages start from the onset of one that was looked for everywhere; each row's own
+    samples decide where it ends. Wholly unlike passages are looked for themselves.
+    """
+    followed = []
+    plain = Tractions.followed
+
+    def counted(self, *asked):
+        found = plain(self, *asked)
+        followed.append(np.isfinite(found["best"]))
+        return found
+
+    monkeypatch.setattr(Tractions, "followed", counted)
+    errors = {}
+    for searched in (measure.SEARCHED, 10**6):
+        monkeypatch.setattr(measure, "SEARCHED", searched)
+        off = []
+        for seed in (1670, 1671):
+            found, slipping, free, onset = mixed(drive, radius_m, 14.0, 0.15, seed, 2.0)
+            assert not np.isfinite(found.slip.onset_m[free]).any()
+            off.append((found.slip.onset_m - onset)[slipping])
+        errors[searched] = np.concatenate(off)
+    assert np.concatenate(followed).mean() > 0.9
+    few, all_ = (np.sqrt(np.nanmean(one**2)) for one in errors.values())
+    told, could = (np.isfinite(one).mean() for one in errors.values())
+    assert few < 1.1 * all_
+    assert told > could - 0.02
+
+
 def test_noise_costs_onsets_not_their_truth(drive, radius_m):
     """A quarter of the passages that the form is learnt from is driven: it is learnt anew without
-    them, and hardly an onset is far off.
+    them, and hardly an onset is far off: of 1,000 some 10. (With one
+    seed, of 125, one more or less decided.)
     """
     errors, pulls, driven = [], [], 0
-    for speed, slip, noise_pm in ((14.0, 0.15, 4.0), (20.0, 0.1, 3.0)):
-        found, slipping, free, onset = mixed(drive, radius_m, speed, slip, 1650, noise_pm)
+    for (speed, slip, noise_pm), seed in product(
+        ((14.0, 0.15, 4.0), (20.0, 0.1, 3.0)), range(1650, 1658)
+    ):
+        found, slipping, free, onset = mixed(drive, radius_m, speed, slip, seed, noise_pm)
         seen = slipping & np.isfinite(found.slip.onset_m)
         errors.append(np.abs(found.slip.onset_m - onset)[seen])
         pulls.append(errors[-1] / found.slip.onset_se_m[seen])
@@ -145,5 +181,5 @@ def test_noise_costs_onsets_not_their_truth(drive, radius_m):
         assert not np.isfinite(found.slip.onset_m[free]).any()
         assert found.learnt.reference.misfit < 1.3
     assert np.concatenate(errors).size > 0.8 * driven
-    assert np.mean(np.concatenate(errors) > 0.005) <= 0.01
+    assert np.mean(np.concatenate(errors) > 0.005) <= 0.015
     assert np.mean(np.concatenate(pulls) < 2) > 0.9

@@ -19,8 +19,9 @@ from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, Lea
 from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
-    FINE,
+    FOLLOWED,
     NO_FORM,
+    SEARCHED,
     SPEED_UNKNOWN,
     TOO_SMALL,
     WORST_SPEED,
@@ -42,9 +43,6 @@ FIT_STEP = 1.0 / 36.0
 #: the same, while the rough place of a slip onset is looked for; twice as coarse, it has half of
 #: the samples and may begin beside the onset
 ROUGH_STEP = 1.0 / 9.0
-#: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
-#: far apart, an onset between two loses more of its gain
-GAIN_EVERY = 2 * FINE
 #: the low-pass needs this many samples per period of its cut-off; above, samples are averaged;
 #: twice as many take twice as long
 PLAIN_OVERSAMPLING = 10.0
@@ -92,7 +90,7 @@ class Forms:
         )
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
         self._half_window_m = learnt.half_window_m
-        self._tractions: dict[tuple[int, int], Tractions] = {}
+        self._tractions: dict[int, Tractions] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
         """Number of the form for each speed."""
@@ -101,18 +99,17 @@ class Forms:
         )
         return number
 
-    def traction(self, number: int, every: int = 1) -> Tractions:
-        """What slip onsets are looked for with at knot `number`, with `every`-th of them."""
-        key = number, every
-        if key not in self._tractions:
+    def traction(self, number: int) -> Tractions:
+        """What slip onsets are looked for with at knot `number`."""
+        if number not in self._tractions:
             tables = self.tables
-            self._tractions[key] = Tractions(
+            self._tractions[number] = Tractions(
                 tables.columns[number],
                 tables.grids[number],
-                traction_table(self.reference, number, self._half_window_m, every),
+                traction_table(self.reference, number, self._half_window_m),
                 float(tables.half_length_m[number]),
             )
-        return self._tractions[key]
+        return self._tractions[number]
 
 
 def measure_windows(
@@ -219,33 +216,83 @@ def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
     free = _free(look, rows)
     if not free.size:
         return
-    asked = free[np.linspace(0, free.size - 1, min(ASKED, free.size)).astype(np.int64)]
+    asked = _spread(free, ASKED)
     gains = [
-        look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma)
+        look.forms.traction(knot).gains(windows, motion, sigma)
         for windows, motion, sigma, knot in look.alike(asked)
     ]
     usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
     for windows, motion, sigma, knot in look.alike(rows[usual.worth_a_look(work.fits)[rows]]):
         work.driven[windows.row] = (
-            look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma) > usual.gain
+            look.forms.traction(knot).gains(windows, motion, sigma) > usual.gain
         )
     work.usual = usual
 
 
 def find_onsets(look: Look, work: Measured, clear: NDArray[np.bool_]) -> None:
-    """Slip onsets of the rows of `work` that are driven, where their form is `clear` (n,)."""
+    """Slip onsets of the rows of `work` that are driven, where their form is `clear` (n,).
+
+    Some are looked for everywhere. Others start from that of a passage whose length is nearest to
+    theirs, as the fit without traction tells it, and are looked for everywhere if theirs is unlike.
+    """
     if work.usual is None:
         return
     work.slip.reason[work.driven & ~clear] = NO_FORM
+    rows = np.flatnonzero(work.driven & clear)
+    asked = _spread(rows, SEARCHED)
+    known, starts = _searched(look, work, asked, work.usual.scatter)
+    rest = np.setdiff1d(rows, asked, assume_unique=True)
+    if known.size:
+        rest = _followed(look, work, rest, known, starts, work.usual.scatter)
+    _searched(look, work, rest, work.usual.scatter)
+
+
+def _spread(rows: IntArray, most: int) -> IntArray:
+    """At most so many of `rows`, evenly."""
+    return rows[np.linspace(0, rows.size - 1, min(most, rows.size)).astype(np.int64)]
+
+
+def _form_shift(look: Look, work: Measured, windows: PatchWindows, knot: int) -> FloatArray:
+    """Where the fits of `windows` put the form, beside its own place at a `knot` [m]."""
+    shift_m: FloatArray = work.fits.shift_m[windows.row] - look.forms.tables.shift_m[knot]
+    return np.nan_to_num(shift_m)
+
+
+def _searched(
+    look: Look, work: Measured, rows: IntArray, scatter: float
+) -> tuple[IntArray, Records]:
+    """Fill the onsets of `rows`, looked for everywhere; those that others may start from.
+
+    Their rows (k,), and the starts, (k,) of FOLLOWED.
+    """
     further = look.roughly // look.averaged
-    for windows, _, sigma, knot in look.alike(np.flatnonzero(work.driven & clear)):
+    known, starts = [rows[:0]], [np.empty(0, FOLLOWED)]
+    for windows, _, sigma, knot in look.alike(rows):
+        tractions = look.forms.traction(knot)
         for times, part in _alike(windows, further):
-            shift = np.nan_to_num(work.fits.shift_m[part.row] - look.forms.tables.shift_m[knot])
-            motion, rough = part.motion(*look.motions), part.reduced(times)
-            found = look.forms.traction(knot).onsets(
-                part, motion, rough, shift, sigma, work.usual.scatter
-            )
-            work.slip.put(part.row, found)
+            shift, motion = _form_shift(look, work, part, knot), part.motion(*look.motions)
+            found = tractions.onsets(part, motion, part.reduced(times), shift, sigma, scatter)
+            work.slip.put(part.row, tractions.told(found, scatter))
+            worth, start = tractions.worth_following(found, shift, scatter)
+            known.append(part.row[worth])
+            starts.append(start[worth])
+    return np.concatenate(known), np.concatenate(starts)
+
+
+def _followed(
+    look: Look, work: Measured, rows: IntArray, known: IntArray, starts: Records, scatter: float
+) -> IntArray:
+    """Fill the onsets of `rows` that are like those of the rows `known`; the other rows."""
+    other = [rows[:0]]
+    for windows, motion, sigma, knot in look.alike(rows):
+        tractions, length = look.forms.traction(knot), work.fits.length_m
+        nearest = np.argmin(np.abs(length[windows.row][:, None] - length[known]), axis=1)
+        shift = _form_shift(look, work, windows, knot)
+        found = tractions.followed(windows, motion, shift, starts[nearest], sigma, scatter)
+        alike = np.isfinite(found["best"])
+        work.slip.put(windows.row[alike], tractions.told(found[alike], scatter))
+        other.append(windows.row[~alike])
+    return np.sort(np.concatenate(other))
 
 
 def _free(look: Look, rows: IntArray) -> IntArray:

@@ -25,17 +25,18 @@ from tirelog.strain.footprint.kernels import (
     own_inverse,
     products,
 )
-from tirelog.vocabulary.arrays import FloatArray, Record, Records
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: a row's best onset, NaN without one: its number and that of the onset in the middle of three;
 #: squared residual over sigma^2, and length over height [m], at the onset before the middle one, at
 #: it, and after it; at the best one with the length's standard error; samples used; the least
-#: squared residual with an onset that is far from the best
+#: squared residual with an onset that is far from the best; where the form was put, and how much
+#: farther the solution would move it [m]
 ONSET = np.dtype(
     [("best", "f8"), ("middle", "f8"), ("chi2_before", "f8"), ("chi2_middle", "f8"),
      ("chi2_after", "f8"), ("length_before", "f8"), ("length_middle", "f8"),
      ("length_after", "f8"), ("chi2", "f8"), ("length", "f8"), ("length_se", "f8"), ("used", "f8"),
-     ("rival", "f8")]
+     ("rival", "f8"), ("shift", "f8"), ("to_go", "f8")]
 )  # fmt: skip
 #: one onset that was tried: squared residual over sigma^2, length over height and its standard
 #: error [m]
@@ -266,6 +267,69 @@ def _moved_on(
 
 
 @compiled
+def _put(
+    used: int, first: int, top: int, shift: float, near_told: Records, best: FloatArray,
+    made: Record,
+) -> bool:  # fmt: skip
+    """Fills `made`, one ONSET but for its rival, with what `_moved_on` gave; False if it is none.
+
+    None are too few samples and a form that is not upright.
+    """
+    if used <= FITTED or not best[HEIGHT] > 0.0 or np.isnan(near_told[top]["chi2"]):
+        return False
+    middle = min(max(top, 1), near_told.size - 2)
+    made["best"], made["middle"], made["used"] = first + top, first + middle, used
+    before, after = near_told[middle - 1], near_told[middle + 1]
+    made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
+    made["chi2_middle"] = near_told[middle]["chi2"]
+    made["length_middle"] = near_told[middle]["length"]
+    made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
+    made["chi2"], made["length"] = near_told[top]["chi2"], near_told[top]["length"]
+    made["length_se"] = near_told[top]["length_se"]
+    made["shift"], made["to_go"] = shift, best[SHIFT] / best[HEIGHT]
+    return True
+
+
+@compiled
+def follow_rows(
+    values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
+    fine: int, onset: IntArray, shift_m: FloatArray, trust_m: float, turns: int, sigma: float,
+    odd_sd: float, found: Records,
+) -> None:  # fmt: skip
+    """Fills `found` (n,) of ONSET as `onset_rows` does, from where each row's solution should be.
+
+    The form is put where `shift_m` (n,) says, with onsets about number `onset` (n,), and then
+    `turns` times where the solution moves it. A rival is not looked for: NaN.
+    """
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
+    near_told, best = np.empty(2 * fine + 1, TRIED), np.empty(FITTED + 1)
+    for row in range(values.shape[0]):
+        used, first, top, shift = _moved_on(
+            values[row], motion[row], table, grid, int(onset[row]), shift_m[row], turns, waves,
+            sigma, odd_sd, trust_m, near_told, best, columns, place,
+        )  # fmt: skip
+        _put(used, first, top, shift, near_told, best, found[row])
+
+
+@compiled
+def moved_waves(
+    waves: FloatArray, finer: int, first: IntArray, share: FloatArray, factors: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Adds to `out` (g, c) the `waves` (w, f), moved along the tread for each of the c onsets.
+
+    A grid step of `out` is `finer` steps of the waves. Column t takes the waves from place
+    `first[t]` + `share[t]` on, straight between places, times `factors` (w, c).
+    """
+    for k in range(out.shape[0]):
+        for t in range(out.shape[1]):
+            at, behind = first[t] + k * finer, share[t]
+            for w in range(waves.shape[0]):
+                value = waves[w, at] * (1.0 - behind) + waves[w, at + 1] * behind
+                out[k, t] += factors[w, t] * value
+
+
+@compiled
 def onset_rows(
     values: FloatArray, motion: Records, rough_values: FloatArray, rough_motion: Records,
     table: FloatArray, grid: Record, waves: FloatArray, fine: int, shift_m: FloatArray,
@@ -346,17 +410,8 @@ def onset_rows(
             trust_m, near_told, best, columns, place,
         )  # fmt: skip
         chosen = first + top
-        if used <= FITTED or not best[HEIGHT] > 0.0 or np.isnan(near_told[top]["chi2"]):
+        if not _put(used, first, top, kept, near_told, best, made):
             continue
-        middle = min(max(top, 1), near - 2)
-        made["best"], made["middle"], made["used"] = chosen, first + middle, used
-        before, after = near_told[middle - 1], near_told[middle + 1]
-        made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
-        made["chi2_middle"] = near_told[middle]["chi2"]
-        made["length_middle"] = near_told[middle]["length"]
-        made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
-        made["chi2"], made["length"] = near_told[top]["chi2"], near_told[top]["length"]
-        made["length_se"] = near_told[top]["length_se"]
         rival = np.inf
         for t in range(few.shape[1]):
             if abs(t * fine - chosen) > apart:

@@ -22,15 +22,24 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.strain.footprint.family import EdgeFamily, EdgeShape
-from tirelog.strain.footprint.fit import ODD_SD, PassageFits, grid_of
+from tirelog.strain.footprint.fit import ODD_SD, TABLE_POINTS, PassageFits, grid_of
 from tirelog.strain.footprint.kernels import FITTED, OWN, motion_of
 from tirelog.strain.footprint.learn import LEAST_SCATTER
-from tirelog.strain.footprint.onset_kernels import ONSET, onset_rows, traction_gains
+from tirelog.strain.footprint.onset_kernels import (
+    ONSET,
+    TRUST,
+    follow_rows,
+    moved_waves,
+    onset_rows,
+    traction_gains,
+)
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
+#: steps of the waves that are moved per step of the form's table; what straight lines between them
+#: take off is a sixteenth of what they do there, and half as many take off four times as much
+FINER = 4
 #: onsets that are tried, as a share of the half length, coarse steps and fine ones between them
 FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: friction coefficients of P2 Table 1, adhesion and sliding: only their ratio matters
@@ -47,6 +56,9 @@ TIMES_USUAL = 10.0
 #: what free ones leave are not looked at; twice as many are told to 0.7 of the scatter, in twice
 #: the time
 ASKED, LEAST_SHARE = 96, 0.5
+#: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
+#: far apart, an onset between two loses more of its gain
+GAIN_EVERY = 2 * FINE
 #: an onset stands alone if others this far from it (share of the half length) leave so many more
 #: squared sigmas; half as many keep a hundredth more of the onsets
 APART, ALONE = 0.28, 20.0
@@ -59,7 +71,17 @@ JOINT_ODD_SD, TURNS, LAST_TURNS = 0.1, 4, 2
 #: a form does not describe
 ENOUGH, WORST_LEFT = 1.0, 4.0
 #: first places of the form, as shares of the half length beside its fit without traction
-START_SHIFTS = tuple(0.05 * k for k in range(-6, 7))
+START_STEP = 0.05
+START_SHIFTS = tuple(START_STEP * k for k in range(-6, 7))
+#: onsets that are looked for everywhere, and from which those of other passages start; twice as
+#: many are like more passages, and take twice as long
+SEARCHED = 16
+#: others start from an onset that stands alone by so many times what is asked of each; half as many
+#: would tell onsets beside which others are nearly as good
+SURELY = 3.0
+#: where a passage's onset is looked for that is like another's: number of the onset, how far the
+#: traction moves the form (share of the half length)
+FOLLOWED = np.dtype([("onset", "f8"), ("moved", "f8")])
 #: an onset is not told better than this share of the half length
 LEAST_ERROR = 0.015
 #: the misfit about the best onset, with the form put once, rises this many times as steeply as with
@@ -112,43 +134,48 @@ def onset_grid(half_length_m: float) -> FloatArray:
     return half_length_m * np.linspace(FIRST, LAST, (COARSE - 1) * FINE + 1)
 
 
-def traction_spectrum(
-    family: EdgeFamily, shape: EdgeShape, onset_m: FloatArray
-) -> NDArray[np.complex128]:
-    """Strain spectra of the traction with onsets `onset_m` (c,), shape (n, c).
+def traction_table(reference: Reference, number: int, half_window_m: float) -> FloatArray:
+    """Waves of the traction at speed `number` of `reference`, (g, c), a column per onset.
 
-    On the carcass of `shape`; size of the order of one.
+    The onsets are those of `onset_grid`, the grid that of the form's table, the size of the order
+    of one.
+
+    The load of a traction is made of powers of xi that begin at the entry edge or at the onset, and
+    of the point load there. So few waves, moved along the tread, make those of all onsets.
     """
-    L, kappa = shape.half_length_m, family.kappa_1_m[:, None]
-    at_onset, at_entry, at_exit = (
-        np.exp(-1j * kappa * onset_m),
-        np.exp(1j * kappa * L),
-        np.exp(-1j * kappa * L),
+    family, shape = reference.family, reference.shapes[number]
+    L, kappa, onset = shape.half_length_m, family.kappa_1_m, onset_grid(shape.half_length_m)
+    by_point = family.receptance(shape) / L
+    by_step, by_ramp = by_point / (1j * kappa), by_point / kappa**2
+    at_entry, at_exit = np.exp(1j * kappa * L), np.exp(-1j * kappa * L)
+    fixed, _ = grid_of(
+        reference,
+        number,
+        half_window_m,
+        np.column_stack([by_step * at_entry, (1.0 + 1j * kappa * L) * at_exit * by_ramp]),
     )
-    adhering = STATIC * (L - onset_m) / L * (at_entry - at_onset) / (1j * kappa)
-    # the integral of xi exp(-i kappa xi) is (1 + i kappa xi) exp(-i kappa xi) / kappa^2
-    first_moment = (
-        (1.0 + 1j * kappa * L) * at_exit - (1.0 + 1j * kappa * onset_m) * at_onset
-    ) / kappa**2
-    sliding = -2.0 * SLIDING / L * first_moment
-    point = (SLIDING - STATIC) * (L - onset_m**2 / L) * at_onset
-    answer: NDArray[np.complex128] = (
-        family.receptance(shape)[:, None] * (adhering + sliding + point) / L
+    xi, moving = family.on_grid(
+        np.column_stack([by_point, by_step, by_ramp]),
+        TABLE_POINTS,
+        1.02 * half_window_m + L,
+        FINER,
     )
-    return answer
-
-
-def traction_table(
-    reference: Reference, number: int, half_window_m: float, every: int = 1
-) -> FloatArray:
-    """Waves of the traction at speed `number` of `reference`, one column per onset.
-
-    The onsets are every `every`-th of `onset_grid`, the grid that of the form's table.
-    """
-    shape = reference.shapes[number]
-    onsets = onset_grid(shape.half_length_m)[::every]
-    spectra = traction_spectrum(reference.family, shape, onsets)
-    return grid_of(reference, number, half_window_m, spectra)[0]
+    # adhering: steps at both ends; sliding: the integral of xi exp(-i kappa xi) from the onset to
+    # the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2 between them
+    adhering = STATIC * (L - onset) / L
+    made = np.outer(fixed[:, 0], adhering) - (2.0 * SLIDING / L) * fixed[:, 1:]
+    factors = np.array(
+        [
+            (SLIDING - STATIC) * (L - onset**2 / L),
+            -adhering - 2.0 * SLIDING / L * onset,
+            np.full(onset.size, 2.0 * SLIDING / L),
+        ]
+    )
+    step = xi[1] - xi[0]
+    place = (len(xi) // 2) - FINER * (len(fixed) // 2) - onset / step
+    first = np.floor(place).astype(np.int64)
+    moved_waves(np.ascontiguousarray(moving.T), FINER, first, place - first, factors, made)
+    return made
 
 
 @dataclass(frozen=True)
@@ -197,9 +224,8 @@ class Tractions:
 
         That of the best of its onsets.
         """
-        return traction_gains(
-            windows.values, motion, self.table, self.grid, self.waves, sigma, ODD_SD
-        )
+        few = np.ascontiguousarray(self.waves[:, ::GAIN_EVERY])
+        return traction_gains(windows.values, motion, self.table, self.grid, few, sigma, ODD_SD)
 
     def onsets(
         self,
@@ -209,15 +235,13 @@ class Tractions:
         shift_m: FloatArray,
         sigma: float,
         scatter: float,
-    ) -> SlipOnset:
-        """Slip onsets of rows whose residual has room for one.
+    ) -> Records:
+        """The onset of each row, looked for everywhere: (n,) of ONSET.
 
         `rough`: averages of the windows' neighbours; `shift_m` (n,): where their fits put the form
         beside its own place; `scatter` of the log (`Usual`).
         """
-        L, onsets = self.half_length_m, onset_grid(self.half_length_m)
-        step, starts = onsets[1] - onsets[0], np.array(START_SHIFTS) * L
-        found = np.full(len(shift_m), np.nan, ONSET)
+        L, found = self.half_length_m, np.full(len(shift_m), np.nan, ONSET)
         rough_motion = motion_of(
             rough.centre, rough.rate_Hz, motion["speed_m_s"], motion["acceleration_m_s2"]
         )
@@ -231,23 +255,85 @@ class Tractions:
             self.waves,
             FINE,
             shift_m,
-            starts,
+            np.array(START_SHIFTS) * L,
             TURNS,
             LAST_TURNS,
             sigma,
             sigma * np.sqrt(windows.averaged / rough.averaged),
             JOINT_ODD_SD,
             ENOUGH * scatter**2,
-            int(APART * L / step),
+            int(APART * L / self.step_m),
             found,
         )
-        best, middle, used, rival = (found[n] for n in ("best", "middle", "used", "rival"))
+        return found
+
+    def followed(
+        self, windows: PatchWindows, motion: Records, shift_m: FloatArray, like: Records,
+        sigma: float, scatter: float,
+    ) -> Records:  # fmt: skip
+        """The onset of each row from that of another passage, `like` (n,) of FOLLOWED.
+
+        (n,) of ONSET, NaN if the row is not like the other or leaves more than can be believed: it
+        has to be looked for everywhere.
+        """
+        L, found = self.half_length_m, np.full(len(shift_m), np.nan, ONSET)
+        start, trust_m = shift_m + like["moved"] * L, TRUST * START_STEP * L
+        follow_rows(
+            windows.values,
+            motion,
+            self.table,
+            self.grid,
+            self.waves,
+            FINE,
+            like["onset"].astype(np.int64),
+            start,
+            trust_m,
+            LAST_TURNS,
+            sigma,
+            JOINT_ODD_SD,
+            found,
+        )
+        with np.errstate(invalid="ignore"):
+            alike = (
+                (found["best"] == found["middle"])
+                & (np.abs(found["best"] - like["onset"]) <= FINE)
+                & (np.abs(found["shift"] - start) < START_STEP * L)
+                & (np.abs(found["to_go"]) < trust_m)
+                & (_scale(found, scatter) <= WORST_LEFT * scatter**2)
+            )
+        found[~alike] = np.nan
+        found["rival"][alike] = np.inf
+        return found
+
+    def worth_following(
+        self, found: Records, shift_m: FloatArray, scatter: float
+    ) -> tuple[NDArray[np.bool_], Records]:
+        """Which of the onsets that were `found` others may start from, (n,), and the starts.
+
+        Onsets that are told, and stand alone far more clearly than is asked for.
+        """
+        scale = _scale(found, scatter)
+        starts = np.empty(found.size, FOLLOWED)
+        starts["onset"] = found["best"]
+        starts["moved"] = (found["shift"] - shift_m) / self.half_length_m
+        with np.errstate(invalid="ignore"):
+            alone = found["rival"] - found["chi2"] > SURELY * ALONE * scale
+        return alone & (self.told(found, scatter).reason == ""), starts
+
+    @property
+    def step_m(self) -> float:
+        """From one onset that is tried to the next."""
+        onsets = onset_grid(self.half_length_m)
+        return float(onsets[1] - onsets[0])
+
+    def told(self, found: Records, scatter: float) -> SlipOnset:
+        """Onsets with their errors, or why not, of what was `found` (n,)."""
+        L, onsets, step = self.half_length_m, onset_grid(self.half_length_m), self.step_m
+        best, middle, rival = (found[n] for n in ("best", "middle", "rival"))
         a, b, c = found["chi2_before"], found["chi2_middle"], found["chi2_after"]
         shorter, longer = found["length_before"], found["length_after"]
         left, length, length_se = found["chi2"], found["length"], found["length_se"]
-        # what a row's residual is beyond the log's usual one widens its own error
-        scale = np.maximum(left / np.maximum(used - FITTED, 1.0), scatter**2)
-        known = np.isfinite(best)
+        scale, known = _scale(found, scatter), np.isfinite(best)
         bend = np.maximum(a - 2.0 * b + c, 1e-300)
         onset = (
             onsets[np.where(known, middle, 0.0).astype(int)]
@@ -266,3 +352,14 @@ class Tractions:
         return SlipOnset(
             onset * nan, error * nan, 2.0 * (L + length), 2.0 * length_se, left / scatter**2, reason
         )
+
+
+def _scale(found: Records, scatter: float) -> FloatArray:
+    """Square of how much larger the rows' residuals are than the noise, (n,); `found` of ONSET.
+
+    What a row's residual is beyond the log's usual one widens its own error.
+    """
+    scale: FloatArray = np.maximum(
+        found["chi2"] / np.maximum(found["used"] - FITTED, 1.0), scatter**2
+    )
+    return scale
