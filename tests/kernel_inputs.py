@@ -234,6 +234,7 @@ def _(rng: np.random.Generator) -> Arguments:
     mantissas = [int(m) for m in rng.integers(1 << 53, (1 << 63) - 1, 4)]
     return {
         "value_of": [(words[0] & np.uint64(0x0F0F0F0F0F0F0F0F),)],
+        "not_digits": [(word,) for word in words],
         "leading_digits": [(word,) for word in words],
         "digits_number": [(bytes_of(c + b"\n" * 9), 0, 46) for c in cells],
         "as_count": [(15500003, -4, 4), (1, 3, 4), (0, 0, 0), (5, -6, 4), (-7, 0, 9), (-1, 0, 2)],
@@ -290,7 +291,7 @@ def text_rows() -> tuple[Any, Any, list[int]]:
             (0, 0, 0, 0, 0, 1, 1, 1), (0, 4, 0, 0, 0, 0, 0, 0),
             (0, 1, 1, 0, 0, 0, 0, 0), strict=True)
     ):  # fmt: skip
-        guides[k] = what, slot, places, bool(marks), False
+        guides[k] = what, slot, places, bool(marks), False, 0, 0
     guides["what"][7] = kernels.SKIP
     return bytes_of(data + b"\n" * 60), guides, np.cumsum([len(row) for row in rows]).tolist()
 
@@ -326,6 +327,9 @@ def _(rng: np.random.Generator) -> Arguments:
             (what, 4, whole, behind)
             for what in (kernels.COUNT, kernels.FLOAT)
             for whole, behind in ((4, 4), (6, 2), (8, 8), (0, 1))
+        ],
+        "_are_digits": [
+            (np.uint64(w), n) for w in (0x3130393835353031, 0x2E303938) for n in (1, 4, 8)
         ],
         "parse_rows": [
             (data, 0, guides.copy(), 44, 46, 6, rest, *room(most, rows))

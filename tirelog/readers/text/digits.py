@@ -80,12 +80,19 @@ def value_of(values: Whole) -> Whole:
 
 
 @compiled
+def not_digits(word: Whole) -> Whole:
+    """The highest bit of each of a word's eight bytes that is no ASCII digit.
+
+    Above the first one that is none, a carry may tell lies.
+    """
+    values = word ^ _ZEROS
+    return ((values + _TO_HIGH) | values) & _HIGH
+
+
+@compiled
 def leading_digits(word: Whole) -> Whole:
     """How many of a word's eight bytes, lowest first, are ASCII digits before one that is not."""
-    values = word ^ _ZEROS
-    others = (
-        (values + _TO_HIGH) | values
-    ) & _HIGH  # above the first one that is no digit, a carry may tell lies
+    others = np.uint64(not_digits(word))
     if others == _NONE:
         return np.int64(8)
     below = ((others & (~others + _1)) - _1) & _ONES

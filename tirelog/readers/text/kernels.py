@@ -5,8 +5,9 @@
     cells      a block of anything to its cells, with the number in each
     separated, collapsed      small helpers
 
-`parse_rows` measures a cell's digits one word at a time and loads them as words; only a cell that
-is written otherwise is read byte by byte.
+`parse_rows` takes a cell to be written as the one above it, so that the next cell's place is known
+before this one's digits are; one that is not is measured a word at a time, and only one that is
+written otherwise is read byte by byte.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from tirelog.readers.text.digits import (
     as_float,
     digits_number,
     leading_digits,
+    not_digits,
     value_of,
     word,
 )
@@ -36,11 +38,13 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 #: behind
 SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
 #: what to do with a column: `what` of the above, its slot in that output, places of counts, whether
-#: 0 and -1 are lost; set to True: a count could not hold a number
+#: 0 and -1 are lost; set to True: a count could not hold a number; set too: digits before and
+#: behind the decimal sign of the last plain cell, 0 if there was none
 GUIDE = np.dtype(
-    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("marks_lost", "?"), ("too_wide", "?")],
+    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("marks_lost", "?"), ("too_wide", "?"),
+     ("whole", "i8"), ("behind", "i8")],
     align=True,
-)
+)  # fmt: skip
 #: first byte of a cell and the byte behind it
 CELL_SPAN = np.dtype([("first", "i8"), ("stop", "i8")])
 #: most decimals of a tick, an int64 count
@@ -112,6 +116,13 @@ def _together(front: Whole, back: Whole, whole: Whole, behind: Whole) -> Whole:
 
 
 @compiled
+def _are_digits(word: Whole, count: Whole) -> bool:
+    """True if the first `count` of a word's eight bytes, 1 to 8, are ASCII digits."""
+    found: bool = np.uint64(not_digits(word)) << np.uint64(64 - 8 * count) == np.uint64(0)
+    return found
+
+
+@compiled
 def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
     """True if a cell is read from two words and fits the column.
 
@@ -163,6 +174,25 @@ def parse_rows(
             what, slot, places = guide["what"], guide["slot"], guide["places"]
             marks_lost = guide["marks_lost"]
             if at < safe and not ended and COUNT <= what <= FLOAT:
+                whole, behind = guide["whole"], guide["behind"]
+                end = at + whole + 1 + behind
+                if whole > 0 and data[at + whole] == decimal:
+                    front, back = word(data, at), word(data, at + whole + 1)
+                    last = (
+                        data[end] == separator
+                        if c + 1 < width
+                        else data[end] == 10 or data[end] == 13
+                    )
+                    if last and _are_digits(front, whole) and _are_digits(back, behind):
+                        m = _together(front, back, whole, behind)
+                        if what == COUNT:
+                            m *= POWERS[places - behind]
+                            counts[slot, r] = LOST_COUNT if m == 0 and marks_lost else m
+                        else:
+                            value = m / EXACT_POWERS[behind]
+                            floats[slot, r] = np.nan if m == 0 and marks_lost else value
+                        at = end + (c + 1 < width)
+                        continue
                 negative = data[at] == 45
                 first = at + negative
                 whole, behind = leading_digits(word(data, first)), np.int64(0)
@@ -174,6 +204,8 @@ def parse_rows(
                     data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
                 )
                 if last and _fits(what, places, whole, behind):
+                    if behind > 0 and not negative:
+                        guide["whole"], guide["behind"] = whole, behind
                     m = _together(word(data, first), word(data, point + 1), whole, behind)
                     if what == COUNT:
                         m *= POWERS[places - behind]

@@ -69,7 +69,7 @@ class _Table:
         guides = np.zeros(plan.across, GUIDE)
         for k, what in self.whats.items():
             places = plan.tick_places if what == TICK else plan.places.get(k) or 0
-            guides[k] = what, self.slots[k], places, k in plan.gratings, False
+            guides[k] = what, self.slots[k], places, k in plan.gratings, False, 0, 0
         data = bytes_of(block)
         lines = min(
             (len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS
