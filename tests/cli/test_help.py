@@ -27,6 +27,26 @@ def commands(parsed, path=""):
 ALL = dict(commands(command()))
 
 
+def told(one, path):
+    """The help of a command."""
+    with one.make_context(path, [], resilient_parsing=True) as context:
+        return one.get_help(context)
+
+
+@pytest.mark.parametrize("name", sorted(command().commands))
+def test_a_command_alone_is_what_it_is_among_all(name):
+    alone = command(name)
+    assert list(alone.commands) == [name]
+    for path, one in commands(alone):
+        assert told(one, path) == told(ALL[path], path)
+        assert [p.name for p in one.params] == [p.name for p in ALL[path].params]
+
+
+@pytest.mark.parametrize("asked", ["", "tabels", "--help"])
+def test_what_is_no_command_is_looked_for_among_all(asked):
+    assert list(command(asked).commands) == list(command().commands)
+
+
 def help_of(tirelog, *path):
     return tirelog(*path, "-h").out
 

@@ -64,13 +64,14 @@ def run(arguments: list[str] | None = None) -> int:
     from tirelog.cli.streams import drop_output, endings_unwind
 
     arguments = sys.argv[1:] if arguments is None else arguments
+    completes = "_TIRELOG_COMPLETE" in os.environ
     debug = "--debug" in arguments or bool(os.environ.get("TIRELOG_DEBUG"))
     try:
         from tirelog.cli.app import command  # in here, so that an interrupt meanwhile is one too
         from tirelog.storage.whole import inputs_kept
 
-        parsed: Any = command()
-        if "_TIRELOG_COMPLETE" in os.environ:  # the shell asks for completions
+        parsed: Any = command(arguments[0] if arguments and not completes else "")
+        if completes:  # the shell asks for completions
             parsed.main(prog_name="tirelog")
         # not main(): it would turn a reader that leaves (`| head`) into status 1
         with endings_unwind(), inputs_kept(), warnings.catch_warnings():
