@@ -19,6 +19,7 @@ from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, Lea
 from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
+    FINE,
     FOLLOWED,
     NO_FORM,
     SEARCHED,
@@ -43,6 +44,9 @@ FIT_STEP = 1.0 / 36.0
 #: the same, while the rough place of a slip onset is looked for; twice as coarse, it has half of
 #: the samples and may begin beside the onset
 ROUGH_STEP = 1.0 / 9.0
+#: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
+#: far apart, an onset between two loses more of its gain
+GAIN_EVERY = 2 * FINE
 #: the low-pass needs this many samples per period of its cut-off; above, samples are averaged;
 #: twice as many take twice as long
 PLAIN_OVERSAMPLING = 10.0
@@ -90,7 +94,7 @@ class Forms:
         )
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
         self._half_window_m = learnt.half_window_m
-        self._tractions: dict[int, Tractions] = {}
+        self._tractions: dict[tuple[int, int], Tractions] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
         """Number of the form for each speed."""
@@ -99,17 +103,18 @@ class Forms:
         )
         return number
 
-    def traction(self, number: int) -> Tractions:
-        """What slip onsets are looked for with at knot `number`."""
-        if number not in self._tractions:
+    def traction(self, number: int, every: int = 1) -> Tractions:
+        """What slip onsets are looked for with at knot `number`, with `every`-th of them."""
+        key = number, every
+        if key not in self._tractions:
             tables = self.tables
-            self._tractions[number] = Tractions(
+            self._tractions[key] = Tractions(
                 tables.columns[number],
                 tables.grids[number],
-                traction_table(self.reference, number, self._half_window_m),
+                traction_table(self.reference, number, self._half_window_m, every),
                 float(tables.half_length_m[number]),
             )
-        return self._tractions[number]
+        return self._tractions[key]
 
 
 def measure_windows(
@@ -218,13 +223,13 @@ def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
         return
     asked = _spread(free, ASKED)
     gains = [
-        look.forms.traction(knot).gains(windows, motion, sigma)
+        look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma)
         for windows, motion, sigma, knot in look.alike(asked)
     ]
     usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
     for windows, motion, sigma, knot in look.alike(rows[usual.worth_a_look(work.fits)[rows]]):
         work.driven[windows.row] = (
-            look.forms.traction(knot).gains(windows, motion, sigma) > usual.gain
+            look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma) > usual.gain
         )
     work.usual = usual
 

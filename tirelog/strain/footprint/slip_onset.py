@@ -38,8 +38,8 @@ from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: steps of the waves that are moved per step of the form's table; what straight lines between them
-#: take off is a sixteenth of what they do there, and half as many take off four times as much
-FINER = 4
+#: take off is a quarter of what they do there, and twice as many take off a quarter of that
+FINER = 2
 #: onsets that are tried, as a share of the half length, coarse steps and fine ones between them
 FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: friction coefficients of P2 Table 1, adhesion and sliding: only their ratio matters
@@ -56,9 +56,6 @@ TIMES_USUAL = 10.0
 #: what free ones leave are not looked at; twice as many are told to 0.7 of the scatter, in twice
 #: the time
 ASKED, LEAST_SHARE = 96, 0.5
-#: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
-#: far apart, an onset between two loses more of its gain
-GAIN_EVERY = 2 * FINE
 #: an onset stands alone if others this far from it (share of the half length) leave so many more
 #: squared sigmas; half as many keep a hundredth more of the onsets
 APART, ALONE = 0.28, 20.0
@@ -134,17 +131,20 @@ def onset_grid(half_length_m: float) -> FloatArray:
     return half_length_m * np.linspace(FIRST, LAST, (COARSE - 1) * FINE + 1)
 
 
-def traction_table(reference: Reference, number: int, half_window_m: float) -> FloatArray:
+def traction_table(
+    reference: Reference, number: int, half_window_m: float, every: int = 1
+) -> FloatArray:
     """Waves of the traction at speed `number` of `reference`, (g, c), a column per onset.
 
-    The onsets are those of `onset_grid`, the grid that of the form's table, the size of the order
-    of one.
+    The onsets are every `every`-th of `onset_grid`, the grid that of the form's table, the size of
+    the order of one.
 
     The load of a traction is made of powers of xi that begin at the entry edge or at the onset, and
     of the point load there. So few waves, moved along the tread, make those of all onsets.
     """
     family, shape = reference.family, reference.shapes[number]
-    L, kappa, onset = shape.half_length_m, family.kappa_1_m, onset_grid(shape.half_length_m)
+    L, kappa = shape.half_length_m, family.kappa_1_m
+    onset = onset_grid(L)[::every]
     by_point = family.receptance(shape) / L
     by_step, by_ramp = by_point / (1j * kappa), by_point / kappa**2
     at_entry, at_exit = np.exp(1j * kappa * L), np.exp(-1j * kappa * L)
@@ -224,8 +224,9 @@ class Tractions:
 
         That of the best of its onsets.
         """
-        few = np.ascontiguousarray(self.waves[:, ::GAIN_EVERY])
-        return traction_gains(windows.values, motion, self.table, self.grid, few, sigma, ODD_SD)
+        return traction_gains(
+            windows.values, motion, self.table, self.grid, self.waves, sigma, ODD_SD
+        )
 
     def onsets(
         self,
