@@ -36,9 +36,9 @@ def patch_width(task: Task, lever_m: float) -> FloatArray:
     their distance from these while load and pressure move them, and `offset_rad` is that distance.
     A beam does not lie flat: of it the angle is the contact's length.
     """
-    site = loaded_site(task)[0]
     if task.carcass == "ring":
         return _with_regressors(task, "patch_width", _between_steepest(task))
+    site = loaded_site(task)[0]
     return _with_regressors(task, "patch_width", 2.0 * site.half_length_m / site.radius_m)
 
 
@@ -61,13 +61,12 @@ def _between_steepest(task: Task) -> FloatArray:
 
 
 def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float) -> FloatArray:
-    site = loaded_site(task)[0]
     value = task.base["offset_rad"] + task.base["per_acceleration_rad_s2_m"] * np.nan_to_num(
         task.drive.acceleration_m_s2
     )
     value = value + width_rad
     for added in task.hooks(lambda effect: effect.regressor).values():
-        value = value + added(site, observable)
+        value = value + added(loaded_site(task)[0], observable)
     return value
 
 

@@ -174,7 +174,7 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     tilted = bool(task.having("tilt"))
     if task.flat_road:
         pb = _inflation_pb(task) + structure(task).tension / R
-        half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, pb)
+        half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, pb, tilted=tilted)
         return Site(F, half, R), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
