@@ -25,7 +25,12 @@ from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.cells.together import predicted
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric.offsets import Levelled
-from tirelog.inference.metric.projection import in_blocks, side_by_side, solve_scaled
+from tirelog.inference.metric.projection import (
+    in_blocks,
+    per_manoeuvre,
+    side_by_side,
+    solve_scaled,
+)
 from tirelog.inference.metric.whitening import Whitener
 from tirelog.inference.scatter import Scatter
 from tirelog.vocabulary.arrays import FloatArray
@@ -209,17 +214,33 @@ def held_out_losses(
     way), so leaving data out cannot. `of` (C,): the cells whose losses count, if not all; the
     parameters are decided by all.
     """
-    in_white, in_plain = (_levelled(cells, metric, fit, more) for metric in (white, plain))
-    theta, offset = in_white.left_out()
-    of_all, level_of_all = in_white.step_of_all(
-        fit.jacobian.shape[-1] + fit.amplitudes.size + _own_levels(cells).shape[-1]
-    )
-    theta, offset = theta - of_all, offset - level_of_all
-    if of is not None:
-        in_white, in_plain = (
-            _levelled(cells, metric.only(of), fit, more) for metric in (white, plain)
-        )
-    return in_white.loss(theta, offset), in_plain.loss(theta, offset)
+    return held_out_losses_with(cells, white, plain, fit, [more], of=of)[0]
+
+
+def held_out_losses_with(
+    cells: Cells,
+    white: Whitener,
+    plain: Plain,
+    fit: Fit,
+    additions: Sequence[Sequence[FloatArray]],
+    *,
+    of: NDArray[np.bool_] | None = None,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """`held_out_losses` with each of several additions to the model, alone.
+
+    The model's own columns, which are most, are brought into the metrics once for all.
+    """
+    first = fit.jacobian.shape[-1] + fit.amplitudes.size + _own_levels(cells).shape[-1]
+    metrics = (white, plain) if of is None else (white, white.only(of), plain.only(of))
+    losses = []
+    for levelled in zip(
+        *(_levelled(cells, metric, fit, additions) for metric in metrics), strict=True
+    ):
+        theta, offset = levelled[0].left_out()
+        of_all, level_of_all = levelled[0].step_of_all(first)
+        theta, offset = theta - of_all, offset - level_of_all
+        losses.append((levelled[-2].loss(theta, offset), levelled[-1].loss(theta, offset)))
+    return losses
 
 
 def _own_levels(cells: Cells) -> FloatArray:
@@ -244,7 +265,7 @@ def steps_left_out(cells: Cells, white: Whitener, fit: Fit) -> FloatArray:
 
     One step from the fitted point, as for held-out losses; zero for what stands at a bound.
     """
-    in_white = _levelled(cells, white, fit, ())
+    (in_white,) = _levelled(cells, white, fit, [()])
     p = fit.jacobian.shape[-1]
     theta, _ = in_white.left_out()
     of_all, _ = in_white.step_of_all(p + fit.amplitudes.size)
@@ -256,16 +277,16 @@ def losses_of_errors(cells: Cells, white: Whitener, plain: Plain, fit: Fit) -> F
 
     In the mean, if nothing is missing: manoeuvres are few, and each scatters.
     """
-    in_white, in_plain = (_levelled(cells, metric, fit, ()) for metric in (white, plain))
+    (in_white,), (in_plain,) = (_levelled(cells, metric, fit, [()]) for metric in (white, plain))
     return in_white.of_errors(in_plain)
 
 
 def _levelled(
-    cells: Cells, metric: Whitener | Plain, fit: Fit, more: Sequence[FloatArray]
-) -> Levelled:
-    """The normal equations of every manoeuvre.
+    cells: Cells, metric: Whitener | Plain, fit: Fit, additions: Sequence[Sequence[FloatArray]]
+) -> list[Levelled]:
+    """The normal equations of every manoeuvre, with each of the additions (C, m, k) to the model.
 
-    No metric couples two of them, so some are worked on at a time.
+    No metric couples two manoeuvres, so some are worked on at a time.
     """
     shared = cells.shared if cells.shared is not None and len(cells.shared) else None
     own = _own_levels(cells)
@@ -273,9 +294,8 @@ def _levelled(
         fit.moving,
         *([own] if own.shape[-1] else []),
         *([] if shared is None else [shared.columns]),
-        *more,
     ]
-    made = []
+    made: list[list[Levelled]] = [[] for _ in additions]
     prediction = fit.prediction + (0.0 if shared is None else shared.columns @ fit.amplitudes)
     level = cells.level  # a number per revolution has no offset of its own
     if own.shape[-1]:  # if nothing decides these, they stay as they are
@@ -295,19 +315,27 @@ def _levelled(
             side_by_side(some, [part[rows] for part in parts]),
             some(level[rows]),
         )
-        made.append(
-            Levelled.of(
-                columns,
-                residual,
-                offset,
-                cells.manoeuvre[rows] - manoeuvres.start,
-                cells.drive[rows],
-            )
-        )
+        where = cells.manoeuvre[rows] - manoeuvres.start, cells.drive[rows]
+        of_model = Levelled.of(columns, residual, offset, *where)
+        for more, of_more in zip(additions, made, strict=True):
+            if more:
+                added = side_by_side(some, [part[rows] for part in more])
+                beside = Levelled.of(added, residual, offset, *where)
+                crossed = per_manoeuvre(np.swapaxes(columns, 1, 2) @ added, where[0])
+                of_more.append(of_model.beside(beside, crossed))
+            else:
+                of_more.append(of_model)
     log = np.zeros(cells.manoeuvres, np.int64)
     log[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
-    columns_of_all = sum(part.shape[-1] for part in parts)
-    return Levelled.joined(made, log, _prior(fit, shared, own.shape[-1], columns_of_all))
+    width = sum(part.shape[-1] for part in parts)
+    return [
+        Levelled.joined(
+            of_more,
+            log,
+            _prior(fit, shared, own.shape[-1], width + sum(part.shape[-1] for part in more)),
+        )
+        for more, of_more in zip(additions, made, strict=True)
+    ]
 
 
 def _prior(

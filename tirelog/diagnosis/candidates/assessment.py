@@ -17,7 +17,7 @@ from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_
 from tirelog.diagnosis.candidates.signatures import Signature
 from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base
-from tirelog.inference.floor import held_out_losses
+from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
@@ -78,8 +78,16 @@ def assess(
     kept, scores, reasons = scores_of(base, signatures, more)
     statistic, p = flip_test(scores, base.cells.manoeuvres)
     best = best_variants(kept, statistic)
+    losses = held_out_losses_with(
+        base.cells,
+        base.white,
+        base.plain,
+        base.fit,
+        [[kept[i].columns] for i in best.values()],
+    )
     found = [
-        _assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i])) for i in best.values()
+        _assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i]), held)
+        for i, held in zip(best.values(), losses, strict=True)
     ]
     tested = {a.id for a in found}
     return sorted(found, key=lambda a: -a.statistic), {
@@ -128,11 +136,15 @@ def scores_of(
 
 
 def _assessed(
-    base: Base, signature: Signature, scores: Scores, statistic: float, p: float
+    base: Base,
+    signature: Signature,
+    scores: Scores,
+    statistic: float,
+    p: float,
+    held: tuple[FloatArray, FloatArray],
 ) -> Assessed:
-    held_white, held_plain = held_out_losses(
-        base.cells, base.white, base.plain, base.fit, signature.columns
-    )
+    """A candidate with its evidence; `held`: the losses (M,) with its columns."""
+    held_white, held_plain = held
     gain, error = gain_and_error(base.held_white, held_white)
     removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
     total = scores.scores.sum(axis=0)

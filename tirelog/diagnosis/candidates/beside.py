@@ -24,7 +24,7 @@ from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
 from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
-from tirelog.inference.floor import held_out_losses
+from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.projection import per_manoeuvre
 from tirelog.inference.nuisances import freed, frees, is_drift, shared_by, shared_effects
 from tirelog.physics.model.model import Model
@@ -95,9 +95,11 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
         )
         scores.append(Scores(by_manoeuvre, flat.T @ flat))
     _, p = flip_test(scores, base.cells.manoeuvres)
+    losses = held_out_losses_with(
+        base.cells, base.white, base.plain, base.fit, [[x.columns] for x in effects]
+    )
     assessed = []
-    for x, own in zip(effects, p, strict=True):
-        held_white, _ = held_out_losses(base.cells, base.white, base.plain, base.fit, x.columns)
+    for x, own, (held_white, _) in zip(effects, p, losses, strict=True):
         gain, error = gain_and_error(base.held_white, held_white)
         assessed.append(AssessedNuisance(x, float(own), gain, error))
     return sorted(assessed, key=lambda a: -a.gain)

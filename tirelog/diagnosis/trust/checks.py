@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.rules import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, TogetherBase, apart
-from tirelog.inference.floor import held_out_losses
+from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import solve_scaled
 from tirelog.inference.nuisances import condition_slopes
@@ -151,15 +151,20 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
     other = ProjectedOut.of(Offsets.of(cells, base.white), base.white(base.fit.moving))
     residual = other.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
     found = []
-    for condition, slope in condition_slopes(cells, base.fit).items():
-        for log in logs:
-            column = (slope * (cells.log == log)[:, None])[..., None]
-            white, plain = held_out_losses(cells, base.white, base.plain, base.fit, column)
-            gain, error = gain_and_error(base.held_white, white)
-            share = float((base.held_plain - plain).sum()) / base.plain.weight / base.excess
-            if gain <= GAIN_SIGMAS * error or share < _SUSPECT:
-                continue
-            left = other.without(base.white(column)).reshape(-1, 1)
-            change = solve_scaled(left.T @ left, left.T @ residual.ravel())[0]
-            found.append(Suspect(condition, int(log), float(change), min(share, 1.0)))
+    columns = {
+        (condition, int(log)): (slope * (cells.log == log)[:, None])[..., None]
+        for condition, slope in condition_slopes(cells, base.fit).items()
+        for log in logs
+    }
+    losses = held_out_losses_with(
+        cells, base.white, base.plain, base.fit, [[column] for column in columns.values()]
+    )
+    for ((condition, log), column), (white, plain) in zip(columns.items(), losses, strict=True):
+        gain, error = gain_and_error(base.held_white, white)
+        share = float((base.held_plain - plain).sum()) / base.plain.weight / base.excess
+        if gain <= GAIN_SIGMAS * error or share < _SUSPECT:
+            continue
+        left = other.without(base.white(column)).reshape(-1, 1)
+        change = solve_scaled(left.T @ left, left.T @ residual.ravel())[0]
+        found.append(Suspect(condition, log, float(change), min(share, 1.0)))
     return tuple(sorted(found, key=lambda s: -s.share))

@@ -33,7 +33,7 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.inference.base import Base
 from tirelog.inference.fit.cells import Problem
-from tirelog.inference.floor import held_out_losses
+from tirelog.inference.floor import held_out_losses_with
 from tirelog.physics.effects import Effect
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -149,10 +149,11 @@ def _alarms(
     result: dict[str, tuple[Any, FloatArray]] = {}
     share = LEAST_SHARE_OF_FLOOR if first else SECOND_LEAST
     size = share * base.floor.square * base.plain.weight
-    for name, i in best_variants(kept, under_flips[0]).items():
-        white, plain = held_out_losses(
-            base.cells, base.white, base.plain, base.fit, kept[i].columns
-        )
+    best = best_variants(kept, under_flips[0])
+    losses = held_out_losses_with(
+        base.cells, base.white, base.plain, base.fit, [[kept[i].columns] for i in best.values()]
+    )
+    for (name, i), (white, plain) in zip(best.items(), losses, strict=True):
         gain, drop = base.held_white - white, base.held_plain - plain
         statistic = statistics([scores[i]], times)[:, 0]
         mean = times @ gain / gain.size

@@ -226,6 +226,20 @@ class Levelled:
             own,
         )
 
+    def beside(self, more: Levelled, crossed: FloatArray) -> Levelled:
+        """With the columns of another (M, k) behind its own.
+
+        `crossed` (M, p, k): products of its columns with the other's.
+        """
+        upper = np.concatenate([self.normal.gram, crossed], axis=2)
+        lower = np.concatenate([np.swapaxes(crossed, 1, 2), more.normal.gram], axis=2)
+        normal = Normal(
+            np.concatenate([upper, lower], axis=1),
+            np.concatenate([self.normal.right, more.normal.right], axis=1),
+            self.normal.square,
+        )
+        return replace(self, normal=normal, cross=np.concatenate([self.cross, more.cross], axis=1))
+
     @classmethod
     def joined(
         cls,
