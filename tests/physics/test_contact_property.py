@@ -10,7 +10,12 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.carcass.contact import solve_contact
+from tirelog.physics.carcass.contact import (
+    State,
+    pressure_modes,
+    pressure_modes_near,
+    solve_contact,
+)
 from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
 
 R, STEP = 0.3, 2 * np.pi / 3072
@@ -149,3 +154,33 @@ def test_tensions_in_between_are_interpolated_to_a_part_in_ten_thousand():
     for i in (1, 9, 18):
         alone = model.predict(conditions.take(slice(i, i + 1)), phi)[0]
         assert np.abs(table[i] - alone).max() < 2e-4 * np.ptp(alone)
+
+
+#: one load and tension in all rows; several of each, solved one by one; many, interpolated
+ROWS = {
+    "one": ([3500.0], [1.7e4]),
+    "some": ([2500.0, 3500.0, 3500.0], [1.7e4, 1.7e4, 2.0e4]),
+    "many": (list(np.linspace(2510.0, 3990.0, 9)), list(np.linspace(2.11e4, 1.61e4, 9))),
+}
+
+
+@pytest.mark.parametrize("rows", ROWS)
+@pytest.mark.parametrize("name", ["EI", "k_w", "k_v", "k_t", "pb_N_m", "load_N"])
+def test_a_small_step_by_derivatives_is_the_step(rows, name):
+    """To the square of the step: the same angles touch, and the rest is linear."""
+    load, pb = (np.array(column)[:, None] for column in ROWS[rows])
+    here, step = State(CARCASS, load, pb), 1e-6
+
+    def moved(factor):
+        if name in ("pb_N_m", "load_N"):
+            return replace(here, **{name: getattr(here, name) * factor})
+        return replace(here, carcass=replace(CARCASS, **{name: getattr(CARCASS, name) * factor}))
+
+    there = [moved(1.0 + sign * step) for sign in (1, -1)]
+    near = [pressure_modes_near(here, state, tilted=True) for state in there]
+    ends = [pressure_modes(state, tilted=True) for state in there]
+    assert near[0] is not None and near[1] is not None
+    for up, down, true_up, true_down in zip(*near, *ends, strict=True):
+        slope = (true_up - true_down) / (2.0 * step)
+        assert np.abs(slope).max() > 1e-4 * np.abs(true_up).max()
+        assert np.allclose((up - down) / (2.0 * step), slope, atol=1e-7 * np.abs(slope).max())

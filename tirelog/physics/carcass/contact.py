@@ -11,6 +11,10 @@ with u the ring's vertical yield. Solved by active sets (Newton's method on the 
 waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
 is the one of the undamped ring with all its tension, that of effects too; what damping and effects
 on the foundation change in the pressure is left out.
+
+    carcass, F, p0 b --pressure_modes--> L, modes of p
+                     --pressure_modes_near--> the same a small step away, by derivatives: the angles
+                                              that touch stay, and of them all is linear
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
-from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 
 from tirelog.errors import ModelError
 from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
@@ -43,14 +47,17 @@ _TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
 #: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as
 #: _TABLE and interpolated. Twice as many nodes take twice as long for errors far below the
 #: solution's own.
-_FEW, _TABLE = 4, 12
+_FEW, _TABLE = 4, 8
 #: The same of tensions, which differ by less from log to log and with the speed. Twice as many
 #: take twice as long.
-_FEW_TENSIONS, _TENSIONS = 8, 4
+_FEW_TENSIONS, _TENSIONS = 4, 4
 #: Steps of the search for the angles that touch; from anywhere it takes some six. Twice as many
 #: change nothing that converges. It begins with those up to so many [rad], which changes no digit.
 _MOST_STEPS = 100
 _BEGIN = 0.15
+#: What a contact moves with: these constants of the carcass, p0 b and the load.
+_STIFFNESSES = ("EI", "k_w", "k_v", "k_t")
+_BY = len(_STIFFNESSES) + 2
 #: Angles of a half among which a contact is looked for first; a usual one, of 5 cm at 0.3 m, has
 #: 80. Twice as many take four times as long.
 _SIZES = (128, 256, _PHI.size)
@@ -119,16 +126,21 @@ class _Yield:
         matrix[:, 1:] += mirrored[:, 1:]  # the angle zero has no other half
         return matrix
 
-    def under(self, on: NDArray[np.int64], p: FloatArray) -> FloatArray:
-        """u [m] at all angles of the half patch under p (k,) at some and the same beyond."""
-        loads = np.zeros((2, GRID))
-        loads[0, on], loads[1, on] = _COS[on] * p, _SIN[on] * p
-        loads[0, -on], loads[1, -on] = loads[0, on], -loads[1, on]
-        a, b, d = self.spectra
-        cp, sp = rfft(loads, axis=-1)
-        along_cos, along_sin = irfft(np.stack([d * cp + b * sp, a * sp - b * cp]), GRID, axis=-1)
-        yielded: FloatArray = _COS * along_cos[: _PHI.size] + _SIN * along_sin[: _PHI.size]
-        return yielded
+
+def _under(spectra: ComplexArray, on: NDArray[np.int64], p: FloatArray) -> FloatArray:
+    """u [m] at all angles of the half patch under p (k,) at some and the same beyond, (..., j).
+
+    By `spectra` (3, ..., GRID / 2 + 1) as of `_Yield`.
+    """
+    loads = np.zeros((2, GRID))
+    loads[0, on], loads[1, on] = _COS[on] * p, _SIN[on] * p
+    loads[0, -on], loads[1, -on] = loads[0, on], -loads[1, on]
+    a, b, d = spectra
+    cp, sp = rfft(loads, axis=-1)
+    along_cos, along_sin = irfft(np.stack([d * cp + b * sp, a * sp - b * cp]), GRID, axis=-1)
+    size = _PHI.size
+    yielded: FloatArray = _COS * along_cos[..., :size] + _SIN * along_sin[..., :size]
+    return yielded
 
 
 @lru_cache(maxsize=8)
@@ -190,7 +202,7 @@ class _Nested:
     beyond: FloatArray
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _nested(carcass: RingCarcass, size: int) -> _Nested | None:
     """The contacts that touch fewer than `size` angles of a half; None if no spring has hold."""
     yields, twice = _yield(carcass).of_first(slice(size), size), _TWICE[:size]
@@ -245,7 +257,7 @@ def _balance(carcass: RingCarcass, load_N: float) -> Contact | None:
         system[:-1, -1], system[-1, :-1] = -1.0, h * _TWICE[on]
         solution = np.linalg.solve(system, np.append(-shape[on], load_N))
         p, drop = solution[:-1], float(solution[-1])
-        depth = drop - shape - yielding.under(on, p)
+        depth = drop - shape - _under(yielding.spectra, on, p)
         pressing = depth > 0.0
         if not pressing.any():
             pressing[np.argmax(depth)] = True
@@ -273,55 +285,191 @@ def _contact(
     return Contact(phi, np.concatenate([p[mirrored][::-1], p]), R * edge, drop)
 
 
-def pressure_modes(
-    carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray, *, tilted: bool
-) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
-    """(L, modes of p, if asked for modes of p xi / L), between solved loads and tensions.
+@dataclass(frozen=True)
+class State:
+    """What a contact is solved for: the carcass, and columns of load and p0 b (n or 1, 1).
 
-    For columns of load and p0 b (with what other tension there is, over R), (n or 1, 1) each.
+    p0 b with what other tension there is, over R, in place of the carcass's own.
     """
-    load, pb = (x[:, 0] for x in np.broadcast_arrays(load_N, pb_N_m))
-    tables, columns = [], []
-    tensions, shares = _nodes(pb, _FEW_TENSIONS, _TENSIONS)
-    for tension, share in zip(tensions, shares.T):
-        rows = np.flatnonzero(share)
-        nodes, weights = _nodes(load[rows], _FEW, _TABLE)
-        tables.append(_table(replace(carcass, pb=float(tension)), tuple(nodes.tolist()), tilted))
-        column = np.zeros((load.size, nodes.size))
-        column[rows] = weights * share[rows, None]
-        columns.append(column)
-    share = np.hstack(columns)
-    half, modes = (np.concatenate(parts) for parts in zip(*tables))
+
+    carcass: RingCarcass
+    load_N: FloatArray
+    pb_N_m: FloatArray
+
+
+def pressure_modes(
+    state: State, *, tilted: bool
+) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
+    """(L, modes of p, if asked for modes of p xi / L), between solved loads and tensions."""
+    solved, share = _solved_at(state, state)
+    half, modes = (
+        np.concatenate(parts)
+        for parts in zip(*(_table(carcass, loads_N, tilted) for carcass, loads_N in solved))
+    )
     if (share == 1.0).any(axis=1).all():  # each row is at a node
         which = share.argmax(axis=1)
         half, modes = half[which], modes[which]
     else:
         half, modes = share @ half, share @ modes
-    plain = modes.view(np.complex128)
-    return half, plain[:, :MODES], plain[:, MODES:] if tilted else None
+    return half, *_as_modes(modes, tilted)
 
 
-@lru_cache(maxsize=64)
+def pressure_modes_near(
+    near: State, state: State, *, tilted: bool
+) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
+    """`pressure_modes` of a state a small step from another, by the derivatives there.
+
+    None if a step of the radius parts them, or one of the contacts has no derivatives.
+    """
+    if near.carcass.R != state.carcass.R:
+        return None
+    solved, share = _solved_at(near, state)
+    half, modes = (
+        np.concatenate(parts)
+        for parts in zip(*(_table(carcass, loads_N, tilted) for carcass, loads_N in solved))
+    )
+    moved = share @ np.concatenate([half, modes], axis=1)
+    steps = [getattr(state.carcass, name) - getattr(near.carcass, name) for name in _STIFFNESSES]
+    # a row between the solved ones has moved along with its share
+    steps += [
+        column - share @ np.array(nodes)[:, None]
+        for column, nodes in (
+            (state.pb_N_m, [carcass.pb for carcass, loads_N in solved for _ in loads_N]),
+            (state.load_N, [load_N for _, loads_N in solved for load_N in loads_N]),
+        )
+    ]
+    for i, step in enumerate(steps):
+        if not np.any(step):
+            continue
+        slopes = [_slopes(carcass, loads_N, tilted) for carcass, loads_N in solved]
+        if any(slope is None for slope in slopes):
+            return None
+        moved = moved + step * (share @ np.concatenate([x[i] for x in slopes if x is not None]))
+    return moved[:, :1], *_as_modes(moved[:, 1:], tilted)
+
+
+def _as_modes(pairs: FloatArray, tilted: bool) -> tuple[ComplexArray, ComplexArray | None]:
+    modes = np.ascontiguousarray(pairs).view(np.complex128)
+    return modes[:, :MODES], modes[:, MODES:] if tilted else None
+
+
+def _solved_at(
+    state: State, rows_of: State
+) -> tuple[list[tuple[RingCarcass, tuple[float, ...]]], FloatArray]:
+    """The carcasses with the loads at which a state is solved, and the shares (n, k) in them.
+
+    In those of the first carcass, then of the second, ...; the shares of the rows of this state or
+    of one a small step away.
+    """
+    load, pb, load_there, pb_there = (
+        x[:, 0]
+        for x in np.broadcast_arrays(state.load_N, state.pb_N_m, rows_of.load_N, rows_of.pb_N_m)
+    )
+    solved, columns = [], []
+    tensions, shares = _nodes(pb, pb_there, _FEW_TENSIONS, _TENSIONS)
+    for tension, share in zip(tensions, shares.T):
+        rows = np.flatnonzero(share)
+        nodes, weights = _nodes(load[rows], load_there[rows], _FEW, _TABLE)
+        solved.append((replace(state.carcass, pb=float(tension)), tuple(nodes.tolist())))
+        column = np.zeros((load.size, nodes.size))
+        column[rows] = weights * share[rows, None]
+        columns.append(column)
+    return solved, np.hstack(columns)
+
+
+@lru_cache(maxsize=128)
 def _table(
     carcass: RingCarcass, loads_N: tuple[float, ...], tilted: bool
 ) -> tuple[FloatArray, FloatArray]:
     """What `pressure_modes` gives at k loads, (k, 1), and modes as pairs of numbers (k, ...)."""
+    contacts = [solve_contact(carcass, load_N) for load_N in loads_N]
+    half = np.array([[contact.half_length_m] for contact in contacts])
+    pressure = [contact.pressure_N_m for contact in contacts]
     grid = np.zeros((len(loads_N), 2 if tilted else 1, GRID))
-    half = np.empty((len(loads_N), 1))
+    for row, contact in enumerate(contacts):
+        index = np.round(contact.phi_rad / STEP).astype(int) % GRID
+        grid[row, 0, index] = pressure[row]
+        if tilted:
+            grid[row, 1, index] = pressure[row] * contact.phi_rad * (carcass.R / half[row])
+    return half, _pairs(grid)
+
+
+def _pairs(grid: FloatArray) -> FloatArray:
+    """Modes of what stands on the grid (k, ..., GRID), as pairs of numbers one after the other."""
+    modes = np.ascontiguousarray(to_modes(grid)).view(np.float64)
+    return modes.reshape(grid.shape[0], -1)
+
+
+@lru_cache(maxsize=16)
+def _slopes(carcass: RingCarcass, loads_N: tuple[float, ...], tilted: bool) -> FloatArray | None:
+    """Derivatives of `_table` side by side, by each of _STIFFNESSES, by p0 b and by the load.
+
+    (6, k, 1 + ...); None if a contact is not one stretch about the middle.
+    """
+    half = np.empty((_BY, len(loads_N), 1))
+    grid = np.zeros((_BY, len(loads_N), 2 if tilted else 1, GRID))
     for row, load_N in enumerate(loads_N):
         contact = solve_contact(carcass, load_N)
-        index = np.round(contact.phi_rad / STEP).astype(int) % GRID
-        grid[row, 0, index] = contact.pressure_N_m
+        count = (contact.phi_rad.size + 1) // 2
+        nested = _nested(carcass, next(size for size in _SIZES if size > count))
+        if nested is None or contact.phi_rad[-1] != _PHI[count - 1]:
+            return None
+        p, half[:, row, 0] = _moved(nested, carcass, contact.pressure_N_m[count - 1 :])
+        on = np.arange(count)
+        grid[:, row, 0, on] = grid[:, row, 0, -on] = p
         if tilted:
-            along = contact.phi_rad * (carcass.R / contact.half_length_m)
-            grid[row, 1, index] = contact.pressure_N_m * along
-        half[row] = contact.half_length_m
-    modes = np.ascontiguousarray(to_modes(grid)).view(np.float64)
-    return half, modes.reshape(len(loads_N), -1)
+            along = contact.phi_rad[count - 1 :] * (carcass.R / contact.half_length_m)
+            shrunk = half[:, row] / contact.half_length_m * contact.pressure_N_m[count - 1 :]
+            grid[:, row, 1, on] = (p - shrunk) * along
+            grid[:, row, 1, -on] = -grid[:, row, 1, on]
+    modes = _pairs(grid.reshape(_BY * len(loads_N), -1, GRID)).reshape(_BY, len(loads_N), -1)
+    return np.concatenate([half, modes], axis=-1)
 
 
-def _nodes(values: FloatArray, few: int, table: int) -> tuple[FloatArray, FloatArray]:
-    """Values to solve at, (k,), and the weights (n, k) that interpolate from them."""
+def _moved(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (6, k) of the pressure at the angles of one half, (6,) of the half length.
+
+    From (A + 1 / k_t) p = delta - shape and sum p h = F at the angles that touch.
+    """
+    R, k_t, count, n = carcass.R, carcass.k_t, p.size, np.arange(GRID // 2 + 1, dtype=np.float64)
+    on, twice = np.arange(count), _TWICE[:count]
+    stiffer = np.stack(
+        [n**2 * (1.0 - n**2) ** 2 / R**4, n**2, np.ones_like(n), n**2 * (n**2 - 1.0) / R]
+    )
+    inverse = -stiffer / modal_impedance(n, carcass).real ** 2
+    spectra = np.stack([inverse + 0j, 1j * n * inverse, n**2 * inverse + 0j])
+    yields = np.zeros((_BY, count + 1))
+    EI, k_w, k_v, pb = _under(spectra, on, p)[:, : count + 1]
+    yields[:3], yields[3, :count], yields[4] = (EI, k_w, k_v), -p / k_t**2, pb
+    right = np.concatenate([-yields[:, :count], np.ones((1, count))]) * twice
+    found, _ = dpotrs(nested.factor[:count, :count], right.T, lower=1)
+    by_drop = found[:, -1]
+    carried = np.zeros(_BY)
+    carried[5] = 1.0 / (R * STEP)
+    drop = (carried - twice @ found[:, :-1]) / (twice @ by_drop)
+    moved = (found[:, :-1] + by_drop[:, None] * drop).T
+    # the edge lies where the depth crosses zero, between the last angle and the next
+    last, after = p[-1] / k_t, -_beside(nested, carcass, p)
+    of_last = moved[:, -1] / k_t
+    of_last[3] -= p[-1] / k_t**2
+    of_after = drop - yields[:, count] - moved @ nested.yields[count, :count]
+    return moved, R * STEP * (last * of_after + after * of_last) / (last + after) ** 2
+
+
+def _beside(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> float:
+    """Depth [m] of the first angle that does not touch, at or below zero."""
+    count = p.size
+    drop = p[0] / carcass.k_t + nested.yields[0, :count] @ p
+    return float(drop - carcass.R * (1.0 - _COS[count]) - nested.yields[count, :count] @ p)
+
+
+def _nodes(
+    values: FloatArray, there: FloatArray, few: int, table: int
+) -> tuple[FloatArray, FloatArray]:
+    """Values to solve at, (k,), and weights (n, k) that interpolate from them to others `there`.
+
+    Few values are solved at themselves; those that are near to one have the weights of it alone.
+    """
     distinct, inverse = np.unique(values, return_inverse=True)
     if distinct.size <= few:
         return distinct, np.eye(distinct.size)[inverse]
@@ -330,7 +478,7 @@ def _nodes(values: FloatArray, few: int, table: int) -> tuple[FloatArray, FloatA
     angle = (np.arange(table) + 0.5) * np.pi / table
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
     barycentric = (-1.0) ** np.arange(table) * np.sin(angle)
-    distance = values[:, None] - nodes
+    distance = there[:, None] - nodes
     exact = distance == 0.0
     ratio = barycentric / np.where(exact, 1.0, distance)
     weights = np.where(

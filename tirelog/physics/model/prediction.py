@@ -139,7 +139,7 @@ class Predicting:
         for value in (flat[name] + step, flat[name] - step):
             moved = {**flat, name: value}
             base, active = self._split(moved)
-            ends.append(replace(task, base=base, active=active))
+            ends.append(replace(task, base=base, active=active, near=task))
         if angles is None:
             value_up, value_down = (scalar(end, observable, _lever(end, surface)) for end in ends)
             return (value_up - value_down) / (2.0 * step)

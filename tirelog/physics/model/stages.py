@@ -43,7 +43,8 @@ class Task:
     """What to compute: carcass, effects, conditions and observable.
 
     The carcass comes with its numbers; the effects are those that are on (by id). `point`: the
-    pressure of the patch without effects is a line across the tread.
+    pressure of the patch without effects is a line across the tread. `near`: the same with values
+    a small step away, about which a contact may be taken as linear.
     """
 
     carcass: str
@@ -53,6 +54,7 @@ class Task:
     drive: Drive
     memo: dict[Any, Any] = field(default_factory=dict)
     point: bool = False
+    near: Task | None = None
 
     def having(self, *hooks: str) -> list[Active]:
         """The effects that enter by one of these hooks."""
@@ -173,8 +175,11 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     R = b["radius_m"]
     tilted = bool(task.having("tilt"))
     if task.flat_road:
-        pb = _inflation_pb(task) + structure(task).tension / R
-        half, modes, tilt = contact.pressure_modes(ring_carcass(task), F, pb, tilted=tilted)
+        state, found = _contact_state(task, F), None
+        if task.near is not None:
+            near = _contact_state(task.near, loads(task.near))
+            found = contact.pressure_modes_near(near, state, tilted=tilted)
+        half, modes, tilt = found or contact.pressure_modes(state, tilted=tilted)
         return Site(F, half, R), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
@@ -188,6 +193,12 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
         )
     even = (line if task.point else parabola)(F, half, R)
     return Site(F, half, R), even, tilted_parabola(F, half, R) if tilted else None
+
+
+def _contact_state(task: Task, load_N: FloatArray) -> contact.State:
+    """What the contact with a flat road is solved for."""
+    pb = _inflation_pb(task) + structure(task).tension / task.base["radius_m"]
+    return contact.State(ring_carcass(task), load_N, pb)
 
 
 def _pressure_ratio(task: Task) -> FloatArray:
