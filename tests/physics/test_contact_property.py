@@ -179,7 +179,7 @@ def test_a_small_step_by_derivatives_is_the_step(rows, name):
     there = [moved(1.0 + sign * step) for sign in (1, -1)]
     near = [pressure_modes_near(here, state, tilted=True) for state in there]
     ends = [pressure_modes(state, tilted=True) for state in there]
-    assert near[0] is not None and near[1] is not None
+    assert None not in near
     for up, down, true_up, true_down in zip(*near, *ends, strict=True):
         slope = (true_up - true_down) / (2.0 * step)
         assert np.abs(slope).max() > 1e-4 * np.abs(true_up).max()
