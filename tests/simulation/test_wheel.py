@@ -96,6 +96,35 @@ def test_encoder_amplitude_grows_with_speed_and_varies_over_the_turn() -> None:
     assert max(spread) > 1.2 * min(spread)
 
 
+@pytest.mark.parametrize("truth", ["beam", "ring"])
+def test_a_driven_wheel_turns_faster_than_it_rolls_by_the_force_over_the_slip_stiffness(
+    truth: str,
+) -> None:
+    """P2 (14): omega R / V = 1 + F_x / C_x, in drive above one and in braking below."""
+    slow = {"sampling_rate_Hz": 100.0}
+    given = encoder() | {"truth": truth, "tire": {"slip_stiffness_N": 5e4}}
+    given["channels"] |= {
+        "v": {"kind": "vehicle_speed", **slow},
+        "f": {"kind": "longitudinal_force", **slow},
+    }
+    made = simulate(scenario_of(given)).channels
+    teeth = rising(made["e"]) / 10000.0
+    middle, spin = 0.5 * (teeth[1:] + teeth[:-1]), 2.0 * np.pi / 48 / np.diff(teeth)
+    time = np.arange(made["v"].size) / 100.0
+    ratio = spin * R / np.interp(middle, time, made["v"])
+    expected = 1.0 + np.interp(middle, time, made["f"]) / 5e4
+    inside = (middle > 0.1) & (middle < 17.9)
+    assert expected.max() > 1.02
+    assert expected.min() < 0.98
+    # a tooth of 2 ms is read to half a microsecond by the chord between two samples
+    assert ratio[inside] == pytest.approx(expected[inside], abs=3e-4)
+
+
+def test_a_tire_on_bristles_has_no_slip_stiffness_of_its_own() -> None:
+    with pytest.raises(UsageError, match="bristles"):
+        scenario_of(tables(truth="coupled_ring", tire={"slip_stiffness_N": 5e4}))
+
+
 def test_missing_and_extra_teeth() -> None:
     plain, missing, extra = (
         rising(simulate(scenario_of(encoder(**more))).channels["e"] - 1e-9).size

@@ -191,6 +191,21 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
 
 
+def force_of_road(scenario: Scenario, drive: TrueDrive, time_s: FloatArray) -> FloatArray:
+    """Longitudinal force of the road on the wheel [N], drive positive."""
+    vehicle = scenario.vehicle
+    speed = drive.speed_at(time_s)
+    moving = np.clip(speed / 0.5, 0.0, 1.0)
+    drag = (
+        vehicle.rolling_drag * vehicle.mass_kg * GRAVITY_M_S2 * moving
+        + vehicle.air_drag_kg_m * speed**2
+    )
+    demand = vehicle.mass_kg * drive.acceleration_at(time_s) + drag
+    demand = demand * (1.0 - np.interp(time_s, drive.time_s, drive.coasting))
+    share = 0.5 if scenario.conditions.driven else 0.0
+    return np.where(demand > 0, share, vehicle.brake_share) * demand
+
+
 def stretch_of(grows: RollingRadius, speed_m_s: FloatArray) -> FloatArray:
     """1 + growth (v/v_ref)^2: how much longer the belt is at a speed than at rest."""
     stretch: FloatArray = 1.0 + grows.growth * (speed_m_s / grows.at_speed_m_s) ** 2

@@ -374,6 +374,13 @@ def _check_coupled(scenario: Scenario, file: str | None) -> None:
             'allowed is truth = "ring" or "beam"',
             do="remove it",
         )
+    if scenario.tire.slip_stiffness_N is not None:
+        raise _wrong(
+            file,
+            'slip_stiffness_N with truth = "coupled_ring", which slips on its bristles',
+            'allowed is truth = "ring" or "beam"',
+            do="remove it, or give bristle_stiffness_N_m2",
+        )
     if scenario.grid_points % 8:
         raise _wrong(
             file,

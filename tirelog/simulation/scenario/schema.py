@@ -56,7 +56,9 @@ class TrueTire:
     Beam: EJ, k, mu, patch half length L = L_ref (F / reference load)^exponent. Ring (centre line of
     the belt at the rolling radius): EI, k_w, k_v, damping, inflation through `width_belt_m`, tread
     stiffness of the one-sided contact. `torsional_stiffness_N_m2` is the sidewall's resistance to
-    wind-up (absent: none is simulated). Coupled ring: the ring's, with damping by rate, on a hub
+    wind-up (absent: none is simulated), `slip_stiffness_N` the force per slip by which beam and
+    ring turn faster than they roll in drive and slower in braking (absent: as planted traction
+    slips, or not at all). Coupled ring: the ring's, with damping by rate, on a hub
     (`hub_mass_kg`, `hub_inertia_kg_m2`), rubbing by `bristle_stiffness_N_m2` and `friction`; k_v
     resists its wind-up.
     """
@@ -85,6 +87,7 @@ class TrueTire:
     width_belt_m: float = _within(0.14, 0.0, 2.0)
     tread_stiffness_N_m2: float = _within(8.75e7, 1e5, 1e11)
     torsional_stiffness_N_m2: float | None = _within(None, 1e3, 1e9)
+    slip_stiffness_N: float | None = _within(None, 1e3, 1e9)
     hub_mass_kg: float = _within(20.0, 0.1, 1e4)
     hub_inertia_kg_m2: float = _within(0.8, 1e-3, 1e4)
     bristle_stiffness_N_m2: float = _within(1.9e6, 0.0, 1e10)

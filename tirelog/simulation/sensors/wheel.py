@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tirelog.simulation.scenario.drive import GRAVITY_M_S2
+from tirelog.simulation.scenario.drive import force_of_road
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S
 from tirelog.simulation.steady.waveforms import World
@@ -19,17 +19,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 def longitudinal_force(world: World, time_s: FloatArray) -> FloatArray:
     """Longitudinal force of the road on the wheel [N], drive positive."""
-    vehicle, drive = world.scenario.vehicle, world.drive
-    speed = drive.speed_at(time_s)
-    moving = np.clip(speed / 0.5, 0.0, 1.0)
-    drag = (
-        vehicle.rolling_drag * vehicle.mass_kg * GRAVITY_M_S2 * moving
-        + vehicle.air_drag_kg_m * speed**2
-    )
-    demand = vehicle.mass_kg * drive.acceleration_at(time_s) + drag
-    demand = demand * (1.0 - np.interp(time_s, drive.time_s, drive.coasting))
-    share = 0.5 if world.scenario.conditions.driven else 0.0
-    return np.where(demand > 0, share, vehicle.brake_share) * demand
+    return force_of_road(world.scenario, world.drive, time_s)
 
 
 def phase_shift(world: World, time_s: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.drive import Roughness, TrueDrive, Wander
+from tirelog.simulation.scenario.drive import Roughness, TrueDrive, Wander, force_of_road
 from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors import ramp
@@ -133,10 +133,15 @@ class World:
         return total
 
     def slip(self, time_s: FloatArray) -> FloatArray:
-        """Longitudinal slip, braking positive.
+        """Longitudinal slip, braking positive: sigma = 1 - omega R / V (P2 (14)).
 
-        -a acceleration/g if traction is planted, else zero.
+        -F_x / C_x if the tire has a slip stiffness, else -a acceleration/g if traction is planted,
+        else zero. The tread passes at omega R, so that the vehicle is slower in drive.
         """
+        stiffness = self.scenario.tire.slip_stiffness_N
+        if stiffness is not None:
+            force = force_of_road(self.scenario, self.drive, time_s)
+            return np.clip(-force / stiffness, -0.95, 0.95)
         effect = self.scenario.planted("traction")
         if effect is None:
             return np.zeros_like(time_s)
