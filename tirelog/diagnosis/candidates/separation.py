@@ -105,6 +105,9 @@ def planned(base: Base, manoeuvre: CandidateManoeuvre) -> Conditions:
         "acceleration_m_s2": manoeuvre.acceleration_m_s2,
         "time_s": manoeuvre.time_s,
         "load_N": load,
+        # a slip that was measured goes along with the acceleration, as it did so far
+        "slip": manoeuvre.acceleration_m_s2
+        * float(c.slip @ c.acceleration_m_s2 / max(float((c.acceleration_m_s2**2).sum()), 1e-12)),
         **manoeuvre.values,
     }
     kept = {name: float(np.mean(getattr(c, name))) for name in CONDITIONS if name not in asked}

@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.data.recording import Channel, Conditions, Recording
+from tirelog.errors import TirelogError
+from tirelog.strain.slip import slip_of
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
+from tirelog.vocabulary.quality import OK
+
+#: a slip is told if it varies by more than so many of its standard errors, which then take a
+#: sixteenth of what follows it; with half as many a quarter
+_SLIPS = 4.0
 
 
 def conditions_of(
@@ -14,7 +21,8 @@ def conditions_of(
 ) -> Conditions:
     """The conditions that each revolution was driven under.
 
-    The setup's constants, or a channel's mean over the revolution if there is one.
+    The setup's constants, or a channel's mean over the revolution if there is one; slip from the
+    wheel's encoder and the vehicle's speed.
     """
     given = recording.setup.conditions
     values: dict[str, FloatArray | float] = {
@@ -27,6 +35,7 @@ def conditions_of(
                 mean = _channel_mean(channel, centre_s)
                 if np.isfinite(mean).all():
                     values[name] = mean - mean[0] if kind in condition.from_start else mean
+    values["slip"] = measured_slip(recording, centre_s)
     return Conditions.of(
         centre_s.size,
         speed_m_s=speed_m_s,
@@ -34,6 +43,26 @@ def conditions_of(
         time_s=centre_s,
         **values,
     )
+
+
+def measured_slip(recording: Recording, centre_s: FloatArray) -> FloatArray:
+    """Slip by P2 (14) at each passage, (n,), braking positive; NaN if the log does not tell one.
+
+    From an encoder and the vehicle's speed (`tirelog slip`). A log whose slip does not stand out of
+    its errors tells none: then an effect of slip goes by the acceleration, as without the channels.
+    """
+    unknown = np.full(centre_s.size, np.nan)
+    if not (recording.of_kind("wheel_encoder") and recording.of_kind("vehicle_speed")):
+        return unknown
+    try:
+        columns = next(slip_of(recording)).columns
+    except TirelogError:
+        return unknown
+    time_s, slip, error = (np.asarray(columns[name]) for name in ("time_s", "slip", "slip_se"))
+    good = (np.asarray(columns["quality"]) == OK) & np.isfinite(slip) & np.isfinite(error)
+    if good.sum() < 2 or np.std(slip[good]) < _SLIPS * np.median(error[good]):
+        return unknown
+    return np.asarray(np.interp(centre_s, time_s[good], slip[good]), dtype=np.float64)
 
 
 def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
