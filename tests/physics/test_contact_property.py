@@ -11,7 +11,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import (
-    State,
+    ContactState,
     pressure_modes,
     pressure_modes_near,
     solve_contact,
@@ -169,7 +169,7 @@ ROWS = {
 def test_a_small_step_by_derivatives_is_the_step(rows, name):
     """To the square of the step: the same angles touch, and the rest is linear."""
     load, pb = (np.array(column)[:, None] for column in ROWS[rows])
-    here, step = State(CARCASS, load, pb), 1e-6
+    here, step = ContactState(CARCASS, load, pb), 1e-6
 
     def moved(factor):
         if name in ("pb_N_m", "load_N"):

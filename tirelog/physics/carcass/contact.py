@@ -286,7 +286,7 @@ def _contact(
 
 
 @dataclass(frozen=True)
-class State:
+class ContactState:
     """What a contact is solved for: the carcass, and columns of load and p0 b (n or 1, 1).
 
     p0 b with what other tension there is, over R, in place of the carcass's own.
@@ -298,7 +298,7 @@ class State:
 
 
 def pressure_modes(
-    state: State, *, tilted: bool
+    state: ContactState, *, tilted: bool
 ) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
     """(L, modes of p, if asked for modes of p xi / L), between solved loads and tensions."""
     solved, share = _solved_at(state, state)
@@ -315,7 +315,7 @@ def pressure_modes(
 
 
 def pressure_modes_near(
-    near: State, state: State, *, tilted: bool
+    near: ContactState, state: ContactState, *, tilted: bool
 ) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
     """`pressure_modes` of a state a small step from another, by the derivatives there.
 
@@ -354,7 +354,7 @@ def _as_modes(pairs: FloatArray, tilted: bool) -> tuple[ComplexArray, ComplexArr
 
 
 def _solved_at(
-    state: State, rows_of: State
+    state: ContactState, rows_of: ContactState
 ) -> tuple[list[tuple[RingCarcass, tuple[float, ...]]], FloatArray]:
     """The carcasses with the loads at which a state is solved, and the shares (n, k) in them.
 

@@ -195,10 +195,10 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     return Site(F, half, R), even, tilted_parabola(F, half, R) if tilted else None
 
 
-def _contact_state(task: Task, load_N: FloatArray) -> contact.State:
+def _contact_state(task: Task, load_N: FloatArray) -> contact.ContactState:
     """What the contact with a flat road is solved for."""
     pb = _inflation_pb(task) + structure(task).tension / task.base["radius_m"]
-    return contact.State(ring_carcass(task), load_N, pb)
+    return contact.ContactState(ring_carcass(task), load_N, pb)
 
 
 def _pressure_ratio(task: Task) -> FloatArray:
