@@ -49,6 +49,7 @@ from tirelog.inference.metric.whitening import Whitener, whitener
 from tirelog.inference.nuisances import asked_for, freed, shared_by
 from tirelog.inference.scatter import Scatter, load_slopes, measure_scatter, scatter_columns
 from tirelog.physics.model.model import Model
+from tirelog.runtime import keep_freed
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: before anything is fitted the model may miss this share of the waveform's rms; it weighs
@@ -63,6 +64,9 @@ _LEAST_DISCREPANCY = 0.02
 #: rounds of a fit and the scatter that it leaves, at most: scatter of 3 % takes five, none two;
 #: twice as many take longer only if none of them settles
 _MOST_ROUNDS = 7
+#: steps of a fit in one round, since the next measures the scatter anew; once it has settled, the
+#: fit is finished. Twice as many take longer and end at the same
+_STEPS_OF_ROUND = 3
 #: loads that move by less from round to round, relative, have settled: a waveform bends by the
 #: tenth part of that; with twice as much, chi-square is 0.02 more where loads scatter by 3 %
 _SAME_LOAD = 0.004
@@ -167,6 +171,13 @@ class Base(FittedChannel):
         """What share of the excess a mean square is; none if there is no excess."""
         return removed / self.excess if self.excess > 0.0 else 0.0
 
+    @cached_property
+    def settled(self) -> Base:
+        """`settled`, once: whether a form is right is asked before a search goes on from there."""
+        raw = replace(self.raw or self.cells, phi=self.cells.phi, moved=self.cells.moved)
+        (anew,) = _with_scatter([raw], [self.fit], [self.white], [self.discrepancy])
+        return replace(_held_out(anew, raw), given=self.given)
+
 
 @dataclass(frozen=True)
 class TogetherBase(Base):
@@ -178,6 +189,23 @@ class TogetherBase(Base):
     def noise(self) -> Whitener:
         """Of each observable its own."""
         return whiteners_joined([one.noise for one in apart(self)], self.cells)
+
+    @cached_property
+    def settled(self) -> TogetherBase:
+        """As of one observable, each with its own scatter."""
+        parts = apart(self)
+        raws = [
+            replace(part.raw or part.cells, phi=part.cells.phi, moved=part.cells.moved)
+            for part in parts
+        ]
+        fits = [replace(part.fit, model=self.model) for part in parts]
+        anew = _with_scatter(
+            raws, fits, [part.white for part in parts], [part.discrepancy for part in parts]
+        )
+        layout = self.cells.together
+        assert layout is not None
+        drive = [self.cells.manoeuvre[self.cells.part == i] for i in range(len(parts))]
+        return replace(_joined(anew, raws, layout.scales, drive), given=self.given)
 
 
 def prepare_together(
@@ -356,6 +384,7 @@ def _fitted(
     channels: Sequence[Cells], model: Model, several: bool
 ) -> tuple[list[FittedChannel], list[Cells]]:
     """The channels with their scatter, and the cells as the first fit centred them."""
+    keep_freed()
     rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
     whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
     conditions = Conditions.concatenate([cells.conditions for cells in channels])
@@ -385,9 +414,8 @@ def _with_scatter(
             _in_scatter(*channel)
             for channel in zip(cells, values, plain, fits, used, missed, strict=True)
         ]
-        fits = fit_channels(
-            [(channel.cells, channel.white) for channel in known], fits[0].model, several=False
-        )
+        in_metric = [(channel.cells, channel.white) for channel in known]
+        fits = fit_channels(in_metric, fits[0].model, several=False, steps=_STEPS_OF_ROUND)
         cells, used = [fit.cells for fit in fits], [channel.white for channel in known]
         missed = [channel.discrepancy for channel in known]
         before, loads = loads, [channel.floor.scatter.load for channel in known]
@@ -406,6 +434,9 @@ def _with_scatter(
         )
         if number > 0 and moved < _SAME_LOAD and turned < _SAME_BEND:
             break
+    if not fits[0].settled:
+        in_metric = [(fit.cells, channel.white) for fit, channel in zip(fits, known, strict=True)]
+        fits = fit_channels(in_metric, fits[0].model, several=False)
     return [
         replace(channel, cells=fit.cells, fit=fit) for channel, fit in zip(known, fits, strict=True)
     ]
@@ -481,27 +512,7 @@ def settled(base: Base) -> Base:
 
     Once an effect is in, less is taken for scatter.
     """
-    if isinstance(base, TogetherBase):
-        return _settled_together(base)
-    raw = replace(base.raw or base.cells, phi=base.cells.phi, moved=base.cells.moved)
-    (anew,) = _with_scatter([raw], [base.fit], [base.white], [base.discrepancy])
-    return replace(_held_out(anew, raw), given=base.given)
-
-
-def _settled_together(base: TogetherBase) -> TogetherBase:
-    parts = apart(base)
-    raws = [
-        replace(part.raw or part.cells, phi=part.cells.phi, moved=part.cells.moved)
-        for part in parts
-    ]
-    fits = [replace(part.fit, model=base.model) for part in parts]
-    anew = _with_scatter(
-        raws, fits, [part.white for part in parts], [part.discrepancy for part in parts]
-    )
-    layout = base.cells.together
-    assert layout is not None
-    drive = [base.cells.manoeuvre[base.cells.part == i] for i in range(len(parts))]
-    return replace(_joined(anew, raws, layout.scales, drive), given=base.given)
+    return base.settled
 
 
 def refit(base: Base, model: Model) -> Base:

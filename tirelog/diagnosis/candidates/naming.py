@@ -391,9 +391,13 @@ def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
     return min(change, drop + GAIN_SIGMAS * error), True
 
 
-def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
-    """The first effect, if there is one."""
-    assessed, reasons = assess_all(base, extra)
+#: the candidates by falling statistic, and why others are not among them
+Known = tuple[list[Assessed], dict[str, str]]
+
+
+def first_step(base: Base, extra: Iterable[Effect] = (), known: Known | None = None) -> Step:
+    """The first effect, if there is one; `known`: what `assess_all` has said."""
+    assessed, reasons = known or assess_all(base, extra)
     alarming = [a for a in assessed if a.alarms(base)]
     if not alarming:
         return Step.of(base, assessed, reasons)
@@ -408,13 +412,18 @@ def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
 
 
 def next_step(
-    base: Base, named: Sequence[str], excess: float, extra: Iterable[Effect] = ()
+    base: Base,
+    named: Sequence[str],
+    excess: float,
+    extra: Iterable[Effect] = (),
+    known: Known | None = None,
 ) -> Step:
     """A further effect beside those `named`.
 
-    `excess` is the mean square that the first base left above the floor.
+    `excess` is the mean square that the first base left above the floor; `known`: what `assess_all`
+    has said.
     """
-    assessed, reasons = assess_all(base, extra)
+    assessed, reasons = known or assess_all(base, extra)
     floor = base.floor.square
     if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(base) for a in assessed):
         return Step.of(base, assessed, reasons)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+from tirelog.diagnosis.candidates.assessment import Assessed
 from tirelog.diagnosis.candidates.beside import (
     allowed_nuisances,
     best_nuisance,
@@ -170,9 +171,13 @@ def _climb(
         after = climb.after
         named = [s.named.id for s in climb.steps if s.named is not None]
         rival = None if quiet(after, after.floor.square) else best_nuisance(after, nuisances)
-        step = None
-        if rival is None or named or _may_do_as_well(after, rival, extra):
-            step = next_step(after, named, excess, extra) if named else first_step(after, extra)
+        step, known = None, assess_all(after, extra)
+        if rival is None or named or _may_do_as_well(after, rival, known[0]):
+            step = (
+                next_step(after, named, excess, extra, known)
+                if named
+                else first_step(after, extra, known)
+            )
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now.base):
             climb.alike.append((groups_of(rival)[-1], named_now.id))
@@ -196,7 +201,7 @@ def _climb(
             return climb
 
 
-def _may_do_as_well(base: Base, rival: Base, extra: tuple[Effect, ...]) -> bool:
+def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Assessed]) -> bool:
     """Could an effect, once refitted, leave as little as a nuisance does?
 
     Not if the nuisance leaves the floor, and none comes near to it by its linear strength: refits
@@ -204,7 +209,6 @@ def _may_do_as_well(base: Base, rival: Base, extra: tuple[Effect, ...]) -> bool:
     """
     if rival.excess > LEAST_SHARE_OF_FLOOR * rival.floor.square:
         return True
-    assessed, _ = assess_all(base, extra)
     most = max((a.removed for a in assessed if a.alarms(base)), default=0.0)
     return most > 0.5 * MOST * (base.excess - rival.excess)
 

@@ -279,7 +279,11 @@ def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = Tr
 
 
 def fit_channels(
-    channels: Sequence[CellsInMetric], model: Model, *, several: bool = True
+    channels: Sequence[CellsInMetric],
+    model: Model,
+    *,
+    several: bool = True,
+    steps: int = MOST_STEPS,
 ) -> list[Fit]:
     """The model fitted to all channels at once.  ModelError if no start can be computed."""
     names = tuple(
@@ -294,7 +298,7 @@ def fit_channels(
     results, refused = [], None
     for start in candidates:
         try:
-            results.append(descend_together(problems, start, names))
+            results.append(descend_together(problems, start, names, steps=steps))
         except ModelError as problem_of_start:
             refused = problem_of_start
     if not results:
