@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.candidates.naming import removed_by, worth_it
+from tirelog.diagnosis.candidates.naming import quiet, removed_by, worth_it
 from tirelog.diagnosis.candidates.nuisance_sizes import alike_sentences
 from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
 from tirelog.diagnosis.wording import sentence_of
@@ -38,6 +38,20 @@ def test_every_verdict_has_a_rule_and_every_number_a_reason():
     ]  # fmt: skip
     assert len({t.name for t in THRESHOLDS}) == len(THRESHOLDS)
     assert all(t.reason and t.unit for t in THRESHOLDS)
+
+
+@pytest.mark.parametrize(("chi2", "freedom", "said"), [
+    (1.36, 64.0, True), (1.36, 17000.0, False), (1.19, 17000.0, True), (1.6, 64.0, False),
+])  # fmt: skip
+def test_a_chi_square_of_few_values_is_quiet_as_far_as_chance_goes(chi2, freedom, said):
+    """1.2 and two of its standard deviations, sqrt(2 / freedom): 1.55 of 64 values."""
+    base = SimpleNamespace(
+        reduced_chi2=chi2,
+        fit=SimpleNamespace(freedom=freedom),
+        square_held=1.0,
+        of_errors=(0.0, 0.0),
+    )
+    assert quiet(base, 1.0) is said
 
 
 def test_a_held_out_error_above_the_floor_is_said():

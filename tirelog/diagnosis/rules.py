@@ -126,7 +126,11 @@ ERROR_SIGMAS = _number(
     "counts where manoeuvres scatter and are few; doubled, a scatter would hide as much again as "
     "it is itself",
 )  # fmt: skip
-QUIET_CHI2 = _number("QUIET_CHI2", 1.2, "reduced chi-square", "and its chi-square at most")
+QUIET_CHI2 = _number(
+    "QUIET_CHI2", 1.2, "reduced chi-square",
+    "and its chi-square at most, beside ERROR_SIGMAS of what chance adds to one of so few degrees "
+    "of freedom",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

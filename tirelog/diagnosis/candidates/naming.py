@@ -291,14 +291,16 @@ def clearly_worse(one: Base, other: Base) -> bool:
 def quiet(base: Base, floor_square: float) -> bool:
     """Is what the model leaves the noise floor?  By the held-out error and by chi-square.
 
-    Of a held-out error goes what chance adds to it, since few manoeuvres decide the parameters. Of
-    several observables each has to be at its own: the mean of three hides what one is above it.
+    Of a held-out error goes what chance adds to it, since few manoeuvres decide the parameters, and
+    of a chi-square: that of the 64 values of a number per revolution is above 1.2 in one of eight
+    logs in which nothing is missing. Of several observables each has to be at its own: the mean of
+    three hides what one is above it.
     """
     if isinstance(base, TogetherBase) and not all(
         quiet(part, part.floor.square) for part in apart(base, held_by_all=True)
     ):
         return False
-    if base.reduced_chi2 > QUIET_CHI2:
+    if base.reduced_chi2 > QUIET_CHI2 + ERROR_SIGMAS * np.sqrt(2.0 / base.fit.freedom):
         return False
     above = base.square_held - QUIET_FLOORS**2 * floor_square
     if above <= 0.0:
