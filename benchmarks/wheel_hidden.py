@@ -6,8 +6,10 @@
 
 A case is two logs of a minute, at 2.0 and 1.6 bar, of a tire that is drawn: stiffnesses, belt and
 tread 0.6 to 1.6 times the ordinary ones, a belt narrower than the setup's tire. `shift_` kinds are
-of the phase shift, with the forces measured, `together_` kinds of strain, acceleration and phase
-shift in one fit; the others of the acceleration. Seeds below 1000 are for choosing, from 1000 on
+of the phase shift, with the forces measured, `width_` kinds of the patch width, `together_` kinds
+of strain, acceleration and phase shift in one fit; the others of the acceleration. `inflation`
+hides what the pressure does beside the belt's tension: it stiffens the sidewalls, so that the patch
+follows the pressure by more than the setup's ring. Seeds below 1000 are for choosing, from 1000 on
 for reporting.
 """
 
@@ -45,12 +47,16 @@ WAVEFORM = (
     "stiffening", "aero_load", "rough_contact", "pressure_offset",
 )  # fmt: skip
 SHIFT = ("shift_wind_up", "shift_telemetry_delay")
+#: power of the pressure with which the sidewalls of `inflation` stiffen: all of a radial tire's
+#: stiffness is the pressure's if it is one
+STIFFENS = 0.7
+WIDTH = ("width_inflation",)
 TOGETHER = tuple(f"together_{name}" for name in WAVEFORM)
 KINDS = (
-    "null", "scatter", *WAVEFORM, "shift_null", *SHIFT, "together_null", "together_scatter",
-    *TOGETHER,
+    "null", "scatter", *WAVEFORM, "shift_null", *SHIFT, "width_null", *WIDTH, "together_null",
+    "together_scatter", *TOGETHER,
 )  # fmt: skip
-NULLS = ("null", "scatter", "shift_null", "together_null", "together_scatter")
+NULLS = ("null", "scatter", "shift_null", "width_null", "together_null", "together_scatter")
 ALL = ("strain", "radial_acceleration", "phase_shift")
 
 
@@ -70,7 +76,9 @@ class Row:
 
 def _planted(kind: str) -> str:
     """The effect that a kind of case hides; null and scatter for none."""
-    return kind.removeprefix("shift_").removeprefix("together_")
+    for prefix in ("shift_", "width_", "together_"):
+        kind = kind.removeprefix(prefix)
+    return kind
 
 
 def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
@@ -97,7 +105,7 @@ def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
     )
     name = _planted(kind)
     effects: tuple[Planted, ...] = ()
-    if name in PLANTABLE:
+    if name in PLANTABLE and kind not in WIDTH:
         sizes = {**PLANTABLE[name].parameters, **SIZES.get(name, {})}
         effects = (Planted(name, "exact", sizes),)
     channels = wheel_channels(Instruments(forces=shift))
@@ -105,13 +113,18 @@ def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
         channels["strain"] = Sensor(
             "fbg_strain", sampling_rate_Hz=2500.0, angle_deg=200.0, noise=0.0008
         )
-    elif not shift:
+    elif not (shift or kind.startswith("width_")):
         del channels["encoder"]
     for number, pressure in enumerate(PRESSURES_PA):
+        stiffer = (pressure / PRESSURES_PA[0]) ** (STIFFENS if kind in WIDTH else 0.0)
         yield Scenario(
             manoeuvres=tuple(plan),
             channels=channels,
-            tire=tire,
+            tire=replace(
+                tire,
+                radial_stiffness_N_m2=tire.radial_stiffness_N_m2 * stiffer,
+                tangential_stiffness_N_m2=tire.tangential_stiffness_N_m2 * stiffer,
+            ),
             truth="ring",
             conditions=TrueConditions(inflation_pressure_Pa=pressure),
             road=Road(0.01, load_scatter=0.01 if name == "scatter" else 0.0),
@@ -128,6 +141,8 @@ def run(kind: str, seed: int) -> Row:
     observables: tuple[str, ...] = ("radial_acceleration",)
     if kind.startswith("shift_"):
         observables = ("phase_shift",)
+    elif kind.startswith("width_"):
+        observables = ("patch_width",)
     elif kind.startswith("together_"):
         observables = ALL
     model, _ = new_model("ring", logs[0].setup, observable=observables)
