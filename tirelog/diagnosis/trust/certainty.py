@@ -256,5 +256,5 @@ def unlike(model: Model, selected: Iterable[str], gratings: bool) -> str:
 @cache
 def calibration() -> dict[str, Any]:
     """The table that the package comes with (see `benchmarks.calibration`)."""
-    text = (resources.files("tirelog.diagnosis") / TABLE).read_text("utf-8")
+    text = (resources.files("tirelog.diagnosis.trust") / TABLE).read_text("utf-8")
     return tomllib.loads(text)
