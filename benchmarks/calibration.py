@@ -3,7 +3,8 @@
     python -m benchmarks.calibration --seeds 40000-40299 -o FILE.csv [--jobs 2]
                                     a row per case as it is done; what is there is not done again
     python -m benchmarks.calibration --fit FILE.csv ... [-o TABLE.toml]
-                                    the table of `diagnose`, tirelog/diagnosis/trust/calibration.toml
+                                    the table of `diagnose`, calibration.toml beside certainty.py;
+                                    the shipped one is of benchmarks/rows/calibration.csv
     python -m benchmarks.calibration --report FILE.csv ...
                                     said against what was right; never on a case of the fit
 
