@@ -14,7 +14,7 @@ from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAx
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.gratings.evidence import frames_of, strengths_of
-from tirelog.diagnosis.gratings.found import ROAD, WHEEL
+from tirelog.diagnosis.gratings.found import ROAD, WHEEL, Frame
 from tirelog.diagnosis.gratings.gather import MOST_SEARCHED, gathered, spread_out
 from tirelog.diagnosis.gratings.members import members_held, members_of
 from tirelog.errors import UsageError
@@ -375,3 +375,17 @@ def test_simulated_gratings_stand_where_they_were_put():
 def test_a_ratio_is_none_of_an_accelerometer():
     assert ratio_of(MODEL, "") == 1.0
     assert "." not in ratio_name("belt.1")
+
+
+def test_what_a_grating_showed_alone_is_asked_again_beside_a_named_effect():
+    name = "pressure_offset"
+    model = MODEL.with_effect(name, offset=0.05)
+    truths = (TRUTH.with_effect(name, offset=0.1),) * 3
+    for added, alone in (((None,) * 3, ()), ((None, bump(-1.5), None), ("g2",))):
+        pieces = measured_pieces(three(*added, truths=truths))
+        asked = gathered(pieces.without(["g2"]), model)
+        frame = Frame("g2", float(np.var(bump(-1.5)(PHI, 0.0, RATIOS[1]))) / NOISE**2, 1e-3)
+        showed = replace(asked.found, frames=(frame,), names=("g1", "g2", "g3"))
+        told = replace(asked, every=pieces, found=showed).with_strengths(asked.base, [name])
+        assert told.alone == alone
+        assert ("beside what is named" in " ".join(told.sentences())) == (alone == ())

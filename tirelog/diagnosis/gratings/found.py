@@ -58,6 +58,7 @@ class GratingsFound:
     names, angles_deg (n,)  of all gratings;  frames: what repeats, by frame, the largest first
     alone      gratings that show what no other does;  set_apart: those without which the rest was
                asked
+    agreeing   gratings that showed what no other does until an effect was named
     strengths  of each effect that was named, of the gratings in `asked`
     searched   those on which effects were searched, if not all that were asked
     """
@@ -69,10 +70,15 @@ class GratingsFound:
     asked: tuple[str, ...] = ()
     searched: tuple[str, ...] = ()
     strengths: tuple[Strengths, ...] = ()
+    agreeing: tuple[str, ...] = ()
 
     @property
     def alone(self) -> tuple[str, ...]:
-        return tuple(f.frame for f in self.frames if f.matters and f.frame in self.names)
+        return tuple(
+            f.frame
+            for f in self.frames
+            if f.matters and f.frame in self.names and f.frame not in self.agreeing
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Each grating by its name, the frames, and the effects' strengths."""
@@ -123,6 +129,11 @@ class GratingsFound:
                 said.append(f"Fixed to the road, the same in all gratings: {size}.")
             elif frame.frame == WHEEL:
                 said.append(f"Fixed to the wheel, shifted by each grating's angle: {size}.")
+            elif frame.frame in self.agreeing:
+                said.append(
+                    f"{frame.frame} seemed to show {size} of its own; beside what is named it says "
+                    "what the others do."
+                )
             else:
                 said.append(
                     f"{frame.frame} alone shows {size} that no other grating does: its bonding, "

@@ -21,28 +21,43 @@ MOST_SEARCHED = 4
 #: means of like revolutions that a search of them takes, or as many as one grating has: a search
 #: takes 0.2 to 0.4 s for each
 _ENOUGH = 80
+#: share of what a grating showed alone that stays with it beside a named effect: all of it if the
+#: grating is bad, a tenth if it is what a free shape left of the effect
+_STAYS = 0.5
 
 
 @dataclass(frozen=True)
 class Gathered:
     """Several gratings as they are asked: all that agree, and what effects are searched on.
 
-    `base`: the model fitted to what is `searched`, which is all `pieces` if they are few.
+    `base`: the model fitted to what is `searched`, which is all `pieces` if they are few; `every`:
+    those with what others contradict.
     """
 
+    every: PiecesTogether
     pieces: PiecesTogether
     searched: PiecesTogether
     base: TogetherBase
     found: GratingsFound
 
     def with_strengths(self, result: TogetherBase, selected: Sequence[str]) -> GratingsFound:
-        """What was found, and each selected effect's strength as every grating has it."""
+        """What was found, and each selected effect's strength as every grating has it.
+
+        What one grating alone showed before anything was named may be what a free shape leaves of
+        the effect: it is asked again beside it.
+        """
         if not selected:
             return self.found
+        found = self.found
+        if found.alone:
+            before = {frame.frame: _STAYS * frame.size for frame in found.frames}
+            after = frames_of(members_held(self.every, result))
+            still = {f.frame for f in after if f.matters and f.size > before.get(f.frame, 0.0)}
+            found = replace(found, agreeing=tuple(n for n in found.alone if n not in still))
         one_fit = self.searched is self.pieces
         seen = members_of(result) if one_fit else members_held(self.pieces, result)
         own = strengths_of(seen, result, selected)
-        return replace(self.found, strengths=own)
+        return replace(found, strengths=own)
 
 
 def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
@@ -55,7 +70,7 @@ def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
     searched, base = _searched(pieces, model)
     frames = frames_of(members_of(base) if searched is pieces else members_held(pieces, base))
     found = GratingsFound(names, tuple(float(p) for p in places), frames, ())
-    out = found.alone
+    out, every = found.alone, pieces
     if out and len(names) - len(out) >= max(2, len(out) + 1):
         found = replace(found, set_apart=out)
         pieces = pieces.without(out)
@@ -65,7 +80,7 @@ def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
         asked=tuple(name for name in names if name not in found.set_apart),
         searched=() if searched is pieces else searched.members,
     )
-    return Gathered(pieces, searched, base, found)
+    return Gathered(every, pieces, searched, base, found)
 
 
 def _searched(pieces: PiecesTogether, model: Model) -> tuple[PiecesTogether, TogetherBase]:
