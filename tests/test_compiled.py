@@ -2,11 +2,21 @@
 can or cannot be kept.
 """
 
+import json
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from tests.kernel_inputs import inputs
+from tirelog.kernels import built
+from tirelog.kernels.build import CALLS
+from tirelog.kernels.kinds import examples, kind_of, spelled
+
+SAMPLES = Path(__file__).parents[1] / "sample_data"
 
 PROGRAM = """
 import numpy as np
@@ -37,14 +47,14 @@ def test_compiled_is_as_plain_python(tmp_path, switch):
 def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
     """numba itself looks at the caller's file alone."""
     inner, outer = tmp_path / "inner_kernel.py", tmp_path / "outer_kernel.py"
-    head = "from tirelog.runtime import compiled\n"
+    head = "from tirelog.kernels import compiled\n"
     outer.write_text(
         head + "from inner_kernel import scale\n@compiled\ndef middle(x):\n    return scale(x)\n"
         "@compiled\ndef whole(x):\n    return middle(x)\n"
     )
     program = (
         "import outer_kernel; print(outer_kernel.whole(2.0), "
-        "sum(outer_kernel.whole.stats.cache_hits.values()))"
+        "sum(outer_kernel.whole.jitted.stats.cache_hits.values()))"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     environment.pop("NUMBA_CACHE_DIR", None)
@@ -82,10 +92,10 @@ def test_kernels_load_no_linear_algebra_and_leave_it_to_be_imported():
 def test_a_named_tuple_that_has_another_name_since_is_no_fault_of_the_cache(tmp_path):
     """The cache's index names the types that a kernel takes; an upgrade may rename them."""
     text = (
-        "from typing import NamedTuple\nfrom tirelog.runtime import compiled\n"
+        "from typing import NamedTuple\nfrom tirelog.kernels import compiled\n"
         "class {0}(NamedTuple):\n    x: float\n"
         "@compiled\ndef whole(room):\n    return 2.0 * room.x\n"
-        "print(whole({0}(3.0)), sum(whole.stats.cache_hits.values()))"
+        "print(whole({0}(3.0)), sum(whole.jitted.stats.cache_hits.values()))"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     environment.pop("NUMBA_CACHE_DIR", None)
@@ -96,3 +106,77 @@ def test_a_named_tuple_that_has_another_name_since_is_no_fault_of_the_cache(tmp_
         command = [sys.executable, "-c", "import roomy_kernel"]
         done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
         assert done.stdout.split() == ["6.0", str(hits)], done.stderr[-500:]
+
+
+def test_calls_that_are_compiled_ahead_are_those_of_the_commands(tmp_path):
+    """Each is tried against plain Python; none of a command's is left to be compiled."""
+    for name, told in json.loads(CALLS.read_text()).items():
+        tried = [spelled(map(kind_of, given)) for given in inputs()[name[8:].replace(":", ".")]]
+        assert [kinds for kinds in told if json.dumps(kinds) not in tried] == [], name
+        for kinds in told:
+            assert spelled(map(kind_of, examples(json.dumps(kinds)))) == json.dumps(kinds)
+
+
+@pytest.mark.skipif(not built.at_hand(), reason="kernels are not compiled ahead here")
+def test_tables_need_no_numba_once_kernels_are_built(tmp_path):
+    record = tmp_path / "missed"
+    asked = ["tables", str(SAMPLES / "drive.csv.gz"), "-o", str(tmp_path / "out")]
+    program = (
+        f"import sys; from tirelog.cli import run\nprint(run({asked!r}), 'numba' in sys.modules)"
+    )
+    environment = {**os.environ, built.RECORD: str(record)}
+    said = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True
+    ).stdout
+    assert said.split()[-2:] == ["0", "False"]
+    assert not record.exists()
+
+
+def test_an_edited_source_is_not_run_as_it_was(tmp_path):
+    """The extension of a folder whose sources differ from those it was made of is not used."""
+    package = tmp_path / "tirelog"
+    shutil.copytree(built.PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    program = "from tirelog.kernels import built; print(built.PACKAGE, built.at_hand())"
+
+    def said() -> list[str]:
+        return subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        ).stdout.split()
+
+    assert said() == [str(package), str(built.at_hand())]
+    # one has kernels, the other a number that is in one of them
+    for name in ("dsp/derivatives.py", "vocabulary/arrays.py"):
+        source, text = package / name, (package / name).read_text()
+        source.write_text(text + "\n")
+        assert said() == [str(package), "False"]
+        source.write_text(text)
+    assert said() == [str(package), str(built.at_hand())]
+
+
+def test_a_damaged_extension_is_left_aside(tmp_path):
+    """Kernels are then compiled when they are first called; no command ends for it."""
+    package = tmp_path / "tirelog"
+    shutil.copytree(built.PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    sources = built.fingerprints(["dsp/derivatives.py"])
+    extension = package / "kernels" / built.EXTENSION.name
+    for table in (
+        {},
+        [],
+        {"extension": extension.name, "sources": sources, "functions": {"a": {}}},
+    ):
+        extension.write_bytes(b"no machine code")
+        (package / "kernels" / built.TABLE.name).write_text(json.dumps(table))
+        said = subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        ).stdout
+        assert said.split()[-1] == "True"

@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 
 from tests.kernel_inputs import UNSET, inputs
+from tirelog.kernels.kernel import Kernel
 
 numba = pytest.importorskip("numba")
 if numba.config.DISABLE_JIT:
@@ -79,8 +80,7 @@ def test_every_kernel_is_found_and_has_inputs() -> None:
         f"{module}.{name}"
         for module in modules
         for name, value in vars(import_module(f"tirelog.{module}")).items()
-        if isinstance(value, numba.core.dispatcher.Dispatcher)
-        and value.py_func.__module__ == f"tirelog.{module}"
+        if isinstance(value, Kernel) and value.py_func.__module__ == f"tirelog.{module}"
     }
     assert there == set(found)
     assert set(found) - set(inputs()) == set(), "register inputs in tests/kernel_inputs.py"

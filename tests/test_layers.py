@@ -21,6 +21,7 @@ ORDER = (
     "version",
     "errors",
     "runtime",
+    "kernels",
     "vocabulary",
     "storage",
     "data",

@@ -1,24 +1,4 @@
-"""Settings of the process (threads, allocator, end with its parent), and compiled kernels.
-
-A loop over samples that the benchmark shows to matter is compiled by numba, once for each machine.
-
-    @compiled
-    def kernel(samples, ...): ...        plain Python on numpy arrays and scalars; called like any
-                                         function
-
-The compiled code is cached beside the source, or in the user's cache folder if the installation
-cannot be written (NUMBA_CACHE_DIR moves it), so that only the very first call on a machine waits
-for the compiler. With NUMBA_DISABLE_JIT=1 the same source runs as plain Python: slower, and the
-same numbers. No fast-math: sums keep their order, so results do not depend on the machine's vector
-width.
-
-numba knows a cached kernel by its own file only, and reads what it has cached before it looks
-whether that is outdated. A kernel is forgotten here if its file, or one whose kernels it calls, was
-edited since: else one whose types have other names by now would end the process.
-
-numba takes half a second to start and 110 MB; modules with kernels are imported inside the
-functions that need them.
-"""
+"""Settings of the process: threads, allocator, garbage, its end; and who hears of compiling."""
 
 from __future__ import annotations
 
@@ -29,10 +9,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from functools import cache
-from pathlib import Path
-from typing import Any, NoReturn, TypeVar, cast
+from typing import NoReturn
 
 #: glibc's number for the most heaps (malloc.h, M_ARENA_MAX)
 _MOST_HEAPS = -8
@@ -142,89 +120,32 @@ def _watch(parent: int) -> None:
     os._exit(1)
 
 
-Kernel = TypeVar("Kernel", bound=Callable[..., object])
-
-#: what a compiled kernel carries: the source files that it is compiled from
-_SOURCES = "tirelog_sources"
-
-
-def compiled(kernel: Kernel) -> Kernel:
-    """The kernel, compiled at its first call for the types it is called with.
-
-    Division by zero gives infinity or NaN, as in numpy.
-    """
-    _numba_without_blas()
-    from numba import njit
-
-    try:
-        made = njit(cache=True, error_model="numpy", nogil=True)(kernel)
-    except RuntimeError:  # no folder that could hold the cache: compiled anew in each process
-        made = njit(error_model="numpy", nogil=True)(kernel)
-    if made is not kernel:  # else compiling is switched off
-        _forget_outdated(kernel, made)
-    return cast(Kernel, made)
-
-
-def _numba_without_blas() -> None:
-    """Load numba's array functions without scipy's linear algebra, which they look for then.
-
-    No kernel needs it; one that does has numba import it. It keeps the tables of an hour's run
-    within their 300 MB: 294 MB, else 310; and every command costs 5 to 9 % less CPU (22 November
-    2026, two shared cores, Python 3.11; `tirelog tables` on a run of 4 gratings, `speed`,
-    `ingest`).
-    """
-    blas = "scipy.linalg.cython_blas"
-    if blas in sys.modules or "numba.np.arraymath" in sys.modules:
-        return
-    modules = cast(dict[str, Any], sys.modules)
-    modules[blas] = None  # for Python: not there (its reference, 5.3.1 "The module cache")
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        del modules[blas]
-
-
-def _forget_outdated(kernel: Any, made: Any) -> None:
-    """Remove the cache's index of a kernel if it is older than a file it was compiled from."""
-    own = Path(kernel.__code__.co_filename)
-    called = (kernel.__globals__.get(name) for name in kernel.__code__.co_names)
-    sources = frozenset({own}).union(*(_sources_of(other) for other in called))
-    setattr(made, _SOURCES, sources)
-    if made.stats.cache_path is None:
-        return
-    line, python = kernel.__code__.co_firstlineno, sys.version_info
-    name = f"{own.stem}.{kernel.__qualname__}-{line}.py{python.major}{python.minor}{sys.abiflags}"
-    index = Path(made.stats.cache_path) / f"{name}.nbi"
-    with suppress(OSError):  # there is none, or another process was faster
-        if index.stat().st_mtime <= max(source.stat().st_mtime for source in sources):
-            index.unlink()
-
-
-def _sources_of(called: Any) -> frozenset[Path]:
-    """The files of what a kernel calls.
-
-    Another kernel, or a plain function that numba was taught to compile.
-    """
-    plain = {Path(called.__code__.co_filename)} if hasattr(called, "__code__") else ()
-    sources: frozenset[Path] = getattr(called, _SOURCES, frozenset(plain))
-    return sources
+#: who is told that kernels begin to be compiled, and that they are
+_HEAR: list[Callable[[bool], None]] = []
 
 
 def hear_of_compiling(told: Callable[[bool], None]) -> Callable[[], None]:
     """Have it told when kernels begin to be compiled, and when they are; what ends that."""
-    if "numba" not in sys.modules:
-        return lambda: None
+    _HEAR.append(told)
+    if "numba" in sys.modules:
+        tell_of_compiling()
+    return lambda: _HEAR.remove(told) if told in _HEAR else None
+
+
+@cache
+def tell_of_compiling() -> None:
+    """Whoever hears of compiling is told from now on; imports numba."""
     from numba.core import event
 
     class Compiling(event.Listener):
         """Told by numba when it begins, and when it has done."""
 
         def on_start(self, event: object) -> None:
-            told(True)
+            for told in tuple(_HEAR):
+                told(True)
 
         def on_end(self, event: object) -> None:
-            told(False)
+            for told in tuple(_HEAR):
+                told(False)
 
-    listener = Compiling()
-    event.register("numba:compile", listener)
-    return lambda: event.unregister("numba:compile", listener)
+    event.register("numba:compile", Compiling())

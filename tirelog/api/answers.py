@@ -159,10 +159,13 @@ def fit(
         raise UsageError(
             "nothing measured", allowed="allowed is what `measure` gives", do="give one at least"
         )
-    if model.observable not in WAVEFORMS:
+    said = []
+    if model.observable not in WAVEFORMS and set(nuisances) != set(AS_COMPARE):
+        asked = ", ".join(nuisances) or "none"
+        said.append(f"{model.observable} is a number per revolution: nuisances ({asked}) not used")
         nuisances = AS_COMPARE
     found, remarks = fit_channels_measured([one.revolutions for one in channels], model, nuisances)
-    said = list(remarks)
+    said += remarks
     moving = motion_names(model)
     fitted = found.model.with_parameters({name: model.parameters[name] for name in moving})
     obstacles = [log for one in channels for log in one.obstacles]

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
 #: half length of the filter in half periods of its pass edge, at least and at most [samples]

@@ -14,7 +14,7 @@ from math import comb
 
 import numpy as np
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
 #: order of the difference; that of white noise has sqrt(binomial(2 order, order)) standard

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, Scaled
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 19 MB

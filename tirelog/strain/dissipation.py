@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.differentiator import bridged, differentiator
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records

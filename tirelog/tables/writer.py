@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tirelog.errors import UsageError, refuse_unknown
+from tirelog.kernels import built
 from tirelog.storage.whole import whole_file
 from tirelog.version import __version__
 from tirelog.vocabulary.columns import COLUMNS, TABLES
@@ -85,11 +86,11 @@ def _digits(name: str) -> int:
 
 
 def _loop_at_hand() -> bool:
-    """True if compiled loops have been used before.
+    """True if the compiled loop that writes csv costs less than arrow.
 
-    To write csv, one more costs less than arrow, and arrow less than the first.
+    So it does when kernels are built, or when others have been compiled before.
     """
-    return "numba" in sys.modules
+    return built.at_hand() or "numba" in sys.modules
 
 
 def _plain(name: str, values: np.ndarray) -> tuple[int, np.ndarray] | Words | None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.dsp.encoder.kernels import finite
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: counts worked on at once

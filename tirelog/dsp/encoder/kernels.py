@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 Bytes = NDArray[np.int8]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.encoder.kernels import SUMS
 from tirelog.dsp.encoder.signal import Integers
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: knots lie at least so far apart while the motion is even: a cubic follows a wheel that shakes at

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from tirelog.dsp.encoder.kernels import SUMS
 from tirelog.dsp.encoder.signal import Integers
 from tirelog.dsp.sliding import sliding_mean
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: turns that a table needs; fewer leave it zero; twice as many leave short drives with the steps

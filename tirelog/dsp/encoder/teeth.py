@@ -26,7 +26,7 @@ import numpy as np
 
 from tirelog.dsp.encoder.signal import FOLLOW_S, Crossings, Integers, Probe, Read
 from tirelog.dsp.sliding import sliding_mean, sliding_median
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth

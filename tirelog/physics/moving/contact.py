@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tirelog.errors import ModelError
+from tirelog.kernels import compiled
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import RoadProfile
 from tirelog.physics.spectral import ComplexArray
-from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: a node when it was seen last: its place along the road and its height, how deep it was below the

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.kernels import compiled
 from tirelog.readers.mcap.source import FieldError, Want, is_list
 from tirelog.readers.text.digits import Bytes, as_float, digits_number
-from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.kernels import compiled
 from tirelog.readers.text.digits import Bytes, Whole, bytes_of
-from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import IntArray
 
 HEAD = struct.Struct("<BQ")

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.kernels import compiled
 from tirelog.readers.text.rounding import MOST_POWER, rounded
-from tirelog.runtime import compiled
 
 #: in place of a count, if none holds the number
 WIDE = 1 << 31

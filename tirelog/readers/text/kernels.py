@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.kernels import compiled
 from tirelog.readers.base import LOST_COUNT
 from tirelog.readers.text.digits import (
     EXACT_POWERS,
@@ -31,7 +32,6 @@ from tirelog.readers.text.digits import (
     value_of,
     word,
 )
-from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: what is done with a column: nothing, int32 counts, float64, int64 counts, first byte and byte

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 
 #: the largest power of ten, up or down
 MOST_POWER = 100

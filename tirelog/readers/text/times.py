@@ -20,8 +20,8 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.kernels import compiled
 from tirelog.readers.text.digits import POWERS, Bytes, Whole
-from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import IntArray
 
 #: what a byte of a time is: a byte like the pattern's, or a digit of a field

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
 #: half width of every stencil

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.simulation.rolling.circulant_kernel import (
     HALF,
     Factors,

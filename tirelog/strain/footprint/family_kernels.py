@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
 #: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1); twice as many take four times as

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: how a row moves: column of the patch centre, columns per second, speed and acceleration of the

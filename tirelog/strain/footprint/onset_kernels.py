@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.strain.footprint.kernels import (
     FITTED,
     HEIGHT,

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.dsp.derivatives import derivative, noise_gains, window_spectra
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.strain.footprint.kernels import motion_of
 from tirelog.vocabulary.arrays import FloatArray, Records
 

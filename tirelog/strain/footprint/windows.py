@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.strain.footprint.kernels import motion_of
 from tirelog.strain.footprint.plain_edges import distance_along
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, Record, Records
 
 #: a row as its fit begins: patch centre [s], the wheel's rate [rad/s] and its change [rad/s^2], how

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.runtime import compiled
+from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: a pulse: middle of its half-level crossings and width between them [places], height above the

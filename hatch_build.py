@@ -1,0 +1,32 @@
+"""Compiles the kernels while the package is installed; without a C compiler they are compiled when
+they are first called.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+
+class KernelsHook(BuildHookInterface):
+    """A wheel, also that of an editable installation, gets `tirelog/kernels/_built`."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        if self.target_name != "wheel":
+            return
+        sys.path.insert(0, self.root)
+        try:
+            from tirelog.kernels.build import build
+
+            made = build()
+        except Exception as problem:
+            self.app.display_warning(
+                f"kernels are not compiled ahead, but when first called: {problem}"
+            )
+            return
+        finally:
+            sys.path.remove(self.root)
+        build_data["pure_python"] = False
+        build_data["infer_tag"] = True
+        build_data["artifacts"] += [path.relative_to(Path(self.root)).as_posix() for path in made]

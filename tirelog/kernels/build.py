@@ -1,0 +1,157 @@
+"""Kernels compiled ahead of time: the step of an installation that makes the extension.
+
+    python -m tirelog.kernels.build               make it in this folder, as `pip install` does
+    python -m tirelog.kernels.build --calls FILE  first add the calls that were recorded to FILE
+
+    calls.json (kinds of arguments that commands call each kernel with)
+        --numba, which infers the rest; its compiler of modules--> object code --C compiler-->
+        _built.EXT, _built.json
+
+Needs numba, setuptools and a C compiler. Machine code is for every processor of the kind: that of
+this one is no quicker (23 November 2026, two shared cores, Python 3.11; `tirelog tables` on 10
+minutes of 16 gratings, twice three logs: 2.42 s and 2.41 s).
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from tirelog.kernels import built
+from tirelog.kernels.kernel import Kernel
+from tirelog.kernels.kinds import examples
+
+#: kinds of arguments by kernel, as commands call them
+CALLS = Path(__file__).parent / "calls.json"
+
+
+def build(folder: Path = built.EXTENSION.parent) -> list[Path]:
+    """Make the extension in a folder, and give the files.
+
+    ImportError: numba or setuptools is not there. Whatever numba and the C compiler raise if they
+    can't.
+    """
+    from tirelog.kernels.jit import without_blas
+
+    without_blas()
+    with warnings.catch_warnings():
+        # numba means to replace its compiler of modules, and has not said by what
+        warnings.simplefilter("ignore")
+        from numba import typeof
+
+        pycc: Any = import_module("numba.pycc")
+    compiler = pycc.compiler
+    usual = compiler.Flags
+
+    def flags() -> Any:
+        """As `jit` compiles: division as in numpy, other threads go on."""
+        chosen: Any = usual()
+        chosen.release_gil, chosen.error_model = True, "numpy"
+        return chosen
+
+    extension, table = folder / built.EXTENSION.name, folder / built.TABLE.name
+    module = pycc.CC(built.MODULE, source_module=__name__)
+    functions: dict[str, dict[str, str]] = {}
+    sources: set[Path] = set()
+    for kernel, kinds, symbol in _functions():
+        types = tuple(typeof(example) for example in examples(kinds))
+        module.export(symbol, types)(kernel.py_func)
+        functions.setdefault(kernel.name, {})[kinds] = symbol
+        sources.update(*map(_with_imported, kernel.sources))
+    with TemporaryDirectory() as made:
+        module.output_dir, module.output_file = made, extension.name
+        compiler.Flags = flags
+        try:
+            module.compile()
+        finally:
+            compiler.Flags = usual
+        names = [source.relative_to(built.PACKAGE).as_posix() for source in sources]
+        told = {
+            "extension": extension.name,
+            "sources": built.fingerprints(names),
+            "functions": functions,
+        }
+        for path, content in (
+            (extension, (Path(made) / extension.name).read_bytes()),
+            (table, json.dumps(told, indent=1).encode()),
+        ):
+            # a process that runs has the old one open
+            beside = path.with_name(f"{path.name}.{os.getpid()}")
+            beside.write_bytes(content)
+            beside.replace(path)
+    return [extension, table]
+
+
+def _functions() -> Iterator[tuple[Kernel, str, str]]:
+    """(kernel, kinds of its arguments, name of the function) of all that is called."""
+    for name, calls in json.loads(CALLS.read_text(encoding="utf-8")).items():
+        for number, kinds in enumerate(calls):
+            yield (
+                _kernel(name),
+                json.dumps(kinds),
+                f"{name}_{number}".replace(".", "_").replace(":", "_"),
+            )
+
+
+@cache
+def _with_imported(source: Path) -> frozenset[Path]:
+    """A source and those of the package that it imports from: their constants are in its code."""
+    nodes = ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+    names = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+    modules = (built.PACKAGE.joinpath(*name.split(".")[1:]) for name in names)
+    return frozenset(
+        {source, *(path for one in modules if (path := one.with_suffix(".py")).is_file())}
+    )
+
+
+def _kernel(name: str) -> Kernel:
+    module, _, function = name.partition(":")
+    found = getattr(import_module(module), function, None)
+    if not isinstance(found, Kernel):
+        raise LookupError(f"{CALLS.name} has {name}, which is no kernel; take it out")
+    return found
+
+
+def add_calls(recorded: Path) -> int:
+    """Add the calls of a record to those that are compiled ahead; how many are new."""
+    calls = json.loads(CALLS.read_text(encoding="utf-8")) if CALLS.exists() else {}
+    new = 0
+    for line in recorded.read_text(encoding="utf-8").splitlines():
+        name, kinds = json.loads(line)
+        told = json.loads(kinds)
+        if told not in calls.setdefault(name, []):
+            calls[name].append(told)
+            new += 1
+    lines = (
+        f"{json.dumps(name)}: [\n  " + ",\n  ".join(json.dumps(one) for one in calls[name]) + "\n]"
+        for name in sorted(calls)
+    )
+    CALLS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    return new
+
+
+def main() -> None:
+    """Build, or say in a line why not; kernels are then compiled when they are first called."""
+    asked = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    asked.add_argument("--calls", type=Path, help="a record of calls to be added first")
+    calls: Path | None = asked.parse_args().calls
+    if calls is not None:
+        sys.stderr.write(f"{add_calls(calls)} calls added\n")
+    try:
+        build()
+    except Exception as problem:
+        sys.exit(f"kernels are not compiled ahead, but when first called: {problem}")
+
+
+if __name__ == "__main__":
+    main()
