@@ -8,20 +8,18 @@ BIN := .venv/bin
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 
-.venv/.demo: pyproject.toml | .venv/bin/python
+# installing compiles the loops over samples (tirelog/kernels), anew if one of them was edited
+KERNELS := hatch_build.py tirelog/kernels/calls.json $(shell grep -rl '^@compiled' tirelog --include='*.py')
+
+.venv/.demo: pyproject.toml $(KERNELS) | .venv/bin/python
 	$(BIN)/python -m pip install --quiet --editable ".[plot,report]"
 	touch $@
 
-.venv/.dev: pyproject.toml | .venv/bin/python
+.venv/.dev: pyproject.toml $(KERNELS) | .venv/bin/python
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
 	touch $@
 
-# loops are compiled here, once, and not while the first command waits (a minute)
-.venv/.compiled: $(shell find tirelog -name '*.py') sample_data/compile.py | .venv/.demo
-	$(BIN)/python sample_data/compile.py
-	touch $@
-
-demo: .venv/.compiled
+demo: .venv/.demo
 	$(BIN)/python sample_data/demo.py
 
 test: .venv/.dev

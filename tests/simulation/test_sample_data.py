@@ -60,7 +60,7 @@ def test_size_and_nothing_unnamed() -> None:
     assert sum(p.stat().st_size for p in files) < 10e6
     known = (
         {name for name, _, _ in TABLE}
-        | {"README.md", "make.py", "demo.py", "compile.py"}
+        | {"README.md", "make.py", "demo.py"}
         | {f"{s}.toml" for s in LOGS.values()}
         | set(WITHOUT_LOG)
     )
