@@ -20,10 +20,13 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+#: the folder of the package, in which sources are named by their paths
 PACKAGE = Path(__file__).resolve().parents[1]
+#: the extension's name as a module, which names the function that sets it up
 MODULE = "_built"
 #: the extension of the Python that runs; the longest name is that of this version alone
 EXTENSION = PACKAGE / "kernels" / f"{MODULE}{max(EXTENSION_SUFFIXES, key=len)}"
+#: names of its functions, and hashes of its sources
 TABLE = PACKAGE / "kernels" / f"{MODULE}.json"
 #: names a file to which calls that the extension has no function for are written, line by line
 RECORD = "TIRELOG_RECORD_KERNELS"

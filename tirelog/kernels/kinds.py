@@ -15,6 +15,7 @@ import numpy as np
 
 Kind: TypeAlias = Any
 
+#: Python's numbers and those of numpy that are compiled alike
 _SIMPLE: dict[type, str] = {
     bool: "bool",
     np.bool_: "bool",
@@ -24,7 +25,9 @@ _SIMPLE: dict[type, str] = {
     np.float64: "float",
     type(None): "none",
 }
+#: an argument of each of these kinds
 _EXAMPLES: dict[str, object] = {"bool": True, "int": 1, "float": 1.0, "none": None}
+#: begins the kind of any other number, and of a row of a structured array
 _BY_DTYPE = "scalar"
 
 
