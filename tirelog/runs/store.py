@@ -19,9 +19,10 @@ the heap, is not read.
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ from tirelog.readers.base import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
 from tirelog.runs.chunks import CHUNK, ChunkWriter
 from tirelog.runs.column import DatasetWriter, scaled_to_si
+from tirelog.runs.direct import POSSIBLE, Direct
 from tirelog.runs.store_checks import (
     COLUMN_DIGEST,
     DIGEST,
@@ -212,9 +214,11 @@ def open_run(
             do="ingest it again",
             file=log,
         ) from None
-    with file:
+    with ExitStack() as opened:
+        opened.enter_context(file)
+        whole = opened.enter_context(open(path, "rb", buffering=0)) if temporary else None
         try:
-            recording = _recording(file, log, setup, own=temporary)
+            recording = _recording(file, log, setup, whole)
         except SetupError:
             raise
         except ReadError as problem:
@@ -234,8 +238,11 @@ def _short(problem: BaseException) -> str:
     return str(problem).splitlines()[0][:120] if str(problem) else type(problem).__name__
 
 
-def _recording(file: h5py.File, log: str, setup: Setup | None, *, own: bool) -> Recording:
-    """What the run says; `own`: a temporary one, to which only this process has written."""
+def _recording(
+    file: h5py.File, log: str, setup: Setup | None, whole: io.FileIO | None
+) -> Recording:
+    """What the run says; `whole`: the file, if only this process has written to it."""
+    own = whole is not None
     version = attribute(file, "tirelog_run")
     if version != FORMAT_VERSION:
         raise ReadError(
@@ -276,7 +283,7 @@ def _recording(file: h5py.File, log: str, setup: Setup | None, *, own: bool) -> 
                     file=log,
                 )
             flags = flags_at(file, name, axis.size, foreign, own=own)
-            channels[name] = _channel(name, dataset, used, axis, flags, losses, own=own)
+            channels[name] = _channel(name, dataset, used, axis, flags, losses, whole)
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -333,12 +340,11 @@ def _channel(
     axis: TimeAxis,
     flags: tuple[Doubt, ...],
     losses: list[str],
-    *,
-    own: bool,
+    whole: io.FileIO | None,
 ) -> Channel:
     """A channel whose samples are read, and scaled to SI, slice by slice.
 
-    `own`: as of `_recording`.
+    `whole`: as of `_recording`.
     """
     factor, offset = scaled_to_si(channel)
     counts = dataset.dtype.kind == "i"
@@ -350,10 +356,12 @@ def _channel(
     scale = factor / 10.0 ** int(decimals)
 
     def checked(start: int, stop: int) -> np.ndarray:
-        check_open(dataset)
+        check_open(bool(dataset))
         return _read(dataset, start, stop, name, losses)
 
-    samples = Scaled(checked, scale, offset, LOST_COUNT if counts else None, at_hand=own)
+    read = checked if whole is None or not POSSIBLE else Direct(dataset, whole)
+    lost = LOST_COUNT if counts else None
+    samples = Scaled(read, scale, offset, lost, at_hand=whole is not None)
     more = {
         key: getattr(channel, key)
         for key in ("steps", "gauge_length_m")

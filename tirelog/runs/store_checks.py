@@ -265,7 +265,7 @@ def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> 
     none = np.zeros(0)
 
     def explicit(start: int, stop: int) -> np.ndarray:
-        check_open(times)
+        check_open(bool(times))
         stored: np.ndarray = times[start:stop].astype(np.float64)
         return stored
 
@@ -304,9 +304,9 @@ def flags_at(
     return found
 
 
-def check_open(dataset: h5py.Dataset) -> None:
-    """ReadError if the run that holds the dataset has been closed."""
-    if not dataset:
+def check_open(opened: bool) -> None:
+    """ReadError if a run is not open any more."""
+    if not opened:
         raise ReadError(
             "the recording is closed",
             allowed="its samples can be read while `open_recording` is open, and in a session "
