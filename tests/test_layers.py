@@ -21,6 +21,7 @@ ORDER = (
     "version",
     "errors",
     "runtime",
+    "apart",
     "kernels",
     "vocabulary",
     "storage",

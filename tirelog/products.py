@@ -13,8 +13,17 @@ function. The file is longer than others: the makers, short as they are, are rea
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Collection,
+    Generator,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,12 +31,13 @@ from pkgutil import resolve_name
 from threading import Condition
 from typing import TYPE_CHECKING, Any
 
-from tirelog.data.recording import Channel, Recording
+from tirelog.data.recording import Channel, Recording, Scaled
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
+    from tirelog.apart import Wire
     from tirelog.strain.footprint.learn import Learnt
     from tirelog.strain.passages.find import Passages
     from tirelog.wheel.calibration import Calibration
@@ -148,14 +158,17 @@ def tables_of(
     workers: int = 1,
     *,
     refused_first: bool = False,
+    processes: bool = False,
 ) -> Iterator[Part]:
     """The `wanted` tables (keys of MAKERS, with their options), part by part.
 
     A table's parts are in the order of the channels, whatever the number of `workers` (threads),
     and the same to the bit. `refused_first` finds the passages of all channels before the first
     part, so that a log that is refused for one of its channels leaves no rows on a stream, at the
-    price of reading the channels once more. UsageError: the recording lacks what a table is made
-    of, or an option is none.
+    price of reading the channels once more. With `processes` the workers are processes where
+    they can be, and parts come without what they were `found` in.
+
+    UsageError: the recording lacks what a table is made of, or an option is none.
     """
     checked(wanted)
     by_channel = {
@@ -164,7 +177,7 @@ def tables_of(
         if MAKERS[name].goes_by_channel(recording, options)
     }
     if by_channel:
-        yield from _channel_tables(recording, by_channel, workers, refused_first)
+        yield from _channel_tables(recording, by_channel, workers, refused_first, processes)
     for name, options in wanted.items():
         whole = MAKERS[name].whole
         if name not in by_channel and whole is not None:
@@ -173,9 +186,14 @@ def tables_of(
 
 
 def _channel_tables(
-    recording: Recording, wanted: Mapping[str, Options], workers: int, refused_first: bool
+    recording: Recording,
+    wanted: Mapping[str, Options],
+    workers: int,
+    refused_first: bool,
+    processes: bool,
 ) -> Iterator[Part]:
     """The tables that are made channel by channel, each channel's passages found once."""
+    from tirelog.apart import POSSIBLE
     from tirelog.strain.channels import not_turning, strain_channels
     from tirelog.strain.speed import radius_remarks, speed_channels
 
@@ -188,22 +206,11 @@ def _channel_tables(
             raise not_turning(recording)
     turned = False
     told: set[tuple[str, str]] = set()
-    forms = _Forms()
-    channels = deque(enumerate(zip(stored, found, strict=True)))
-    with ThreadPoolExecutor(workers) as pool:
-        ahead: deque[Future[_Made]] = deque()
-
-        def fill() -> None:
-            while channels and len(ahead) < workers:
-                number, (channel, passages) = channels.popleft()
-                ahead.append(
-                    pool.submit(_make, recording, number, channel, passages, wanted, forms)
-                )
-
-        fill()
-        while ahead:
-            made = ahead.popleft().result()
-            fill()  # the next one is at work while this one's rows are written
+    channels = list(zip(stored, found, strict=True))
+    several = min(workers, len(channels)) > 1
+    by = _by_processes if processes and several and POSSIBLE and _at_hand(stored) else _by_threads
+    with closing(by(recording, channels, wanted, workers)) as of_channels:
+        for made in of_channels:
             turned |= made.turns
             for part in made.parts:
                 remarks = [
@@ -215,6 +222,55 @@ def _channel_tables(
                 yield replace(part, remarks=tuple(remarks))
     if not turned and not only_speed:
         raise not_turning(recording)
+
+
+def _at_hand(channels: Iterable[Channel]) -> bool:
+    """True if processes can read the channels side by side: no library holds their file's place."""
+    return all(isinstance(one.samples, Scaled) and one.samples.at_hand for one in channels)
+
+
+def _by_threads(
+    recording: Recording,
+    channels: Sequence[tuple[Channel, Passages | None]],
+    wanted: Mapping[str, Options],
+    workers: int,
+) -> Generator[_Made]:
+    """The tables of each channel, in their order, several at a time."""
+    forms, left = _Forms(), deque(enumerate(channels))
+    with ThreadPoolExecutor(workers) as pool:
+        ahead: deque[Future[_Made]] = deque()
+
+        def fill() -> None:
+            while left and len(ahead) < workers:
+                number, (channel, passages) = left.popleft()
+                ahead.append(
+                    pool.submit(_make, recording, number, channel, passages, wanted, forms)
+                )
+
+        fill()
+        while ahead:
+            made = ahead.popleft().result()
+            fill()  # the next one is at work while this one's rows are written
+            yield made
+
+
+def _by_processes(
+    recording: Recording,
+    channels: Sequence[tuple[Channel, Passages | None]],
+    wanted: Mapping[str, Options],
+    workers: int,
+) -> Generator[_Made]:
+    """As `_by_threads`, without what the rows were found in."""
+    from tirelog.apart import apart
+
+    def make(number: int, wire: Wire) -> _Made:
+        made = _make(recording, number, *channels[number], wanted, _FormsApart(wire))
+        return replace(made, parts=[replace(part, found=None) for part in made.parts])
+
+    def again(number: int, like: Any) -> _Made:
+        return _make(recording, number, *channels[number], wanted, _FormKnown(like))
+
+    yield from apart(len(channels), workers, make, again)
 
 
 def _all_passages(
@@ -267,6 +323,39 @@ class _Forms:
         return None
 
 
+class _FormKnown:
+    """The form that a channel's passages start from."""
+
+    def __init__(self, like: Learnt | None) -> None:
+        self._like = like
+
+    def learn(self, number: int, channel: Channel, passages: Passages) -> Learnt | None:
+        """The form of the passages of `channel`."""
+        from tirelog.strain.footprint.learn import learn_reference
+
+        return learn_reference(channel, passages, like=self._like)
+
+    def tell(self, number: int, learnt: Learnt | None) -> None:
+        """Nobody asks."""
+
+
+class _FormsApart:
+    """The forms of the channels' passages, as `_Forms`, by way of the other process."""
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = line
+
+    def learn(self, number: int, channel: Channel, passages: Passages) -> Learnt | None:
+        """The form of the passages of `channel`, the `number`-th."""
+        learnt = _FormKnown(self._wire.ask()).learn(number, channel, passages)
+        self.tell(number, learnt)
+        return learnt
+
+    def tell(self, number: int, learnt: Learnt | None) -> None:
+        """What was learnt from a channel, or that nothing more will be."""
+        self._wire.tell(learnt)
+
+
 @dataclass(frozen=True)
 class _Made:
     """One channel's tables."""
@@ -281,7 +370,7 @@ def _make(
     stored: Channel,
     found: Passages | None,
     wanted: Mapping[str, Options],
-    forms: _Forms,
+    forms: _Forms | _FormKnown | _FormsApart,
 ) -> _Made:
     """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
     from tirelog.runs.in_memory import in_memory

@@ -74,8 +74,12 @@ def parts_of_drive(
     *,
     workers: int = 1,
     refused_first: bool = False,
+    processes: bool = False,
 ) -> tuple[Iterator[Part], list[str]]:
     """(The rows of several tables, all that suit the log by default, those that do not suit it).
+
+    With `processes` the workers are processes where they can be: for who takes rows and remarks
+    alone, and has no threads of its own at work.
 
     UsageError: no such table, or the log suits none.
     """
@@ -91,7 +95,7 @@ def parts_of_drive(
             file=recording.log,
         )
     empty: dict[str, dict[str, Any]] = {name: {} for name in suited}
-    made = tables_of(one, empty, workers, refused_first=refused_first)
+    made = tables_of(one, empty, workers, refused_first=refused_first, processes=processes)
     return made, [name for name in names if name not in suited]
 
 

@@ -63,7 +63,12 @@ def tables(
 
         def made(recording: Recording) -> Iterator[Part]:
             parts, unsuited = parts_of_drive(
-                recording, table or (), channel or (), workers=workers, refused_first=len(logs) > 1
+                recording,
+                table or (),
+                channel or (),
+                workers=workers,
+                refused_first=len(logs) > 1,
+                processes=True,
             )
             session.notes(f"{recording.log}: no channel for {name}" for name in unsuited)
             return parts
