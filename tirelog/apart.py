@@ -40,7 +40,7 @@ POSSIBLE = sys.platform == "linux"
 
 
 class Wire:
-    """The child's end: it asks for what others have told, and tells."""
+    """How a process that works on a number hears of those before it, and tells of its own."""
 
     def __init__(self, pipe: Connection, number: int) -> None:
         self._pipe, self._number, self._told = pipe, number, False
@@ -57,16 +57,28 @@ class Wire:
             self._pipe.send((TOLD, self._number, what))
 
 
+class Here:
+    """A `Wire` of the process that keeps what is told."""
+
+    def __init__(self, before: Any) -> None:
+        self._before = before
+        self.told: list[Any] = []
+
+    def ask(self) -> Any:
+        return self._before
+
+    def tell(self, what: Any) -> None:
+        self.told.append(what)
+
+
 def apart(
     count: int,
     processes: int,
-    make: Callable[[int, Wire], Made],
-    again: Callable[[int, Any], Made],
+    make: Callable[[int, Wire | Here], Made],
 ) -> Iterator[Made]:
-    """`make(number, line)` for all numbers below `count`, in their order, by `processes`.
+    """`make(number, wire)` for all numbers below `count`, in their order, by `processes`.
 
-    `again(number, before)` makes in this process what a process has not brought to its end, with
-    what `Wire.ask` would have given.
+    What a process has not brought to its end is made in this one.
     """
     pipes: dict[Connection, int] = {}
     told: dict[int, Any] = {}
@@ -100,13 +112,12 @@ def apart(
         if number is not None:
             asking.pop(number, None)
             done[number] = None
-            settle(number, None)
 
     try:
         for _ in range(min(processes, count)):
             ours, theirs = Pipe()
             with warnings.catch_warnings():
-                # Python warns of other threads: the terminal's line, of which a process needs nothing
+                # Python warns of other threads: that of a terminal's line, and no process needs it
                 warnings.simplefilter("ignore", DeprecationWarning)
                 process = os.fork()
             if not process:
@@ -130,14 +141,18 @@ def apart(
                         elif word == TOLD:
                             settle(whose, what)
                         else:
-                            done[whose] = what if word == MADE else None
-                            settle(whose, None)
+                            done[whose] = what
+                            if word == MADE:
+                                settle(whose, None)
                             next_one(ready)
                     except (EOFError, OSError, pickle.UnpicklingError):
                         lost(ready)
             made = done.pop(number, None)
-            yield again(number, _first_told(told, number)[1]) if made is None else made
-            settle(number, None)
+            if made is None:
+                here = Here(_first_told(told, number)[1])
+                made = make(number, here)
+                settle(number, next(iter(here.told), None))
+            yield made
     finally:
         for pipe, process in pipes.items():
             pipe.close()
@@ -162,7 +177,9 @@ def _end(process: int) -> None:
         os.waitpid(process, 0)
 
 
-def _serve(pipe: Connection, others: list[Connection], make: Callable[[int, Wire], Any]) -> None:
+def _serve(
+    pipe: Connection, others: list[Connection], make: Callable[[int, Wire | Here], Any]
+) -> None:
     """What a process does: numbers down the pipe, answers up; it never comes back from here."""
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent hears of it

@@ -37,7 +37,7 @@ from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
-    from tirelog.apart import Wire
+    from tirelog.apart import Here, Wire
     from tirelog.strain.footprint.learn import Learnt
     from tirelog.strain.passages.find import Passages
     from tirelog.wheel.calibration import Calibration
@@ -263,14 +263,11 @@ def _by_processes(
     """As `_by_threads`, without what the rows were found in."""
     from tirelog.apart import apart
 
-    def make(number: int, wire: Wire) -> _Made:
+    def make(number: int, wire: Wire | Here) -> _Made:
         made = _make(recording, number, *channels[number], wanted, _FormsApart(wire))
         return replace(made, parts=[replace(part, found=None) for part in made.parts])
 
-    def again(number: int, like: Any) -> _Made:
-        return _make(recording, number, *channels[number], wanted, _FormKnown(like))
-
-    yield from apart(len(channels), workers, make, again)
+    yield from apart(len(channels), workers, make)
 
 
 def _all_passages(
@@ -323,31 +320,17 @@ class _Forms:
         return None
 
 
-class _FormKnown:
-    """The form that a channel's passages start from."""
-
-    def __init__(self, like: Learnt | None) -> None:
-        self._like = like
-
-    def learn(self, number: int, channel: Channel, passages: Passages) -> Learnt | None:
-        """The form of the passages of `channel`."""
-        from tirelog.strain.footprint.learn import learn_reference
-
-        return learn_reference(channel, passages, like=self._like)
-
-    def tell(self, number: int, learnt: Learnt | None) -> None:
-        """Nobody asks."""
-
-
 class _FormsApart:
     """The forms of the channels' passages, as `_Forms`, by way of the other process."""
 
-    def __init__(self, wire: Wire) -> None:
-        self._wire = line
+    def __init__(self, wire: Wire | Here) -> None:
+        self._wire = wire
 
     def learn(self, number: int, channel: Channel, passages: Passages) -> Learnt | None:
         """The form of the passages of `channel`, the `number`-th."""
-        learnt = _FormKnown(self._wire.ask()).learn(number, channel, passages)
+        from tirelog.strain.footprint.learn import learn_reference
+
+        learnt = learn_reference(channel, passages, like=self._wire.ask())
         self.tell(number, learnt)
         return learnt
 
@@ -370,7 +353,7 @@ def _make(
     stored: Channel,
     found: Passages | None,
     wanted: Mapping[str, Options],
-    forms: _Forms | _FormKnown | _FormsApart,
+    forms: _Forms | _FormsApart,
 ) -> _Made:
     """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
     from tirelog.runs.in_memory import in_memory
