@@ -16,6 +16,7 @@ from tests.cli.conftest import Command
 from tirelog.tables.writer import read_table
 from tirelog.vocabulary.columns import COLUMNS
 
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 BEAM = tirelog.Model.new("beam", load_N=3400.0)
 DRIVE = {"speed_m_s": [10.0, 20.0], "water_depth_mm": 1.0, "acceleration_m_s2": -2.0}
 PHI = np.linspace(-0.8, 0.8, 41)
@@ -160,3 +161,13 @@ def test_answers_are_drawn_shown_and_written(
         fitted.plot("c.docx")
     for name, value in fitted.model.values.items():
         assert value == pytest.approx(compared.model.values[name], rel=1e-6)
+
+
+def test_a_fit_of_numbers_per_revolution_says_which_nuisances_it_leaves_out() -> None:
+    measured = tirelog.measure(str(SAMPLES / "encoder_ramp.h5"), "phase_shift")
+    model = tirelog.Model.new("phase_shift")
+    plain = tirelog.fit(measured, model)
+    other = tirelog.fit(measured, model, nuisances=("offset",))
+    assert not any("nuisances" in said for said in plain.remarks)
+    assert any("nuisances (offset) not used" in said for said in other.remarks)
+    assert other.model.parameters == plain.model.parameters
