@@ -164,8 +164,10 @@ def test_answers_are_drawn_shown_and_written(
 
 
 def test_a_fit_of_numbers_per_revolution_says_which_nuisances_it_leaves_out() -> None:
-    measured = tirelog.measure(str(SAMPLES / "encoder_ramp.h5"), "phase_shift")
-    model = tirelog.Model.new("phase_shift")
+    log = str(SAMPLES / "encoder_ramp.h5")
+    measured = tirelog.measure(log, "phase_shift")
+    with tirelog.open_log(log) as opened:
+        model, _ = tirelog.new_model("ring", opened.setup, observable="phase_shift")
     plain = tirelog.fit(measured, model)
     other = tirelog.fit(measured, model, nuisances=("offset",))
     assert not any("nuisances" in said for said in plain.remarks)
