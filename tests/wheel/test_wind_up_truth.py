@@ -5,9 +5,11 @@ sidewalls wind up from how late the telemetry is.
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from benchmarks.wheel_cases import TORSIONAL_STIFFNESS_N_M2, Instruments, wheel_scenario
 from tirelog.diagnosis.compare import compare
+from tirelog.diagnosis.diagnose import diagnose
 from tirelog.inference.measured import measured
 from tirelog.physics import Model
 from tirelog.simulation import simulate, to_recording
@@ -39,3 +41,34 @@ def test_wind_up_and_delay_are_parted_by_the_measured_force():
     name = "telemetry_delay.delay_s"
     assert late.parameters[name]["se"] > 5.0 * found.parameters[name]["se"]
     assert late.reduced_chi2 > 3.0 * found.reduced_chi2
+
+
+def two_pressures(*, forces: bool):
+    """Two logs of a late telemetry, at 2.0 and at 1.6 bar, in which the sidewalls do not yield."""
+    plan = ((5, 10.0), (3, 18.0), (5, 18.0), (3, 12.0), (5, 12.0), (3, 22.0), (5, 22.0))
+    logs = []
+    for number, pressure in enumerate((2.0e5, 1.6e5)):
+        drive = wheel_scenario(
+            seed=8320 + number,
+            pressure_Pa=pressure,
+            with_=Instruments(delay_s=DELAY_S, forces=forces),
+        )
+        stiff = replace(drive.tire, torsional_stiffness_N_m2=None)
+        moves = tuple(Manoeuvre(float(s), v, None) for s, v in plan)
+        logs.append(to_recording(simulate(replace(drive, tire=stiff, manoeuvres=moves)), "log"))
+    return diagnose(
+        measured(logs, "phase_shift").stacks, Model.new("ring", "phase_shift", radius_m=RADIUS_M)
+    )
+
+
+@pytest.mark.slow
+def test_a_delay_is_told_by_the_measured_force_and_confounded_without_it():
+    told, untold = two_pressures(forces=True), two_pressures(forces=False)
+    assert (told.verdict, told.selected) == ("missing", ("telemetry_delay",))
+    strength = told.effects[0].strengths["delay_s"]
+    assert abs(strength["value"] - DELAY_S) < 2.5 * strength["se"] < 0.02 * DELAY_S
+    assert told.not_tested["speed_trend"] == ("stands for longitudinal_force_N, which is measured")
+    assert untold.verdict == "ambiguous"
+    assert {"telemetry_delay", "speed_trend"} <= set(untold.ambiguous_groups[0])
+    for found in (told, untold):  # the zeros of two logs are no sign of their pressures
+        assert "a zero of its own" in found.not_tested["inflation"]

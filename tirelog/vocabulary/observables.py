@@ -28,6 +28,8 @@ class Observable:
     data         what of a log it is made of, "" for something of its own: two observables of the
                  same data are no two measurements, and are not fitted together
     beside       kinds of channel that it needs besides
+    own_zero     True if each log counts it from a zero of its own, so that logs cannot be compared
+                 in its level
     """
 
     name: str
@@ -40,6 +42,7 @@ class Observable:
     meaning: str
     data: str = ""
     beside: tuple[str, ...] = ()
+    own_zero: bool = False
 
 
 STRAIN, ACCELERATION = "strain", "radial_acceleration"
@@ -102,6 +105,7 @@ _ALL = (
         "wheel angle at the middle of the patch against its zero, growing in the rolling direction",
         "wheel angle",
         ("wheel_encoder",),
+        own_zero=True,
     ),
     Observable(
         "patch_width",
@@ -118,6 +122,7 @@ _ALL = (
 )
 OBSERVABLES: Mapping[str, Observable] = {observable.name: observable for observable in _ALL}
 WAVEFORMS = tuple(o.name for o in _ALL if o.waveform)
+OWN_ZERO = tuple(o.name for o in _ALL if o.own_zero)
 SCALARS = tuple(o.name for o in _ALL if not o.waveform)
 
 

@@ -17,16 +17,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.inference.cells.together import lacking
+from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.together import lacking, rows_by_observable
 from tirelog.inference.fit.cells import Problem
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import Model, why_idle
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OWN_ZERO
 
 #: shape parameters are tried at these factors of their probe
 _FACTORS = (0.5, 2.0)
+#: what differs by less than this share of a change within a log is its zero; a tenth of it is what
+#: a pressure moves while the tire warms in a minute, and twice as much decides nothing
+_SAME = 0.05
 #: a change below this share of the waveform is rounding; doubling it decides nothing, since what
 #: acts at its probe strength does far more
 _NOTHING = 1e-9
@@ -117,6 +122,7 @@ def signatures_of(
     missing = lacking(effect, model, problem.cells)
     if missing:
         raise ModelError(f"needs {', '.join(missing)}")
+    _refuse_stand_in(effect, problem.cells)
     own = {p.name: p for p in effect.parameters}
     result = []
     size = float(np.nanmax(np.abs(prediction)))
@@ -130,6 +136,11 @@ def signatures_of(
             if np.nanmax(np.abs(change)) * abs(own[name].probe) > _NOTHING * size:
                 columns.append(change)
                 names.append(name)
+        if columns and all(_moves_zeros_alone(problem.cells, change) for change in columns):
+            raise ModelError(
+                "differs from log to log alone, and each log counts the "
+                f"{' and '.join(OWN_ZERO)} from a zero of its own"
+            )
         if columns:
             single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
             result.append(
@@ -140,6 +151,26 @@ def signatures_of(
             "does nothing under these conditions (a quantity it follows is zero or does not vary)"
         )
     return result
+
+
+def _refuse_stand_in(effect: Effect, cells: Cells) -> None:
+    """ModelError if the effect stands for what is measured."""
+    for observable, rows in rows_by_observable(cells).items():
+        named = effect.stands_for.get(observable, ())
+        known = [np.isfinite(getattr(cells.conditions, name)[rows]).all() for name in named]
+        if known and all(known):
+            raise ModelError(f"stands for {' and '.join(named)}, which is measured")
+
+
+def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
+    """True if a change (C, m) is the same all along each log, of what has a zero of its own."""
+    moved = change.copy()
+    for observable, rows in rows_by_observable(cells).items():
+        if observable in OWN_ZERO:
+            for log in np.unique(cells.log[rows]):
+                own = rows[cells.log[rows] == log]
+                moved[own] -= np.nanmean(change[own])
+    return bool(np.nanmax(np.abs(moved)) < _SAME * np.nanmax(np.abs(change)))
 
 
 def all_signatures(

@@ -513,6 +513,16 @@ def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
     return list(missing)
 
 
+def rows_by_observable(cells: Cells) -> dict[str, NDArray[np.int64]]:
+    """The rows of each observable."""
+    if cells.together is None:
+        return {cells.observable: np.arange(len(cells))}
+    return {
+        observable: np.flatnonzero(cells.part == i)
+        for i, observable in enumerate(cells.together.observables)
+    }
+
+
 def _held(model: Model) -> list[Effect]:
     return [entry.effect for entry in model.effects]
 

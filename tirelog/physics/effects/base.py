@@ -177,6 +177,8 @@ class Effect:
     also_at_zero               carcasses on which something of it acts also when its strength is
                                zero
     instead                    a field of `needs` -> another that serves as well
+    stands_for                 observable -> conditions that it stands for there: it is not tried
+                               where they are measured
     options                    words a model file may choose from, the first by default
     tried                      False if a diagnosis does not try it by itself, since its shape is
                                nearly another's: whoever knows of it adds it to the model
@@ -206,6 +208,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     also_at_zero: tuple[str, ...] = ()
     instead: Mapping[str, str] = field(default_factory=dict)
+    stands_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     observables: tuple[str, ...] = WITHOUT_REGRESSORS
     tried: bool = True

@@ -69,6 +69,8 @@ SPEED_TREND = Effect(
     valid_range={"speed_m_s": (10.0, 25.0)},
     signature="phase shift and width follow speed in quasi-static driving",
     observables=_BOTH,
+    # what rolling and air do to the phase shift, they do by the force
+    stands_for={"phase_shift": ("longitudinal_force_N",)},
     regressor=_speed,
 )
 LOAD_CROSSTALK = Effect(
