@@ -17,7 +17,7 @@ from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
-from tirelog.inference.nuisances import frees, shared_effects
+from tirelog.inference.nuisances import ZERO, frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
@@ -86,6 +86,7 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
         found += [
             NuisanceFound(g, True, tuple(_parts(base, held, g, value, covariance)))
             for g in held.groups
+            if g != ZERO
         ]
     for nuisance in base.model.nuisances:
         if nuisance.name in groups or nuisance.use == "off":

@@ -52,11 +52,12 @@ class Offsets:
 
     @classmethod
     def of(cls, cells: Cells, white: Callable[[FloatArray], FloatArray]) -> Offsets:
-        """The offsets of waveforms; a number per revolution has no offset of its own."""
+        """The offsets of waveforms; a number per revolution has no offset that is free."""
         log = np.unique(cells.log, return_inverse=True)[1]
-        if cells.phi.shape[1] == 1:
+        alone = cells.phi.shape[1] == 1
+        if alone and cells.shared is None:
             return cls(np.zeros_like(cells.phi), log, np.zeros(0))
-        columns = white(cells.level)
+        columns = np.zeros_like(cells.phi) if alone else white(cells.level)
         norm = np.sqrt(np.bincount(log, (columns**2).sum(axis=1)))
         offsets = cls(columns / np.maximum(norm, 1e-300)[log][:, None], log, norm)
         if cells.shared is None or not len(cells.shared):

@@ -1,0 +1,72 @@
+"""Property: each log counts its phase shift from a zero of its own, which tells nothing of tires."""
+
+import numpy as np
+import pytest
+
+from tirelog.data.recording import Conditions, Stack
+from tirelog.diagnosis.diagnose import diagnose
+from tirelog.inference.stacks.spooled import Stacks
+from tirelog.physics import Model
+
+NOISE_RAD, MANOEUVRES, REPEATS = 2.5e-4, 10, 20
+
+
+def log(name: str, seed: int, zero_rad: float, pressure_Pa: float, late_s: float = 0.0) -> Stack:
+    """Steady drives at drawn speeds; the zero is that of the first of them."""
+    rng = np.random.default_rng(seed)
+    manoeuvre = np.repeat(np.arange(MANOEUVRES), REPEATS)
+    n = manoeuvre.size
+    drive = Conditions.of(
+        n,
+        speed_m_s=rng.uniform(10.0, 25.0, MANOEUVRES)[manoeuvre],
+        acceleration_m_s2=np.zeros(n),
+        time_s=np.arange(n) * 0.1,
+        load_N=3400.0,
+        inflation_pressure_Pa=pressure_Pa,
+        longitudinal_force_N=rng.normal(100.0, 300.0, MANOEUVRES)[manoeuvre],
+    )
+    values = zero_rad + late_s * drive.speed_m_s[:, None] / 0.305
+    zeros = np.zeros((n, 1))
+    return Stack(
+        observable="phase_shift",
+        channel="a",
+        surface="inner",
+        radius_m=0.305,
+        values=values + NOISE_RAD * rng.standard_normal((n, 1)),
+        phi_rad=np.zeros(1),
+        phi_mean=zeros,
+        phi_variance=zeros,
+        count=np.ones((n, 1), int),
+        noise=np.full(n, NOISE_RAD),
+        conditions=drive,
+        log=np.zeros(n, int),
+        manoeuvre=manoeuvre,
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=(name,),
+    )
+
+
+def asked(seed: int, apart_rad: float, late_s: float = 0.0):
+    """The diagnosis of two logs at two pressures whose zeros are `apart_rad`."""
+    stacks = Stacks()
+    for number, pressure in enumerate((2.0e5, 1.6e5)):
+        name = "ab"[number]
+        stacks.add(name, [log(name, seed + number, number * apart_rad, pressure, late_s)])
+    return diagnose(stacks, Model.new("ring", "phase_shift", radius_m=0.305))
+
+
+@pytest.mark.parametrize("seed", [1, 11, 21])
+def test_zeros_that_differ_are_no_effect(seed):
+    found = asked(seed, 3e-4)
+    assert found.verdict == "nothing_missing"
+    assert found.reduced_chi2_before < 1.5
+    assert "a zero of its own" in found.not_tested["inflation"]
+
+
+def test_what_moves_along_a_log_is_told_beside_them():
+    found = asked(5, 3e-4, late_s=2e-5)
+    assert (found.verdict, found.selected) == ("missing", ("telemetry_delay",))
+    strength = found.effects[0].strengths["delay_s"]
+    assert abs(strength["value"] - 2e-5) < 3.0 * strength["se"] < 1e-5
+    assert found.not_tested["speed_trend"] == "stands for longitudinal_force_N, which is measured"
