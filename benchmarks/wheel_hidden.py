@@ -25,6 +25,7 @@ from benchmarks.case_rows import run_or_sum_up
 from benchmarks.hidden import wilson
 from benchmarks.wheel_cases import TORSIONAL_STIFFNESS_N_M2, Instruments, wheel_channels
 from tirelog.diagnosis.diagnose import diagnose
+from tirelog.diagnosis.results import Candidate
 from tirelog.inference.measured import measured_together
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, to_recording
@@ -72,6 +73,8 @@ class Row:
     reduced_chi2: float
     ranking: str
     seconds: float
+    #: of what is planted, if it is named by the same numbers: off by so many standard errors
+    pulls: str = ""
 
 
 def _planted(kind: str) -> str:
@@ -158,6 +161,18 @@ def run(kind: str, seed: int) -> Row:
         found.reduced_chi2_before,
         " ".join(f"{c.effect}:{c.excess_removed:.3f}" for c in found.effects[:3]),
         time.process_time() - begun,
+        _pulls(_planted(kind), found.effects),
+    )
+
+
+def _pulls(name: str, effects: Iterable[Candidate]) -> str:
+    """How far off each number of the planted effect is, in its standard errors, as `name:pull`."""
+    true = PLANTABLE[name].parameters if name in PLANTABLE else {}
+    told = next((c.strengths for c in effects if c.effect == name and c.selected), {})
+    return " ".join(
+        f"{number}:{(told[number]['value'] - true[number]) / told[number]['se']:.2f}"
+        for number in true
+        if number in told and told[number]["se"]
     )
 
 
@@ -179,6 +194,15 @@ def summary(rows: Iterable[dict[str, str]]) -> Iterator[str]:
     for r in rows:
         if r not in right and (r in single or r["verdict"] != "nothing_missing"):
             yield f"  not: {r['kind']}/{r['seed']}: {r['verdict']} {r['named']} ({r['ranking']})"
+    pulls = [
+        (r["kind"], pull.split(":")[0], abs(float(pull.split(":")[1])))
+        for r in rows
+        for pull in (r.get("pulls") or "").split()
+    ]
+    for kind, number in sorted({pull[:2] for pull in pulls}):
+        sizes = [size for *what, size in pulls if tuple(what) == (kind, number)]
+        within = sum(size < 2.0 for size in sizes)
+        yield f"{kind}, {number} within 2 standard errors   " + wilson(within, len(sizes))
     seconds = sorted(float(r["seconds"]) for r in rows)
     if seconds:
         yield f"CPU {seconds[len(seconds) // 2]:.1f} s each (median), {seconds[-1]:.1f} s at most"

@@ -1,4 +1,4 @@
-"""Property: each log counts its phase shift from a zero of its own, which tells nothing of tires."""
+"""Property: each log counts its phase shift from its own zero, which tells nothing of a tire."""
 
 import numpy as np
 import pytest
