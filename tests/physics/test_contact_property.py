@@ -10,11 +10,11 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.carcass.contact import (
+from tirelog.physics.carcass.contact import solve_contact
+from tirelog.physics.carcass.contact_modes import (
     ContactState,
     pressure_modes,
     pressure_modes_near,
-    solve_contact,
 )
 from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
 

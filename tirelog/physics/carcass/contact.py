@@ -9,17 +9,16 @@ road and never pulls:
 
 with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
 waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
-is the one of the undamped ring with all its tension, that of effects too; what damping and effects
-on the foundation change in the pressure is left out.
+is the one of the undamped ring with all its tension, that of effects too, and even about the patch
+centre; `lossy_contact` has the one of a ring that takes power, `contact_modes` the modes of both.
+What effects on the foundation's stiffness change in the pressure is left out.
 
-    carcass, F, p0 b --pressure_modes--> L, modes of p
-                     --pressure_modes_near--> the same a small step away, by derivatives: the angles
-                                              that touch stay, and of them all is linear
+    carcass, F --solve_contact--> pressure at the angles that touch --moved--> its derivatives
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -30,44 +29,33 @@ from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 
 from tirelog.errors import ModelError
 from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
-from tirelog.physics.spectral import GRID, MODES, STEP, ComplexArray, to_modes
+from tirelog.physics.spectral import GRID, STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
 #: Farthest angle from the patch centre [rad] that may touch the road. Half of it, 0.4, is a patch
 #: of 12 cm to either side at 0.3 m; twice as much doubles the nodes.
 REACH = 0.8
-_NODES = int(REACH / STEP)
+NODES = int(REACH / STEP)
 #: The angles of one half of the patch: the undamped ring's contact is even about its centre.
-_PHI = np.arange(_NODES + 1) * STEP
+_PHI = np.arange(NODES + 1) * STEP
 _COS, _SIN = np.cos(_PHI), np.sin(_PHI)
 #: Their sums.
 _LAG = np.arange(2 * _PHI.size - 1) * STEP
 #: How often each of them stands in the whole patch.
 _TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
-#: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as
-#: _TABLE and interpolated. Twice as many nodes take twice as long for errors far below the
-#: solution's own.
-_FEW, _TABLE = 4, 8
-#: The same of tensions, which differ by less from log to log and with the speed. Twice as many
-#: take twice as long.
-_FEW_TENSIONS, _TENSIONS = 4, 4
 #: Steps of the search for the angles that touch; from anywhere it takes some six. Twice as many
 #: change nothing that converges. It begins with those up to so many [rad], which changes no digit.
 _MOST_STEPS = 100
 _BEGIN = 0.15
 #: What a contact moves with: these constants of the carcass, p0 b and the load.
-_STIFFNESSES = ("EI", "k_w", "k_v", "k_t")
-_BY = len(_STIFFNESSES) + 2
+STIFFNESSES = ("EI", "k_w", "k_v", "k_t")
+BY = len(STIFFNESSES) + 2
 #: Angles of a half among which a contact is looked for first; a usual one, of 5 cm at 0.3 m, has
 #: 80. Twice as many take four times as long.
 _SIZES = (128, 256, _PHI.size)
 #: Beyond these, where a usual tire is far above the road, every so manieth angle is asked whether
 #: it touches too: 2.5 mm apart at 0.3 m. Twice as many take a third longer.
 _SPARSE = 4
-#: Nodes are laid over a range that is widened to whole steps of this share of it, at most, so that
-#: sensors which passed the patch at nearly the same speeds ask for the same contacts; twice as much
-#: widens it by up to a quarter
-_RANGE_STEP = 1.0 / 16.0
 
 
 @dataclass(frozen=True)
@@ -285,145 +273,29 @@ def _contact(
     return Contact(phi, np.concatenate([p[mirrored][::-1], p]), R * edge, drop)
 
 
-@dataclass(frozen=True)
-class ContactState:
-    """What a contact is solved for: the carcass, and columns of load and p0 b (n or 1, 1).
-
-    p0 b with what other tension there is, over R, in place of the carcass's own.
-    """
-
-    carcass: RingCarcass
-    load_N: FloatArray
-    pb_N_m: FloatArray
-
-
-def pressure_modes(
-    state: ContactState, *, tilted: bool
-) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
-    """(L, modes of p, if asked for modes of p xi / L), between solved loads and tensions."""
-    solved, share = _solved_at(state, state)
-    half, modes = (
-        np.concatenate(parts)
-        for parts in zip(*(_table(carcass, loads_N, tilted) for carcass, loads_N in solved))
+def by_stiffness(n: FloatArray, R: float) -> FloatArray:
+    """Derivatives of Z_n by EI, k_w, k_v and p0 b, (4, k)."""
+    return np.stack(
+        [n**2 * (1.0 - n**2) ** 2 / R**4, n**2, np.ones_like(n), n**2 * (n**2 - 1.0) / R]
     )
-    if (share == 1.0).any(axis=1).all():  # each row is at a node
-        which = share.argmax(axis=1)
-        half, modes = half[which], modes[which]
-    else:
-        half, modes = share @ half, share @ modes
-    return half, *_as_modes(modes, tilted)
 
 
-def pressure_modes_near(
-    near: ContactState, state: ContactState, *, tilted: bool
-) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
-    """`pressure_modes` of a state a small step from another, by the derivatives there.
+def moved(
+    carcass: RingCarcass, load_N: float
+) -> tuple[NDArray[np.int64], FloatArray, float, FloatArray, FloatArray] | None:
+    """A contact and its derivatives by STIFFNESSES, p0 b and the load.
 
-    None if a step of the radius parts them, or one of the contacts has no derivatives.
+    The grid's angles that touch (k,), pressure there (k,), half length; derivatives (6, k) of the
+    pressure, (6,) of the half length. None if the contact is not one stretch about the middle.
     """
-    if near.carcass.R != state.carcass.R:
+    contact = solve_contact(carcass, load_N)
+    count = (contact.phi_rad.size + 1) // 2
+    nested = _nested(carcass, next(size for size in _SIZES if size > count))
+    if nested is None or contact.phi_rad[-1] != _PHI[count - 1]:
         return None
-    solved, share = _solved_at(near, state)
-    half, modes = (
-        np.concatenate(parts)
-        for parts in zip(*(_table(carcass, loads_N, tilted) for carcass, loads_N in solved))
-    )
-    moved = share @ np.concatenate([half, modes], axis=1)
-    steps = [getattr(state.carcass, name) - getattr(near.carcass, name) for name in _STIFFNESSES]
-    # a row between the solved ones has moved along with its share
-    steps += [
-        column - share @ np.array(nodes)[:, None]
-        for column, nodes in (
-            (state.pb_N_m, [carcass.pb for carcass, loads_N in solved for _ in loads_N]),
-            (state.load_N, [load_N for _, loads_N in solved for load_N in loads_N]),
-        )
-    ]
-    for i, step in enumerate(steps):
-        if not np.any(step):
-            continue
-        slopes = [_slopes(carcass, loads_N, tilted) for carcass, loads_N in solved]
-        if any(slope is None for slope in slopes):
-            return None
-        moved = moved + step * (share @ np.concatenate([x[i] for x in slopes if x is not None]))
-    return moved[:, :1], *_as_modes(moved[:, 1:], tilted)
-
-
-def _as_modes(pairs: FloatArray, tilted: bool) -> tuple[ComplexArray, ComplexArray | None]:
-    modes = np.ascontiguousarray(pairs).view(np.complex128)
-    return modes[:, :MODES], modes[:, MODES:] if tilted else None
-
-
-def _solved_at(
-    state: ContactState, rows_of: ContactState
-) -> tuple[list[tuple[RingCarcass, tuple[float, ...]]], FloatArray]:
-    """The carcasses with the loads at which a state is solved, and the shares (n, k) in them.
-
-    In those of the first carcass, then of the second, ...; the shares of the rows of this state or
-    of one a small step away.
-    """
-    load, pb, load_there, pb_there = (
-        x[:, 0]
-        for x in np.broadcast_arrays(state.load_N, state.pb_N_m, rows_of.load_N, rows_of.pb_N_m)
-    )
-    solved, columns = [], []
-    tensions, shares = _nodes(pb, pb_there, _FEW_TENSIONS, _TENSIONS)
-    for tension, share in zip(tensions, shares.T):
-        rows = np.flatnonzero(share)
-        nodes, weights = _nodes(load[rows], load_there[rows], _FEW, _TABLE)
-        solved.append((replace(state.carcass, pb=float(tension)), tuple(nodes.tolist())))
-        column = np.zeros((load.size, nodes.size))
-        column[rows] = weights * share[rows, None]
-        columns.append(column)
-    return solved, np.hstack(columns)
-
-
-@lru_cache(maxsize=128)
-def _table(
-    carcass: RingCarcass, loads_N: tuple[float, ...], tilted: bool
-) -> tuple[FloatArray, FloatArray]:
-    """What `pressure_modes` gives at k loads, (k, 1), and modes as pairs of numbers (k, ...)."""
-    contacts = [solve_contact(carcass, load_N) for load_N in loads_N]
-    half = np.array([[contact.half_length_m] for contact in contacts])
-    pressure = [contact.pressure_N_m for contact in contacts]
-    grid = np.zeros((len(loads_N), 2 if tilted else 1, GRID))
-    for row, contact in enumerate(contacts):
-        index = np.round(contact.phi_rad / STEP).astype(int) % GRID
-        grid[row, 0, index] = pressure[row]
-        if tilted:
-            grid[row, 1, index] = pressure[row] * contact.phi_rad * (carcass.R / half[row])
-    return half, _pairs(grid)
-
-
-def _pairs(grid: FloatArray) -> FloatArray:
-    """Modes of what stands on the grid (k, ..., GRID), as pairs of numbers one after the other."""
-    modes = np.ascontiguousarray(to_modes(grid)).view(np.float64)
-    return modes.reshape(grid.shape[0], -1)
-
-
-@lru_cache(maxsize=16)
-def _slopes(carcass: RingCarcass, loads_N: tuple[float, ...], tilted: bool) -> FloatArray | None:
-    """Derivatives of `_table` side by side, by each of _STIFFNESSES, by p0 b and by the load.
-
-    (6, k, 1 + ...); None if a contact is not one stretch about the middle.
-    """
-    half = np.empty((_BY, len(loads_N), 1))
-    grid = np.zeros((_BY, len(loads_N), 2 if tilted else 1, GRID))
-    for row, load_N in enumerate(loads_N):
-        contact = solve_contact(carcass, load_N)
-        count = (contact.phi_rad.size + 1) // 2
-        nested = _nested(carcass, next(size for size in _SIZES if size > count))
-        if nested is None or contact.phi_rad[-1] != _PHI[count - 1]:
-            return None
-        p, half[:, row, 0] = _moved(nested, carcass, contact.pressure_N_m[count - 1 :])
-        on = np.arange(count)
-        grid[:, row, 0, on] = grid[:, row, 0, -on] = p
-        if tilted:
-            along = contact.phi_rad[count - 1 :] * (carcass.R / contact.half_length_m)
-            shrunk = half[:, row] / contact.half_length_m * contact.pressure_N_m[count - 1 :]
-            grid[:, row, 1, on] = (p - shrunk) * along
-            grid[:, row, 1, -on] = -grid[:, row, 1, on]
-    modes = _pairs(grid.reshape(_BY * len(loads_N), -1, GRID)).reshape(_BY, len(loads_N), -1)
-    return np.concatenate([half, modes], axis=-1)
+    change, half = _moved(nested, carcass, contact.pressure_N_m[count - 1 :])
+    both = np.concatenate([change[:, :0:-1], change], axis=1)
+    return np.arange(1 - count, count), contact.pressure_N_m, contact.half_length_m, both, half
 
 
 def _moved(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -433,18 +305,15 @@ def _moved(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> tuple[FloatA
     """
     R, k_t, count, n = carcass.R, carcass.k_t, p.size, np.arange(GRID // 2 + 1, dtype=np.float64)
     on, twice = np.arange(count), _TWICE[:count]
-    stiffer = np.stack(
-        [n**2 * (1.0 - n**2) ** 2 / R**4, n**2, np.ones_like(n), n**2 * (n**2 - 1.0) / R]
-    )
-    inverse = -stiffer / modal_impedance(n, carcass).real ** 2
+    inverse = -by_stiffness(n, R) / modal_impedance(n, carcass).real ** 2
     spectra = np.stack([inverse + 0j, 1j * n * inverse, n**2 * inverse + 0j])
-    yields = np.zeros((_BY, count + 1))
+    yields = np.zeros((BY, count + 1))
     EI, k_w, k_v, pb = _under(spectra, on, p)[:, : count + 1]
     yields[:3], yields[3, :count], yields[4] = (EI, k_w, k_v), -p / k_t**2, pb
     right = np.concatenate([-yields[:, :count], np.ones((1, count))]) * twice
     found, _ = dpotrs(nested.factor[:count, :count], right.T, lower=1)
     by_drop = found[:, -1]
-    carried = np.zeros(_BY)
+    carried = np.zeros(BY)
     carried[5] = 1.0 / (R * STEP)
     drop = (carried - twice @ found[:, :-1]) / (twice @ by_drop)
     moved = (found[:, :-1] + by_drop[:, None] * drop).T
@@ -461,29 +330,3 @@ def _beside(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> float:
     count = p.size
     drop = p[0] / carcass.k_t + nested.yields[0, :count] @ p
     return float(drop - carcass.R * (1.0 - _COS[count]) - nested.yields[count, :count] @ p)
-
-
-def _nodes(
-    values: FloatArray, there: FloatArray, few: int, table: int
-) -> tuple[FloatArray, FloatArray]:
-    """Values to solve at, (k,), and weights (n, k) that interpolate from them to others `there`.
-
-    Few values are solved at themselves; those that are near to one have the weights of it alone.
-    """
-    distinct, inverse = np.unique(values, return_inverse=True)
-    if distinct.size <= few:
-        return distinct, np.eye(distinct.size)[inverse]
-    step = _RANGE_STEP * 2.0 ** np.floor(np.log2(distinct[-1] - distinct[0]))
-    low, high = step * np.floor(distinct[0] / step), step * np.ceil(distinct[-1] / step)
-    angle = (np.arange(table) + 0.5) * np.pi / table
-    nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
-    barycentric = (-1.0) ** np.arange(table) * np.sin(angle)
-    distance = there[:, None] - nodes
-    exact = distance == 0.0
-    ratio = barycentric / np.where(exact, 1.0, distance)
-    weights = np.where(
-        exact.any(axis=1, keepdims=True),
-        exact.astype(float),
-        ratio / ratio.sum(axis=1, keepdims=True),
-    )
-    return nodes, weights

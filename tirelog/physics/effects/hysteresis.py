@@ -22,7 +22,7 @@ EFFECT = Effect(
     ),
     strength=("loss_factor",),
     source="P1 1, 3.2",
-    valid="loss factors of rubber, up to about 0.5",
+    valid="loss factors of rubber, up to about 0.5; on a ring the radial foundation loses",
     valid_range={"loss_factor": (0.0, 0.5)},
     signature="odd about the patch centre like viscous damping, but the same at every speed",
     structure=_structure,

@@ -17,7 +17,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.carcass import beam, contact, ring
+from tirelog.physics.carcass import beam, contact_modes, ring
 from tirelog.physics.carcass.hardening import hardened_load
 from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
@@ -178,8 +178,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
         state, found = _contact_state(task, F), None
         if task.near is not None:
             near = _contact_state(task.near, loads(task.near))
-            found = contact.pressure_modes_near(near, state, tilted=tilted)
-        half, modes, tilt = found or contact.pressure_modes(state, tilted=tilted)
+            found = contact_modes.pressure_modes_near(near, state, tilted=tilted)
+        half, modes, tilt = found or contact_modes.pressure_modes(state, tilted=tilted)
         return Site(F, half, R), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
@@ -195,10 +195,37 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     return Site(F, half, R), even, tilted_parabola(F, half, R) if tilted else None
 
 
-def _contact_state(task: Task, load_N: FloatArray) -> contact.ContactState:
+def _contact_state(task: Task, load_N: FloatArray) -> contact_modes.ContactState:
     """What the contact with a flat road is solved for."""
-    pb = _inflation_pb(task) + structure(task).tension / task.base["radius_m"]
-    return contact.ContactState(ring_carcass(task), load_N, pb)
+    s = structure(task)
+    pb = _inflation_pb(task) + s.tension / task.base["radius_m"]
+    lost = np.concatenate(np.broadcast_arrays(*ring_losses(task, s)), axis=1)
+    return contact_modes.ContactState(ring_carcass(task), load_N, pb, lost)
+
+
+def ring_losses(task: Task, s: Structure) -> list[FloatArray]:
+    """Strengths [N/m^2] of what takes power from a rolling ring, columns (n or 1, 1).
+
+    In the order of `lossy_contact.LOSSES`.
+    """
+    b = task.base
+    spin = task.drive.speed_m_s / b["radius_m"]
+    radial = b["radial_damping_N_s_m2"] + 2.0 * b["line_mass_kg_m"] * s.damping_rate
+    k_w = b["radial_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
+    EI = b["flexural_stiffness_N_m2"]
+    strengths = (
+        spin * radial if np.any(radial) else 0.0,
+        spin * b["tangential_damping_N_s_m2"] if b["tangential_damping_N_s_m2"] else 0.0,
+        s.loss * k_w,
+        spin * s.retardation * EI if np.any(s.retardation) else 0.0,
+    )
+    return [np.atleast_2d(np.asarray(x, dtype=np.float64)) for x in strengths]
+
+
+def leans(task: Task) -> bool:
+    """Is the ring's waveform not even about the patch centre: by its pressure, or as it lags?"""
+    lost = ring_losses(task, structure(task))
+    return bool(task.having("tilt", "pressure", "traction")) or any(np.any(x) for x in lost)
 
 
 def _pressure_ratio(task: Task) -> FloatArray:
@@ -331,15 +358,12 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     if np.any(s.shear):
         bending = bending / (1.0 + s.shear * q**2)
     Z = bending + (n**2 - 1.0) * ((_inflation_pb(task) * R + s.tension) / R**2) + k_w + k_v / n**2
-    drag = (c / R) * (
-        (b["radial_damping_N_s_m2"] + 2.0 * b["line_mass_kg_m"] * s.damping_rate) * n
-        + b["tangential_damping_N_s_m2"] / n
-    )
-    if np.any(drag):
-        Z = Z + 1j * drag
-    if np.any(s.retardation):
-        Z = Z + 1j * (s.retardation * (c / R) * n) * bending
-    return Z + _loss(k_w + k_v / n**2, s.loss) if np.any(s.loss) else Z
+    lost = ring_losses(task, s)
+    if not any(np.any(x) for x in lost):
+        return Z
+    radial_rate, tangential_rate, radial, bending_rate = lost
+    turning = n * (radial_rate + bending_rate * (bending / EI)) + tangential_rate / n
+    return Z + 1j * (turning + radial * (np.arange(MODES) > 0))
 
 
 def _yielding(

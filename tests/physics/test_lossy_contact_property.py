@@ -1,0 +1,121 @@
+"""Contact with a flat road of a ring that takes power: the law of the springs still holds, the
+pressure leans to the entry edge, and without losses it is the even contact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.data.recording import Conditions
+from tirelog.physics import Model
+from tirelog.physics.carcass.contact import solve_contact
+from tirelog.physics.carcass.contact_modes import (
+    ContactState,
+    pressure_modes,
+    pressure_modes_near,
+)
+from tirelog.physics.carcass.lossy_contact import LOSSES, NONE, solve_lossy
+from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
+
+R, STEP, SPIN = 0.3, 2 * np.pi / 3072, 60.0
+CARCASS = RingCarcass(
+    EI=2.0, k_w=6.3e5, k_v=6.3e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=R, k_t=8.75e7
+)
+#: foundation of 540 N s/m^2 radially and 200 along, a loss of 0.15, a belt that lags by 20 us
+DAMPED = (540.0 * SPIN, 200.0 * SPIN, 0.15 * 6.3e5, 2e-5 * SPIN * 2.0)
+
+
+@pytest.mark.parametrize("load", [250.0, 3500.0, 6000.0])
+def test_springs_press_just_as_deep_as_the_lagging_ring_under_them_lies(load):
+    """By the ring's own modes with damping, without the solver's matrix."""
+    losses = (DAMPED[0], DAMPED[1], 0.0, 0.0)
+    contact = solve_lossy(CARCASS, losses, load)
+    assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(load, rel=1e-9)
+    assert contact.pressure_N_m.min() >= 0.0
+    phi, p = np.arange(3072) * STEP, np.zeros(3072)
+    p[contact.on] = contact.pressure_N_m
+    n = np.arange(1537.0)
+    damped = modal_impedance(n, replace(CARCASS, c_w=540.0, c_v=200.0), SPIN)
+    q_v, q_w = np.fft.rfft(p * np.sin(phi)), np.fft.rfft(-p * np.cos(phi))
+    modes = (q_v + 1j * n * q_w) / damped
+    v, w = np.fft.irfft(modes), np.fft.irfft(-1j * n * modes)
+    lies = -R + (R + w) * np.cos(phi) - v * np.sin(phi)
+    first = contact.on[0]
+    depth = lies + p[first] / CARCASS.k_t - lies[first]
+    below = np.abs(np.arctan2(np.sin(phi), np.cos(phi))) < 0.8
+    pressed = CARCASS.k_t * np.maximum(depth, 0.0)[below]
+    assert np.allclose(pressed, p[below], atol=1e-7 * p.max())
+
+
+def test_without_losses_it_is_the_even_contact():
+    lossy, even = (solve(CARCASS, *more, 3500.0) for solve, more in (
+        (solve_lossy, (NONE,)), (solve_contact, ())
+    ))  # fmt: skip
+    assert np.allclose(lossy.pressure_N_m, even.pressure_N_m, rtol=0.0, atol=1e-7 * 3e4)
+    assert lossy.half_length_m == pytest.approx(even.half_length_m, rel=1e-9)
+
+
+@pytest.mark.parametrize("which", range(len(LOSSES)))
+def test_every_loss_makes_the_pressure_lean_to_the_entry_edge(which):
+    """What takes power needs a moment that brakes: more pressure where the tread arrives."""
+    losses = tuple(x if i == which else 0.0 for i, x in enumerate(DAMPED))
+    contact = solve_lossy(CARCASS, losses, 3500.0)
+    assert contact.pressure_N_m @ contact.on < 0.0
+
+
+@pytest.mark.parametrize("by", range(6 + len(LOSSES)))
+def test_slopes_are_those_of_contacts_a_small_step_away(by):
+    """To the square of the step: the same angles touch, and the rest is linear."""
+    step = 1e-5
+
+    def at(factor):
+        carcass, losses, load = CARCASS, list(DAMPED), 3500.0
+        if by < 5:
+            name = ("EI", "k_w", "k_v", "k_t", "pb")[by]
+            carcass = replace(carcass, **{name: getattr(carcass, name) * factor})
+        elif by == 5:
+            load *= factor
+        else:
+            losses[by - 6] *= factor
+        return solve_lossy(carcass, tuple(losses), load)
+
+    up, here, down = at(1.0 + step), at(1.0), at(1.0 - step)
+    size = (2.0, 6.3e5, 6.3e5, 8.75e7, CARCASS.pb, 3500.0, *DAMPED)[by] * 2.0 * step
+    pressure, half = here.slopes
+    slope = (up.pressure_N_m - down.pressure_N_m) / size
+    assert np.allclose(pressure[by], slope, atol=1e-4 * np.abs(slope).max())
+    length = (up.half_length_m - down.half_length_m) / size
+    assert half[by] == pytest.approx(length, rel=1e-4, abs=1e-9 * R / size)
+
+
+def test_rows_of_other_speeds_are_a_step_away_to_its_square():
+    """Contacts are solved at one row's losses; of what losses do, the others miss 3 % at most at
+    two thirds and four thirds of that speed, and a quarter of it at half the distance."""
+    phi = np.linspace(-0.5, 0.5, 401)
+    plain = Model.new("ring", radius_m=R, load_N=3500.0)
+    model = plain.with_effect("viscous_damping", damping_rate_1_s=90.0)
+
+    def missed(speeds):
+        conditions = Conditions.of(len(speeds), speed_m_s=speeds)
+        many, without = model.predict(conditions, phi), plain.predict(conditions, phi)
+        left = []
+        for i in (0, len(speeds) - 1):
+            alone = model.predict(conditions.take(slice(i, i + 1)), phi)[0]
+            left.append(np.linalg.norm(many[i] - alone) / np.linalg.norm(alone - without[i]))
+        return np.array(left)
+
+    far, near = missed([12.0, 18.0, 24.0]), missed([15.0, 18.0, 21.0])
+    assert far.max() < 0.03
+    assert np.all(near < 0.5 * far)
+
+
+def test_a_step_from_no_loss_at_all_has_slopes_too():
+    here = ContactState(CARCASS, np.full((1, 1), 3500.0), np.full((1, 1), CARCASS.pb))
+    losses = 1e-4 * np.array([DAMPED])
+    near = pressure_modes_near(here, replace(here, losses=losses), tilted=False)
+    there = pressure_modes(replace(here, losses=losses), tilted=False)
+    before = pressure_modes(here, tilted=False)
+    assert near is not None
+    change = there[1] - before[1]
+    assert np.abs(change).max() > 0.0
+    assert np.abs(near[1] - there[1]).max() < 1e-3 * np.abs(change).max()
