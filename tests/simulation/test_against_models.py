@@ -13,6 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions
+from tirelog.inference.cells.together import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.planted import PLANTABLE
@@ -144,6 +145,56 @@ def test_strain_and_patch_of_the_ring_on_a_flat_road() -> None:
     assert 0.5 * (solution.exit_m - solution.entry_m) == pytest.approx(
         model.half_length_m(conditions()), rel=1e-3
     )
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact",
+        "water_film", "wear", "load_transfer", "aero_load",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("observable", ["strain", "radial_acceleration"])
+def test_waveforms_of_the_ring_with_an_effect(name: str, observable: str) -> None:
+    """On a flat road, which what lags presses in another way: 1e-4 of the peak."""
+    w = world(
+        truth="ring",
+        effects=[{"name": name}],
+        grid_points=4096,
+        manoeuvres=[{"duration_s": 4.0, "speed_m_s": SPEED}],
+        conditions={"distance_km": DISTANCE_KM, "water_depth_mm": WATER_MM},
+    )
+    kind = {"strain": "fbg_strain"}.get(observable, observable)
+    truth = w.waveform(w.solve(moment(w)), Sensor(kind))[0]
+    if observable != "strain":
+        phi = w.ring.xi_m / R
+        truth = truth - 9.80665 * np.cos(phi) - ACCELERATION * np.sin(phi)
+    model = Model.new("ring", observable)
+    model = model.with_values(own({**RING, "line_mass_kg_m": 4.5}, model))
+    known = {p.name for p in BY_ID[name].parameters}
+    planted = w.scenario.effects[0].parameters
+    model = model.with_effect(name, **{n: v for n, v in planted.items() if n in known})
+    assert np.abs(truth - predicted(model, w)).max() < 1e-4 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize(
+    "name", ["viscous_damping", "hysteresis", "pressure_offset", "edge_impact", "rough_contact"]
+)
+def test_middle_of_the_fronts_of_a_ring_that_leans(name: str) -> None:
+    """Where the truth's accelerometer reads half of its level, by its own table of angles."""
+    made = world(truth="ring", effects=[{"name": name}], grid_points=4096)
+    wave = made.waveform(made.solve(moment(made)), Sensor("radial_acceleration"))[0]
+    share = CubicSpline(made.ring.xi_m / R, -wave * R / SPEED**2 - 0.5)
+    inner = share.roots(extrapolate=False)
+    crossings = [inner[inner < 0.0].max(), inner[inner > 0.0].min()]
+    model = Model.new("ring", ["radial_acceleration", "phase_shift"])
+    model = model.with_values(own({**RING, "line_mass_kg_m": 4.5}, model))
+    known = {p.name for p in BY_ID[name].parameters}
+    planted = made.scenario.effects[0].parameters
+    model = model.with_effect(name, **{n: v for n, v in planted.items() if n in known})
+    found = model_of(model, "phase_shift").predict(conditions())[0, 0]
+    assert np.degrees(np.mean(crossings)) == pytest.approx(np.degrees(found), abs=1e-3)
+    assert (abs(np.degrees(found)) > 0.05) == (name != "rough_contact")
 
 
 @pytest.mark.parametrize("pressure_Pa", [2.2e5, 1.6e5])

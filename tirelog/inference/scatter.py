@@ -18,7 +18,7 @@ from scipy.special import fdtrc  # tail of F; scipy.stats takes a second to impo
 
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.together import predicted
+from tirelog.inference.cells.together import model_of, predicted
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import Normal, per_manoeuvre, solve_scaled
@@ -82,17 +82,21 @@ class Scatter:
 def load_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """First and second derivative (C, m) of the prediction by the relative load.
 
-    Its amplitude, which does not bend, if the model does not know what a load does.
+    Its amplitude, which does not bend, if the model does not know what a load does. Of a number per
+    revolution as that alone tells of loads: what they do to a phase shift by the fronts of a belt
+    that leans is far below its noise, and would make any rest a load.
     """
-    conditions = cells.conditions
+    conditions, model, here = cells.conditions, fit.model, fit.prediction
+    if model.beside and cells.phi.shape[1] == 1:
+        alone = replace(model, observable=cells.observable, beside=())
+        model = model_of(alone, cells.observable, cells.member)
+        here = predicted(model, cells)
     load = np.where(
         np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan)
     )
     try:
         up, down = (
-            predicted(
-                fit.model, cells, conditions=replace(conditions, load_N=load * (1.0 + s * _STEP))
-            )
+            predicted(model, cells, conditions=replace(conditions, load_N=load * (1.0 + s * _STEP)))
             for s in (1, -1)
         )
     except ModelError:
@@ -100,7 +104,7 @@ def load_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
     slope = (up - down) / (2.0 * _STEP)
     if not np.isfinite(slope).all() and cells.phi.shape[1] == 1:
         return fit.prediction, np.zeros(fit.prediction.shape)
-    return slope, (up + down - 2.0 * fit.prediction) / _STEP**2
+    return slope, (up + down - 2.0 * here) / _STEP**2
 
 
 def load_derivative(cells: Cells, fit: Fit) -> FloatArray:

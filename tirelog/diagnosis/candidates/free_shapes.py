@@ -79,7 +79,7 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
 def _acts_in(part: Base, effect_id: str) -> bool:
     """Does an effect of the model act on this observable?"""
     held = [entry.effect for entry in part.model.effects]
-    return any(e.id == effect_id and e.acts_in(part.cells.observable, held) for e in held)
+    return any(e.id == effect_id and part.model.acts_on(e, part.cells.observable) for e in held)
 
 
 def even_share(shape: FloatArray, phi: FloatArray) -> float:

@@ -502,12 +502,12 @@ def _scale(cells: Cells, part: int) -> float:
 def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
     """What an effect needs to be known, and some revolution that it acts on does not know."""
     if cells.together is None:
-        if model.beside and not effect.acts_in(cells.observable, _held(model)):
+        if model.beside and not model.acts_on(effect, cells.observable):
             return []
         return effect.missing(cells.conditions)
     missing: dict[str, None] = {}
     for i, observable in enumerate(cells.together.observables):
-        if effect.acts_in(observable, _held(model)):
+        if model.acts_on(effect, observable):
             rows = np.flatnonzero(cells.part == i)
             missing |= dict.fromkeys(effect.missing(cells.conditions.take(rows)))
     return list(missing)
@@ -523,15 +523,11 @@ def rows_by_observable(cells: Cells) -> dict[str, NDArray[np.int64]]:
     }
 
 
-def _held(model: Model) -> list[Effect]:
-    return [entry.effect for entry in model.effects]
-
-
 def model_of(model: Model, observable: str, member: str = "") -> Model:
     """The model as one observable sees it: without the effects that do nothing to it.
 
     What such an effect needs to be known of a log, this observable's logs need not know. Of several
     gratings `member` is the one whose lever arm it has.
     """
-    kept = tuple(e for e in model.effects if e.effect.acts_in(observable, _held(model)))
+    kept = tuple(e for e in model.effects if model.acts_on(e.effect, observable))
     return at_lever(replace(model, observable=observable, beside=(), effects=kept), member)

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from tirelog.physics.model.stages import Task, bending, loaded_site, waveform
-from tirelog.physics.spectral import GRID, MODES, STEP, to_grid
+from tirelog.physics.model.stages import Task, bending, leans, loaded_site, waveform
+from tirelog.physics.spectral import GRID, MODES, STEP, powers, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
 
@@ -25,8 +25,12 @@ def patch_length(task: Task, lever_m: float) -> FloatArray:
 
 
 def phase_shift(task: Task, lever_m: float) -> FloatArray:
-    """The level, what follows the force, and the regressors [rad] (P4 III, IV)."""
-    return _with_regressors(task, "phase_shift", 0.0)
+    """The level, what follows the force, and the regressors [rad] (P4 III, IV).
+
+    Of a ring whose contact or answer leans to one side also the middle of the fronts: the angle is
+    read from them, and not from the belt's lowest point.
+    """
+    return _with_regressors(task, "phase_shift", _middle_of_fronts(task))
 
 
 def patch_width(task: Task, lever_m: float) -> FloatArray:
@@ -58,6 +62,30 @@ def _between_steepest(task: Task) -> FloatArray:
         bend = before - 2.0 * here + after
         places.append(at + 0.5 * (before - after) / np.where(bend < 0.0, bend, -np.inf))
     return np.asarray((places[0] + places[1])[:, None] * STEP, dtype=np.float64)
+
+
+def _middle_of_fronts(task: Task) -> FloatArray | float:
+    """Angle (n or 1, 1) midway between the places where an accelerometer reads half of its level.
+
+    Nothing of an even waveform, nor of a beam, which does not lie flat in its patch.
+    """
+    if task.carcass != "ring" or not leans(task):
+        return 0.0
+    modes, half = bending(task), 0.5 / task.base["radius_m"]
+    wave = to_grid(modes)
+    rows, middle = np.arange(wave.shape[0]), 0.0
+    for way in (1, -1):
+        # grid points from the patch's middle on, one way round; the belt's curvature comes back
+        along = np.concatenate([wave[:, :1], wave[:, 1:][:, ::way]], axis=1)[:, : GRID // 2]
+        at = np.maximum(np.argmax(along < half, axis=1), 1)
+        before, after = along[rows, at - 1], along[rows, at]
+        fall = np.where(after < before, before - after, np.inf)
+        angle = way * STEP * (at - 1 + (before - half) / fall)[:, None]
+        turn = modes * powers(angle)  # one step of Newton's from between the grid's points
+        level = 2.0 * turn.sum(axis=1, keepdims=True).real - modes[:, :1].real
+        slope = -2.0 * (turn.imag * np.arange(MODES)).sum(axis=1, keepdims=True)
+        middle = middle + 0.5 * (angle - (level - half) / np.where(slope == 0.0, np.inf, slope))
+    return np.asarray(middle, dtype=np.float64)
 
 
 def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float) -> FloatArray:

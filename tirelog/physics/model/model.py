@@ -26,7 +26,13 @@ from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
 from tirelog.tables.html import document, table
-from tirelog.vocabulary.observables import OBSERVABLES, at_odds, together
+from tirelog.vocabulary.observables import (
+    ACCELERATION,
+    OBSERVABLES,
+    WAVEFORMS,
+    at_odds,
+    together,
+)
 
 COUPLED_STANDS = (
     'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
@@ -236,6 +242,19 @@ class Model(Predicting):
         """Does an effect act on any of its observables, with the effects `beside` it?"""
         others = tuple(beside)
         return any(effect.acts_in(observable, others) for observable in self.observables)
+
+    def acts_on(self, effect: Effect, observable: str) -> bool:
+        """Does an effect that it holds act on one of its observables?
+
+        On a phase shift that is fitted together with a waveform also by what it does to the belt:
+        the angle is read from the fronts of an acceleration, which a belt that leans moves. Alone a
+        phase shift tells nothing of the belt.
+        """
+        held = [entry.effect for entry in self.effects]
+        if effect.acts_in(observable, held):
+            return True
+        belt = observable == "phase_shift" and any(o in WAVEFORMS for o in self.observables)
+        return belt and effect.acts_in(ACCELERATION, held)
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
