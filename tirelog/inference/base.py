@@ -99,7 +99,7 @@ class FittedChannel:
         """The metric of noise and random effects alone, without what the model misses."""
         return _metric(self.cells, 0.0, scatter_columns(self.cells, self.fit), self.floor.scatter)
 
-    @property
+    @cached_property
     def noise_chi2(self) -> float:
         """Chi-square of the fitted point, against noise and random effects alone."""
         residual = self.noise(self.cells.values - self.fit.prediction - self.fit.beside)
@@ -184,6 +184,16 @@ class TogetherBase(Base):
     """Several observables fitted together, in floors; `channels` as fitted, each in its unit."""
 
     channels: tuple[FittedChannel, ...] = ()
+
+    @cached_property
+    def held_alone(self) -> tuple[Base, ...]:
+        """`apart`, once: it is asked for whenever a rule looks at each observable."""
+        return _apart(self, held_by_all=False)
+
+    @cached_property
+    def held_by_all(self) -> tuple[Base, ...]:
+        """`apart` with the manoeuvre left out of all observables, once."""
+        return _apart(self, held_by_all=True)
 
     @property
     def noise(self) -> Whitener:
@@ -287,6 +297,10 @@ def apart(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:
     """
     if not isinstance(base, TogetherBase):
         return (base,)
+    return base.held_by_all if held_by_all else base.held_alone
+
+
+def _apart(base: TogetherBase, held_by_all: bool) -> tuple[Base, ...]:
     fits = fits_apart(replace(base.fit, cells=base.cells))
     raws = [None] * len(fits) if base.raw is None else parts_of(base.raw)
     given = base.given

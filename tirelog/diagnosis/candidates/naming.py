@@ -309,6 +309,18 @@ def quiet(base: Base, floor_square: float) -> bool:
     return above <= mean + ERROR_SIGMAS * spread
 
 
+def quiet_waveforms(base: Base) -> bool:
+    """Is what the model leaves of the waveforms the noise floor?
+
+    Of a number per revolution it may be more: no nuisance of wheel, road or day acts on one.
+    """
+    parts = apart(base, held_by_all=True)
+    waveforms = [part for part in parts if part.cells.phi.shape[1] > 1]
+    if len(waveforms) == len(parts):
+        return quiet(base, base.floor.square)
+    return all(quiet(part, part.floor.square) for part in waveforms)
+
+
 def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
     """Nonlinear cosines of two refits, whitened and in size.
 

@@ -26,6 +26,7 @@ from tirelog.diagnosis.candidates.naming import (
     group_of,
     next_step,
     quiet,
+    quiet_waveforms,
     regrouped,
     without_needless,
 )
@@ -82,13 +83,13 @@ def search_effects(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
     climb = _climb(base, extra, progress, allowed_nuisances(base))
-    if climb.passed_over is not None and not quiet(climb.after, climb.after.floor.square):
+    if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
         progress(f"once more with {groups_of(climb.passed_over)[-1]} first")
         other = _climb(settled(climb.passed_over), extra, progress, allowed_nuisances(base))
         if other.after.reduced_chi2 < climb.after.reduced_chi2:
             climb = other
-    if not quiet(climb.after, climb.after.floor.square):
+    if not quiet_waveforms(climb.after):
         climb = _with_one_to_begin(base, extra, progress, climb)
     allowed, alike = allowed_nuisances(base), tuple(climb.alike)
     while True:
@@ -170,7 +171,7 @@ def _climb(
     while True:
         after = climb.after
         named = [s.named.id for s in climb.steps if s.named is not None]
-        rival = None if quiet(after, after.floor.square) else best_nuisance(after, nuisances)
+        rival = None if quiet_waveforms(after) else best_nuisance(after, nuisances)
         step, known = None, assess_all(after, extra)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
             step = (
