@@ -14,7 +14,7 @@ from tirelog.cli.models.answers_page import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.candidates.naming import quiet
+from tirelog.diagnosis.candidates.quiet import quiet
 from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError

@@ -32,7 +32,7 @@ from tirelog.diagnosis.candidates.beside import (
     with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.drive_next import drive_next
-from tirelog.diagnosis.candidates.naming import quiet, removed_by
+from tirelog.diagnosis.candidates.naming import removed_by
 from tirelog.diagnosis.candidates.nuisance_sizes import (
     NuisanceFound,
     alike_sentences,
@@ -41,6 +41,7 @@ from tirelog.diagnosis.candidates.nuisance_sizes import (
     observed,
     scatter_sentences,
 )
+from tirelog.diagnosis.candidates.quiet import quiet
 from tirelog.diagnosis.candidates.ranking import ranking_of
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.candidates.separation import advise

@@ -23,6 +23,7 @@ import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import Assessed, assess
 from tirelog.diagnosis.candidates.free_shapes import freedom_of_shape
+from tirelog.diagnosis.candidates.quiet import quiet
 from tirelog.diagnosis.candidates.sign_flips import gain_and_error, surely_gains
 from tirelog.diagnosis.candidates.signatures import (
     all_signatures,
@@ -33,7 +34,6 @@ from tirelog.diagnosis.candidates.signatures import (
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CONTENDER,
-    ERROR_SIGMAS,
     ESTABLISHED_SIGMAS,
     GAIN_SIGMAS,
     LEAST_SHARE_OF_FLOOR,
@@ -41,15 +41,13 @@ from tirelog.diagnosis.rules import (
     MOST_CONTENDERS,
     NOT_FORM,
     NUISANCE_SHARE,
-    QUIET_CHI2,
-    QUIET_FLOORS,
     SECOND_LEAST,
     THIRD,
     TWINS,
     WORSE_SIGMAS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, TogetherBase, apart, refit, settled, thinned
+from tirelog.inference.base import Base, refit, settled, thinned
 from tirelog.inference.fit.cells import Problem, descend_together, free_names
 from tirelog.inference.fit.errors import NULL
 from tirelog.inference.floor import held_out_losses
@@ -286,39 +284,6 @@ def clearly_worse(one: Base, other: Base) -> bool:
         gain > WORSE_SIGMAS * error
         and one.square_held - other.square_held > LEAST_SHARE_OF_FLOOR * other.floor.square
     )
-
-
-def quiet(base: Base, floor_square: float) -> bool:
-    """Is what the model leaves the noise floor?  By the held-out error and by chi-square.
-
-    Of a held-out error goes what chance adds to it, since few manoeuvres decide the parameters, and
-    of a chi-square: that of the 64 values of a number per revolution is above 1.2 in one of eight
-    logs in which nothing is missing. Of several observables each has to be at its own: the mean of
-    three hides what one is above it.
-    """
-    if isinstance(base, TogetherBase) and not all(
-        quiet(part, part.floor.square) for part in apart(base, held_by_all=True)
-    ):
-        return False
-    if base.reduced_chi2 > QUIET_CHI2 + ERROR_SIGMAS * np.sqrt(2.0 / base.fit.freedom):
-        return False
-    above = base.square_held - QUIET_FLOORS**2 * floor_square
-    if above <= 0.0:
-        return True
-    mean, spread = base.of_errors
-    return above <= mean + ERROR_SIGMAS * spread
-
-
-def quiet_waveforms(base: Base) -> bool:
-    """Is what the model leaves of the waveforms the noise floor?
-
-    Of a number per revolution it may be more: no nuisance of wheel, road or day acts on one.
-    """
-    parts = apart(base, held_by_all=True)
-    waveforms = [part for part in parts if part.cells.phi.shape[1] > 1]
-    if len(waveforms) == len(parts):
-        return quiet(base, base.floor.square)
-    return all(quiet(part, part.floor.square) for part in waveforms)
 
 
 def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:

@@ -25,11 +25,10 @@ from tirelog.diagnosis.candidates.naming import (
     first_step,
     group_of,
     next_step,
-    quiet,
-    quiet_waveforms,
     regrouped,
     without_needless,
 )
+from tirelog.diagnosis.candidates.quiet import quiet, quiet_waveforms
 from tirelog.diagnosis.rules import (
     FEWEST_MANOEUVRES,
     LEAST_SHARE_OF_FLOOR,

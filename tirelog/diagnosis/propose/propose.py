@@ -14,7 +14,8 @@ from tirelog.diagnosis.candidates.beside import (
     with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.drive_next import by_the_minute
-from tirelog.diagnosis.candidates.naming import quiet, worth_it
+from tirelog.diagnosis.candidates.naming import worth_it
+from tirelog.diagnosis.candidates.quiet import quiet
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.candidates.separation import advise
 from tirelog.diagnosis.candidates.sign_flips import surely_gains
