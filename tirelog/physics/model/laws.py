@@ -6,12 +6,19 @@ Patch length and dissipation factor (P1, P2), and P4's phase shift and patch wid
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
+from tirelog.physics.effects.base import Drive
 from tirelog.physics.model.stages import Task, bending, leans, loaded_site, waveform
 from tirelog.physics.spectral import GRID, MODES, STEP, powers, to_grid
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+#: speed [m/s] of the stretch in which a phase shift is zero, by convention (P4: about 10).  Twice
+#: as much moves the level of all by what damping does at 10 m/s, which the free level takes
+_ZERO_SPEED_M_S = 10.0
 
 
 def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:
@@ -27,10 +34,15 @@ def patch_length(task: Task, lever_m: float) -> FloatArray:
 def phase_shift(task: Task, lever_m: float) -> FloatArray:
     """The level, what follows the force, and the regressors [rad] (P4 III, IV).
 
-    Of a ring whose contact or answer leans to one side also the middle of the fronts: the angle is
-    read from them, and not from the belt's lowest point.
+    Of a ring whose contact or answer leans to one side also the middle of the fronts, against the
+    one in the log's zero stretch: the angle is read from them, and not from the belt's lowest
+    point.
     """
-    return _with_regressors(task, "phase_shift", _middle_of_fronts(task))
+    if task.carcass != "ring" or not leans(task):
+        return _with_regressors(task, "phase_shift", 0.0)
+    zero, rows = _at_zero(task)
+    moved = _middle_of_fronts(task) - _middle_of_fronts(zero)[rows]
+    return _with_regressors(task, "phase_shift", moved)
 
 
 def patch_width(task: Task, lever_m: float) -> FloatArray:
@@ -64,16 +76,45 @@ def _between_steepest(task: Task) -> FloatArray:
     return np.asarray((places[0] + places[1])[:, None] * STEP, dtype=np.float64)
 
 
-def _middle_of_fronts(task: Task) -> FloatArray | float:
-    """Angle (n or 1, 1) midway between the places where an accelerometer reads half of its level.
+def _at_zero(task: Task) -> tuple[Task, IntArray]:
+    """The task under the conditions of a zero stretch, each once, and whose they are (n,).
 
-    Nothing of an even waveform, nor of a beam, which does not lie flat in its patch.
+    Rolling freely at the start of the log, at a low speed.
     """
-    if task.carcass != "ring" or not leans(task):
-        return 0.0
+
+    def found() -> tuple[Drive, IntArray]:
+        drive, one = task.drive, np.ones((1, 1))
+        still = replace(
+            drive,
+            speed_m_s=_ZERO_SPEED_M_S * one,
+            acceleration_m_s2=0.0 * one,
+            slip=np.where(np.isfinite(drive.slip[:1]), 0.0, np.nan),
+            time_s=drive.time_s[:1],
+        )
+        names = [f.name for f in fields(still)]
+        columns = np.hstack(
+            np.broadcast_arrays(*(getattr(still, name) for name in names), drive.speed_m_s)[:-1]
+        )
+        _, first, rows = np.unique(
+            np.nan_to_num(columns, nan=-np.inf), axis=0, return_index=True, return_inverse=True
+        )
+        few = Drive(**{name: columns[first, i : i + 1] for i, name in enumerate(names)})
+        return few, rows.ravel()
+
+    drive, rows = task.once("zero drive", (), found)
+    memo = task.once("zero memo", (), lambda: dict[Any, Any]())
+    near = None if task.near is None else replace(task.near, drive=drive, memo=memo)
+    return replace(task, drive=drive, memo=memo, near=near), rows
+
+
+def _middle_of_fronts(task: Task) -> FloatArray:
+    """Angle (n, 1) midway between the places where an accelerometer reads half of its level.
+
+    Of a beam there is none: it does not lie flat in its patch.
+    """
     modes, half = bending(task), 0.5 / task.base["radius_m"]
     wave = to_grid(modes)
-    rows, middle = np.arange(wave.shape[0]), 0.0
+    rows, middle = np.arange(wave.shape[0]), np.zeros((wave.shape[0], 1))
     for way in (1, -1):
         # grid points from the patch's middle on, one way round; the belt's curvature comes back
         along = np.concatenate([wave[:, :1], wave[:, 1:][:, ::way]], axis=1)[:, : GRID // 2]
@@ -85,7 +126,8 @@ def _middle_of_fronts(task: Task) -> FloatArray | float:
         level = 2.0 * turn.sum(axis=1, keepdims=True).real - modes[:, :1].real
         slope = -2.0 * (turn.imag * np.arange(MODES)).sum(axis=1, keepdims=True)
         middle = middle + 0.5 * (angle - (level - half) / np.where(slope == 0.0, np.inf, slope))
-    return np.asarray(middle, dtype=np.float64)
+    shape = (task.drive.speed_m_s.shape[0], middle.shape[0])
+    return np.asarray(np.broadcast_to(middle, (max(shape), 1)), dtype=np.float64)
 
 
 def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float) -> FloatArray:
