@@ -28,7 +28,7 @@ from tirelog.diagnosis.candidates.naming import (
     regrouped,
     without_needless,
 )
-from tirelog.diagnosis.candidates.quiet import quiet, quiet_waveforms
+from tirelog.diagnosis.candidates.quiet import quiet_waveforms
 from tirelog.diagnosis.rules import (
     FEWEST_MANOEUVRES,
     LEAST_SHARE_OF_FLOOR,
@@ -224,7 +224,7 @@ def _as_much(base: Base, one: Base, other: Base) -> bool:
     """Does each of two refits remove as much of chi-square, to what forms differ by?
 
     Not if the better one leaves the noise floor alone and the other is clearly worse: then its form
-    is right.
+    is right. By the waveforms, which a nuisance acts on.
     """
     better, worse = sorted((one, other), key=lambda refitted: refitted.noise_chi2)
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
@@ -232,7 +232,5 @@ def _as_much(base: Base, one: Base, other: Base) -> bool:
         return False
     right = settled(better)
     return not (
-        quiet(right, right.floor.square)
-        and not quiet(worse, worse.floor.square)
-        and clearly_worse(worse, better)
+        quiet_waveforms(right) and not quiet_waveforms(worse) and clearly_worse(worse, better)
     )
