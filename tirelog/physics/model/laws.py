@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -101,10 +100,8 @@ def _at_zero(task: Task) -> tuple[Task, IntArray]:
         few = Drive(**{name: columns[first, i : i + 1] for i, name in enumerate(names)})
         return few, rows.ravel()
 
-    drive, rows = task.once("zero drive", (), found)
-    memo = task.once("zero memo", (), lambda: dict[Any, Any]())
-    near = None if task.near is None else replace(task.near, drive=drive, memo=memo)
-    return replace(task, drive=drive, memo=memo, near=near), rows
+    drive, rows = task.once("zero stretch", (), found)
+    return task.under("zero stretch", (), drive), rows
 
 
 def _middle_of_fronts(task: Task) -> FloatArray:

@@ -10,7 +10,7 @@ The file is longer than others: it is a prediction from beginning to end, in its
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
@@ -20,13 +20,15 @@ from tirelog.errors import ModelError
 from tirelog.physics.carcass import beam, contact_modes, ring
 from tirelog.physics.carcass.hardening import hardened_load
 from tirelog.physics.carcass.numbers import FASTEST_HZ
+from tirelog.physics.effects import BY_ID
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import line, parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
 More = ParamSpec("More")
+Rows = TypeVar("Rows", FloatArray, ComplexArray)
 Result = TypeVar("Result")
 
 
@@ -95,6 +97,49 @@ class Task:
             self.memo[stage, key] = compute()
         return cast(Result, self.memo[stage, key])
 
+    def under(self, name: str, key: tuple[Any, ...], drive: Drive) -> Task:
+        """The task under other conditions, which are always the same for `name` and `key`."""
+        memo = self.once(f"memo of {name}", key, lambda: dict[Any, Any]())
+        near = None if self.near is None else replace(self.near, drive=drive, memo=memo)
+        return replace(self, drive=drive, memo=memo, near=near)
+
+
+def distinct(task: Task) -> tuple[Task, IntArray | None]:
+    """The task with rows that are alike to belt and load once, and which of them each row is (n,).
+
+    None if none are alike. What the catalogue's effects follow and need is all they read of the
+    conditions; of an effect of the user's own nobody knows.
+    """
+    on = task.having("structure", *LOAD_HOOKS, *PRESSURE_HOOKS)
+    if any(BY_ID.get(a.effect.id) is not a.effect for a in on):
+        return task, None
+    read = {"load_N", "inflation_pressure_Pa"}
+    for a in on:
+        read |= {*dict(a.effect.followed), *a.effect.needs, *a.effect.instead.values()}
+    if task.carcass == "beam" or any(task.base[name] for name in DAMPING_NAMES):
+        read.add("speed_m_s")
+    key = tuple(sorted(read))
+
+    def found() -> tuple[Drive, IntArray | None]:
+        drive = task.drive
+        columns = {f.name: getattr(drive, f.name) for f in fields(drive)}
+        n = max(column.shape[0] for column in columns.values())
+        apart = [columns[name] for name in key if columns[name].shape[0] > 1]
+        seen = np.hstack([np.nan_to_num(x, nan=-np.inf) for x in apart] or [np.zeros((n, 1))])
+        _, first, rows = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+        if first.size == n:
+            return drive, None
+        few = {name: x if x.shape[0] == 1 else x[first] for name, x in columns.items()}
+        return Drive(**few), np.asarray(rows.ravel(), dtype=np.int64)
+
+    drive, rows = task.once("distinct rows", key, found)
+    return (task, None) if rows is None else (task.under("distinct rows", key, drive), rows)
+
+
+def of_rows(found: Rows, rows: IntArray | None) -> Rows:
+    """What was found of the distinct rows, of each row."""
+    return found if rows is None or found.shape[0] == 1 else found[rows]
+
 
 #: Parameters of the carcass and the load by the stage that reads them; the ring on a flat road
 #: reads its carcass in the load stage too.
@@ -123,6 +168,7 @@ FLAT_ROAD_NAMES = (*STRUCTURE_NAMES, "load_N", "tread_stiffness_N_m2")
 #: what is told of the strain along the tread: how many times it is differentiated by xi
 ALONG_STRAIN: Mapping[str, int] = {"strain_slope": 1, "strain_curvature": 2}
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
+DAMPING_NAMES = ("radial_damping_N_s_m2", "tangential_damping_N_s_m2")
 
 
 def ring_carcass(task: Task) -> ring.RingCarcass:
@@ -480,11 +526,12 @@ def waveform(
         along = (1j * np.arange(MODES) / task.base["radius_m"]) ** ALONG_STRAIN[observable]
         return modes * along, 0.0
     if observable == "strain":
-        modes = hardened(task) * (lever_m * response(task).curvature)
-        sheared = response(task).shear
+        few, rows = distinct(task)
+        modes = hardened(few) * (lever_m * response(few).curvature)
+        sheared = response(few).shear
         if np.any(sheared):  # the cross-section turns by less than the slope
             modes = modes / (1.0 + sheared * (np.arange(MODES) / task.base["radius_m"]) ** 2)
-        modes = sensed(task, modes)
+        modes = sensed(task, of_rows(modes, rows))
         for lever in task.hooks(lambda effect: effect.lever).values():
             modes = modes * lever()
         return modes * gain(task), baseline(task)
@@ -535,10 +582,11 @@ def hardened(task: Task) -> ComplexArray:
 
 def bending(task: Task) -> ComplexArray:
     """Modes of what the tread is less curved by than a circle, w'' + w / R^2 outwards [1/m]."""
-    load, r = hardened(task), response(task)
+    few, rows = distinct(task)
+    load, r = hardened(few), response(few)
     if task.carcass == "ring":
-        return load * r.curvature
-    return load * (r.curvature - r.displacement / task.base["radius_m"] ** 2)
+        return of_rows(load * r.curvature, rows)
+    return of_rows(load * (r.curvature - r.displacement / task.base["radius_m"] ** 2), rows)
 
 
 def turning_level(task: Task) -> FloatArray:
