@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import digamma, polygamma
 
 from tirelog.data.recording import Conditions, Stack
 from tirelog.errors import ModelError
@@ -42,6 +43,12 @@ _PLACE_IS_TOLD = float(np.log(4.0)) / (2.0 * np.pi**2)
 #: rounds tell the place to 0.1 %
 _TRIED = 12
 _ROUNDS = 5
+#: a piece's scatter below this share of the usual one is taken as that for what all pieces say:
+#: values may be alike by rounding; half as much lets one such piece count for the more
+_LEAST_SCATTER = 0.1
+#: degrees of freedom that all pieces together stand for beside one, at most: then they are alike to
+#: a tenth; twice as many, to 7 %
+_MOST_PRIOR = 200.0
 #: what can be taken out of each cell beyond what it scatters by; the columns of `random`, by the
 #: same names
 NUISANCES = ("offset", "amplitude", "shift")
@@ -359,11 +366,29 @@ def _damped(variance: FloatArray | float, k: float) -> FloatArray:
 def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
     """With one angle only: standard deviation of single revolutions (P, 1).
 
-    It is the pooled one if a piece is too small to know its own.
+    A piece's own, drawn towards that of all pieces as far as its few revolutions leave it unknown:
+    the mean of a scaled inverse chi-square whose spread over the pieces tells how much they differ
+    (Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3). By itself a scatter of four revolutions makes
+    a chi-square of three out of nothing.
     """
-    known = np.isfinite(pieces.scatter)
-    pooled = np.nanmedian(pieces.scatter) if known.any() else np.nan
-    return np.where(known & (pieces.scatter > 0.3 * pooled), pieces.scatter, pooled)
+    own, freedom = pieces.scatter[:, 0], np.maximum(pieces.count[:, 0] - 1.0, 1.0)
+    known = np.isfinite(own)
+    usual = float(np.median(own[known])) if known.any() else np.nan
+    if not usual > 0.0:
+        return np.full(pieces.scatter.shape, usual)
+    size = np.maximum(own[known], _LEAST_SCATTER * usual)
+    half = 0.5 * freedom[known]
+    log = 2.0 * np.log(size) - digamma(half) + np.log(half)
+    differ = float(np.sum((log - log.mean()) ** 2) / max(log.size - 1, 1))
+    differ -= float(polygamma(1, half).mean())
+    prior = _MOST_PRIOR
+    if differ > 0.0:  # trigamma falls: the least number of degrees of freedom that differs so much
+        tried = np.geomspace(0.1, _MOST_PRIOR, 400)
+        prior = float(tried[np.argmin(np.abs(polygamma(1, 0.5 * tried) - differ))])
+    of_all = np.exp(log.mean() + digamma(0.5 * prior) - np.log(0.5 * prior))
+    told = np.where(known, freedom, 0.0)
+    square = (prior * of_all + told * np.where(known, own, 0.0) ** 2) / (prior + told)
+    return np.asarray(np.sqrt(square), dtype=np.float64)[:, None]
 
 
 def _noise_profile(pieces: Pieces) -> FloatArray:
