@@ -385,6 +385,7 @@ def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
     if differ > 0.0:  # trigamma falls: the least number of degrees of freedom that differs so much
         tried = np.geomspace(0.1, _MOST_PRIOR, 400)
         prior = float(tried[np.argmin(np.abs(polygamma(1, 0.5 * tried) - differ))])
+    # the mean of logarithms, which the few pieces in which the number moves do not decide
     of_all = np.exp(log.mean() + digamma(0.5 * prior) - np.log(0.5 * prior))
     told = np.where(known, freedom, 0.0)
     square = (prior * of_all + told * np.where(known, own, 0.0) ** 2) / (prior + told)

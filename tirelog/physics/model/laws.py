@@ -11,7 +11,15 @@ from dataclasses import fields, replace
 import numpy as np
 
 from tirelog.physics.effects.base import Drive
-from tirelog.physics.model.stages import Task, bending, leans, loaded_site, waveform
+from tirelog.physics.model.stages import (
+    Task,
+    bending,
+    distinct,
+    leans,
+    loaded_site,
+    of_rows,
+    waveform,
+)
 from tirelog.physics.spectral import GRID, MODES, STEP, powers, to_grid
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -109,7 +117,8 @@ def _middle_of_fronts(task: Task) -> FloatArray:
 
     Of a beam there is none: it does not lie flat in its patch.
     """
-    modes, half = bending(task), 0.5 / task.base["radius_m"]
+    few, of_few = distinct(task)
+    modes, half = bending(few), 0.5 / task.base["radius_m"]
     wave = to_grid(modes)
     rows, middle = np.arange(wave.shape[0]), np.zeros((wave.shape[0], 1))
     for way in (1, -1):
@@ -123,8 +132,9 @@ def _middle_of_fronts(task: Task) -> FloatArray:
         level = 2.0 * turn.sum(axis=1, keepdims=True).real - modes[:, :1].real
         slope = -2.0 * (turn.imag * np.arange(MODES)).sum(axis=1, keepdims=True)
         middle = middle + 0.5 * (angle - (level - half) / np.where(slope == 0.0, np.inf, slope))
-    shape = (task.drive.speed_m_s.shape[0], middle.shape[0])
-    return np.asarray(np.broadcast_to(middle, (max(shape), 1)), dtype=np.float64)
+    middle = of_rows(middle, of_few)
+    size = max(task.drive.speed_m_s.shape[0], middle.shape[0])
+    return np.asarray(np.broadcast_to(middle, (size, 1)), dtype=np.float64)
 
 
 def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float) -> FloatArray:
