@@ -43,10 +43,10 @@ from tirelog.vocabulary.observables import OWN_ZERO, STRAIN
 PATCH_LAW_PARAMETER = "patch_load_exponent"
 PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
 _FREES = {"patch_law": PATCH_LAW_PARAMETER, "pressure_law": PRESSURE_LAW_PARAMETER}
-#: standard deviation of the zero of a log's phase shift: the mean of thirty passages at 10 m/s,
-#: each told to 0.03 degrees (P4's sensors), and of what the estimator's bias differs in between
-#: tires of two pressures; twice as much lets logs differ by 0.04 degrees for nothing
-ZERO, ZERO_SD_RAD = "zero", 1.7e-4
+#: standard deviation of the zero of a log's phase shift: a tenth of a degree, several times what
+#: the mean of thirty passages at 10 m/s is off by, and what the estimator tells differently of tires
+#: of two pressures; twice as much is a free level, beside which the model's own has no value
+ZERO, ZERO_SD_RAD = "zero", 2e-3
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show; twice as many are as
 #: narrow as 30 degrees, and take what belongs to the patch
 _HARMONICS = (1, 2, 3)

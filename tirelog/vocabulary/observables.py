@@ -46,8 +46,6 @@ class Observable:
 
 
 STRAIN, ACCELERATION = "strain", "radial_acceleration"
-#: what each log counts from a stretch of its own
-ZEROED = "phase_shift"
 #: degrees in a radian
 _DEGREES = 57.29577951308232
 _WAVE = ("load", "contact_pressure", "structure", "sensor")

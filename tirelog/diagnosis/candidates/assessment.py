@@ -17,12 +17,10 @@ from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_
 from tirelog.diagnosis.candidates.signatures import Signature
 from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base
-from tirelog.inference.cells.cells import Cells
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import ZEROED
 
 #: a projected signature with less than this share of its norm left shows nothing of its own: the
 #: effect would have to be a thousand times as large as what is seen of it; twice as much refuses
@@ -65,25 +63,9 @@ class Assessed:
 
 
 def nuisance(base: Base, more: FloatArray | None = None) -> ProjectedOut:
-    """The whitened base Jacobian, logs' levels and `more` (C, m, k), in the observable's unit."""
-    parts = [base.fit.moving, *([] if more is None else [more]), zeros(base.cells)]
+    """The whitened base Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit."""
+    parts = [base.fit.moving] if more is None else [base.fit.moving, more]
     return ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
-
-
-def zeros(cells: Cells) -> FloatArray:
-    """Columns (C, m, k): the level of each log's phase shift, which counts from a zero of its own.
-
-    What is the same all along a log and differs between logs is in that zero, and its error too: it
-    is no evidence for anything.
-    """
-    seen = (cells.observable,) if cells.together is None else cells.together.observables
-    part = np.zeros(len(cells), np.int64) if cells.together is None else cells.part
-    zeroed = np.array([name == ZEROED for name in seen])[part]
-    levels = [zeroed & (cells.log == log) for log in np.unique(cells.log[zeroed])]
-    columns = np.zeros((*cells.phi.shape, len(levels)))
-    for i, rows in enumerate(levels):
-        columns[rows, 0, i] = 1.0  # a number per revolution has one angle
-    return columns
 
 
 def assess(
