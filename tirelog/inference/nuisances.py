@@ -44,7 +44,7 @@ PATCH_LAW_PARAMETER = "patch_load_exponent"
 PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
 _FREES = {"patch_law": PATCH_LAW_PARAMETER, "pressure_law": PRESSURE_LAW_PARAMETER}
 #: standard deviation of the zero of a log's phase shift: a tenth of a degree, several times what
-#: the mean of thirty passages at 10 m/s is off by, and what the estimator tells differently of tires
+#: the mean of thirty passages at 10 m/s is off by, and what the estimator tells otherwise of tires
 #: of two pressures; twice as much is a free level, beside which the model's own has no value
 ZERO, ZERO_SD_RAD = "zero", 2e-3
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show; twice as many are as
