@@ -7,10 +7,10 @@
 A case is two logs of a minute, at 2.0 and 1.6 bar, of a tire that is drawn: stiffnesses, belt and
 tread 0.6 to 1.6 times the ordinary ones, a belt narrower than the setup's tire. `shift_` kinds are
 of the phase shift, with the forces measured, `width_` kinds of the patch width, `together_` kinds
-of strain, acceleration and phase shift in one fit; the others of the acceleration. `inflation`
-hides what the pressure does beside the belt's tension: it stiffens the sidewalls, so that the patch
-follows the pressure by more than the setup's ring. Seeds below 1000 are for choosing, from 1000 on
-for reporting.
+of strain, acceleration and phase shift in one fit; the others of the acceleration.
+`inflated_sidewalls` and `width_inflation` hide what the pressure does beside the belt's tension: it
+stiffens the sidewalls, so that the patch follows the pressure by more than the setup's ring. Seeds
+below 1000 are for choosing, from 1000 on for reporting.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ SPEEDS_M_S = (10.0, 20.0, 12.0, 22.0, 15.0, 24.0)
 SIZES = {"belt_tension": {"tension_mass_kg_m": 3.0}}
 WAVEFORM = (
     "load_transfer", "belt_tension", "traction", "viscous_damping", "hysteresis", "edge_impact",
-    "stiffening", "aero_load", "rough_contact", "pressure_offset",
+    "stiffening", "aero_load", "rough_contact", "pressure_offset", "inflated_sidewalls",
 )  # fmt: skip
 SHIFT = ("shift_wind_up", "shift_telemetry_delay")
 #: power of the pressure with which the sidewalls of `inflation` stiffen: all of a radial tire's
@@ -119,7 +119,8 @@ def scenarios(kind: str, seed: int) -> Iterator[Scenario]:
     elif not (shift or kind.startswith("width_")):
         del channels["encoder"]
     for number, pressure in enumerate(PRESSURES_PA):
-        stiffer = (pressure / PRESSURES_PA[0]) ** (STIFFENS if kind in WIDTH else 0.0)
+        stiffens = kind in WIDTH or name == "inflated_sidewalls"
+        stiffer = (pressure / PRESSURES_PA[0]) ** (STIFFENS if stiffens else 0.0)
         yield Scenario(
             manoeuvres=tuple(plan),
             channels=channels,

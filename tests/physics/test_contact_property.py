@@ -165,14 +165,15 @@ ROWS = {
 
 
 @pytest.mark.parametrize("rows", ROWS)
-@pytest.mark.parametrize("name", ["EI", "k_w", "k_v", "k_t", "pb_N_m", "load_N"])
+@pytest.mark.parametrize("name", ["EI", "k_w", "k_v", "k_t", "pb_N_m", "load_N", "stiffer"])
 def test_a_small_step_by_derivatives_is_the_step(rows, name):
     """To the square of the step: the same angles touch, and the rest is linear."""
     load, pb = (np.array(column)[:, None] for column in ROWS[rows])
-    here, step = ContactState(CARCASS, load, pb), 1e-6
+    stiffer = np.linspace(0.991, 0.911, load.size)[:, None]
+    here, step = ContactState(CARCASS, load, pb, stiffer=stiffer), 1e-5
 
     def moved(factor):
-        if name in ("pb_N_m", "load_N"):
+        if name in ("pb_N_m", "load_N", "stiffer"):
             return replace(here, **{name: getattr(here, name) * factor})
         return replace(here, carcass=replace(CARCASS, **{name: getattr(CARCASS, name) * factor}))
 
@@ -184,3 +185,17 @@ def test_a_small_step_by_derivatives_is_the_step(rows, name):
         slope = (true_up - true_down) / (2.0 * step)
         assert np.abs(slope).max() > 1e-4 * np.abs(true_up).max()
         assert np.allclose((up - down) / (2.0 * step), slope, atol=1e-7 * np.abs(slope).max())
+
+
+def test_sidewalls_that_pressure_stiffens_are_stiffer_ones():
+    """Contact and belt at 1.6 bar are those of a tire whose sidewalls are 0.8^m as stiff."""
+    soft = {"radial_stiffness_N_m2": 6.3e5, "tangential_stiffness_N_m2": 5.0e5}
+    plain = Model.new("ring", "radial_acceleration", width_m=0.13, **soft)
+    inflated = plain.with_effect("inflated_sidewalls", exponent=0.7)
+    less = plain.with_values({name: 0.8**0.7 * value for name, value in soft.items()})
+    phi = np.linspace(-0.5, 0.5, 101)
+    for pressure, same in ((2.0e5, plain), (1.6e5, less)):
+        at = Conditions.of(2, speed_m_s=np.array([9.0, 15.0]), inflation_pressure_Pa=pressure)
+        assert np.allclose(inflated.predict(at, phi), same.predict(at, phi), rtol=1e-9, atol=1e-9)
+        assert np.allclose(inflated.half_length_m(at), same.half_length_m(at), rtol=1e-12)
+    assert np.ptp([m.half_length_m(at)[0] for m in (plain, less)]) > 1e-3

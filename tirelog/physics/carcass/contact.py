@@ -11,7 +11,7 @@ with u the ring's vertical yield. Solved by active sets (Newton's method on the 
 waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
 is the one of the undamped ring with all its tension, that of effects too, and even about the patch
 centre; `lossy_contact` has the one of a ring that takes power, `contact_modes` the modes of both.
-What effects on the foundation's stiffness change in the pressure is left out.
+What a user's own effects on the foundation change in the pressure is left out.
 
     carcass, F --solve_contact--> pressure at the angles that touch --moved--> its derivatives
 """
@@ -50,6 +50,8 @@ _BEGIN = 0.15
 #: What a contact moves with: these constants of the carcass, p0 b and the load.
 STIFFNESSES = ("EI", "k_w", "k_v", "k_t")
 BY = len(STIFFNESSES) + 2
+#: Those of them that are the sidewalls'.
+SIDEWALLS = ("k_w", "k_v")
 #: Angles of a half among which a contact is looked for first; a usual one, of 5 cm at 0.3 m, has
 #: 80. Twice as many take four times as long.
 _SIZES = (128, 256, _PHI.size)

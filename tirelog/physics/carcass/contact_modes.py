@@ -11,13 +11,16 @@ away by derivatives.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from tirelog.physics.carcass.contact import (
     BY,
+    SIDEWALLS,
     STIFFNESSES,
     moved,
     solve_contact,
@@ -48,13 +51,20 @@ class ContactState:
     """What a contact is solved for: the carcass, and columns of load and p0 b (n or 1, 1).
 
     p0 b with what other tension there is, over R, in place of the carcass's own. `losses`: columns
-    (n or 1, 4) of the strengths of `lossy_contact.LOSSES`.
+    (n or 1, 4) of the strengths of `lossy_contact.LOSSES`; `stiffer` (n or 1, 1): what the
+    carcass's k_w and k_v are multiplied by.
     """
 
     carcass: RingCarcass
     load_N: FloatArray
     pb_N_m: FloatArray
     losses: FloatArray = field(default_factory=lambda: np.zeros((1, len(LOSSES))))
+    stiffer: FloatArray = field(default_factory=lambda: np.ones((1, 1)))
+
+    def at(self, stiffer: float, pb_N_m: float) -> RingCarcass:
+        """The carcass with so much stiffer sidewalls, at that tension."""
+        own = self.carcass
+        return replace(own, k_w=own.k_w * stiffer, k_v=own.k_v * stiffer, pb=pb_N_m)
 
 
 #: solved contacts: carcass, losses, loads
@@ -74,7 +84,8 @@ def pressure_modes(
         half, modes = share @ half, share @ modes
     steps = state.losses - np.array(solved[0][1])
     if np.any(steps):
-        moved = _stepped(solved, share, [None] * BY + [*steps.T[..., None]], tilted)
+        of_losses = [_Step(0.0, step) for step in steps.T[..., None]]
+        moved = _stepped(solved, share, [_Step(0.0, 0.0)] * BY + of_losses, tilted)
         half, modes = half + moved[:, :1], modes + moved[:, 1:]
     return half, *_as_modes(modes, tilted)
 
@@ -90,19 +101,30 @@ def pressure_modes_near(
         return None
     solved, share = _solved_at(near, state)
     there = share @ np.concatenate(_tables(solved, tilted), axis=1)
-    steps: list[FloatArray | None] = [
-        np.full((1, 1), getattr(state.carcass, name) - getattr(near.carcass, name))
+    at = [carcass for carcass, _, loads_N in solved for _ in loads_N]
+    before, after = near.carcass, state.carcass
+    # a solved one moves by its own constants, as far as its sidewalls are stiffer; a row between
+    # the solved ones has moved along with its share
+    stiffer = np.array([carcass.k_w for carcass in at])[:, None] / before.k_w
+    stiffened: FloatArray | float = 0.0
+    if np.any(state.stiffer != 1.0) or np.any(near.stiffer != 1.0):
+        stiffened = state.stiffer - share @ stiffer
+    steps = [
+        _Step(
+            (getattr(after, name) - getattr(before, name))
+            * (stiffer if name in SIDEWALLS else 1.0),
+            getattr(after, name) * stiffened if name in SIDEWALLS else 0.0,
+        )
         for name in STIFFNESSES
     ]
-    # a row between the solved ones has moved along with its share
     steps += [
-        column - share @ np.array(nodes)[:, None]
+        _Step(0.0, column - share @ np.array(nodes)[:, None])
         for column, nodes in (
-            (state.pb_N_m, [carcass.pb for carcass, _, loads_N in solved for _ in loads_N]),
+            (state.pb_N_m, [carcass.pb for carcass in at]),
             (state.load_N, [load_N for _, _, loads_N in solved for load_N in loads_N]),
         )
     ]
-    steps += [*(state.losses - np.array(solved[0][1])).T[..., None]]
+    steps += [_Step(0.0, step) for step in (state.losses - np.array(solved[0][1])).T[..., None]]
     try:
         there = there + _stepped(solved, share, steps, tilted)
     except _NoSlopes:
@@ -110,23 +132,31 @@ def pressure_modes_near(
     return there[:, :1], *_as_modes(there[:, 1:], tilted)
 
 
+class _Step(NamedTuple):
+    """How far a constant moves: of each solved contact (k, 1), and of each row besides (n, 1)."""
+
+    of_node: FloatArray | float
+    of_row: FloatArray | float
+
+
 class _NoSlopes(Exception):
     """One of the contacts is not one stretch about the middle."""
 
 
 def _stepped(
-    solved: list[_Solved], share: FloatArray, steps: list[FloatArray | None], tilted: bool
+    solved: list[_Solved], share: FloatArray, steps: Sequence[_Step], tilted: bool
 ) -> FloatArray:
-    """What steps (n or 1, 1) by stiffnesses, p0 b, load and losses do to L and the modes."""
+    """What steps by stiffnesses, p0 b, load and losses do to L and the modes."""
     total: FloatArray = np.zeros((share.shape[0], 1))
-    lossy = any(step is not None and bool(np.any(step)) for step in steps[BY:])
+    lossy = any(bool(np.any(step.of_row)) for step in steps[BY:])
     for i, step in enumerate(steps):
-        if step is None or not np.any(step):
+        if not (np.any(step.of_node) or np.any(step.of_row)):
             continue
         slopes = [_slopes(*contacts, tilted, lossy) for contacts in solved]
         if any(slope is None for slope in slopes):
             raise _NoSlopes
-        total = total + step * (share @ np.concatenate([x[i] for x in slopes if x is not None]))
+        slope = np.concatenate([x[i] for x in slopes if x is not None])
+        total = total + share @ (step.of_node * slope) + step.of_row * (share @ slope)
     return total
 
 
@@ -141,23 +171,31 @@ def _solved_at(state: ContactState, rows_of: ContactState) -> tuple[list[_Solved
     In those of the first carcass, then of the second, ...; the shares of the rows of this state or
     of one a small step away. All have the same losses.
     """
-    load, pb, load_there, pb_there = (
+    load, pb, stiff, load_there, pb_there, stiff_there = (
         x[:, 0]
         for x in np.broadcast_arrays(
-            state.load_N, state.pb_N_m, rows_of.load_N, rows_of.pb_N_m, state.losses[:, :1]
-        )[:4]
+            *(x for one in (state, rows_of) for x in (one.load_N, one.pb_N_m, one.stiffer)),
+            state.losses[:, :1],
+        )[:6]
     )
     losses = _between(state.losses)
     solved, columns = [], []
-    tensions, shares = _nodes(pb, pb_there, _FEW_TENSIONS, _TENSIONS)
-    for tension, share in zip(tensions, shares.T):
-        rows = np.flatnonzero(share)
-        nodes, weights = _nodes(load[rows], load_there[rows], _FEW, _TABLE)
-        solved.append((replace(state.carcass, pb=float(tension)), losses, tuple(nodes.tolist())))
-        column = np.zeros((load.size, nodes.size))
-        column[rows] = weights * share[rows, None]
-        columns.append(column)
+    for stiffer, of_stiff in _shared(stiff, stiff_there):
+        alike = np.flatnonzero(of_stiff)
+        for tension, of_tension in _shared(pb[alike], pb_there[alike]):
+            rows, share = alike[of_tension != 0.0], of_tension[of_tension != 0.0]
+            nodes, weights = _nodes(load[rows], load_there[rows], _FEW, _TABLE)
+            solved.append((state.at(stiffer, tension), losses, tuple(nodes.tolist())))
+            column = np.zeros((load.size, nodes.size))
+            column[rows] = weights * (share * of_stiff[rows])[:, None]
+            columns.append(column)
     return solved, np.hstack(columns)
+
+
+def _shared(values: FloatArray, there: FloatArray) -> Iterator[tuple[float, FloatArray]]:
+    """`_nodes` of tensions or stiffnesses, one by one: a value to solve at, its weights (n,)."""
+    nodes, weights = _nodes(values, there, _FEW_TENSIONS, _TENSIONS)
+    yield from zip(nodes.tolist(), weights.T)
 
 
 def _between(losses: FloatArray) -> tuple[float, ...]:

@@ -246,7 +246,9 @@ def _contact_state(task: Task, load_N: FloatArray) -> contact_modes.ContactState
     s = structure(task)
     pb = _inflation_pb(task) + s.tension / task.base["radius_m"]
     lost = np.concatenate(np.broadcast_arrays(*ring_losses(task, s)), axis=1)
-    return contact_modes.ContactState(ring_carcass(task), load_N, pb, lost)
+    stiffer = np.atleast_2d(np.asarray(1.0 + s.stiffening, np.float64))
+    _positive_foundation(stiffer)
+    return contact_modes.ContactState(ring_carcass(task), load_N, pb, lost, stiffer)
 
 
 def ring_losses(task: Task, s: Structure) -> list[FloatArray]:
