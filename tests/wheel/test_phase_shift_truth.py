@@ -8,10 +8,18 @@ import numpy as np
 import pytest
 
 from benchmarks.wheel_cases import Instruments, wheel_scenario
+from benchmarks.wheel_manoeuvres import scenario
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.planted import Planted
-from tirelog.simulation.scenario.schema import Manoeuvre
+from tirelog.simulation.scenario.schema import Manoeuvre, Road
 from tirelog.wheel.phase_shift import measure_phase_shift
+
+
+def measured(plan):
+    """The passages of a log, and what is true of them."""
+    simulated = simulate(plan)
+    found = next(measure_phase_shift(to_recording(simulated, "log")))
+    return found, simulated.truth["channels"]["acceleration"]["passages"]
 
 
 @pytest.mark.parametrize(
@@ -19,9 +27,7 @@ from tirelog.wheel.phase_shift import measure_phase_shift
 )
 def test_goals_at_10_m_s(noise_g, shift_deg, width_deg):
     plan = wheel_scenario(seed=8001, with_=Instruments(acceleration_noise_g=noise_g), roughness=0.0)
-    simulated = simulate(replace(plan, manoeuvres=(Manoeuvre(60.0, 10.0, None),)))
-    found = next(measure_phase_shift(to_recording(simulated, "log")))
-    true = simulated.truth["channels"]["acceleration"]["passages"]
+    found, true = measured(replace(plan, manoeuvres=(Manoeuvre(60.0, 10.0, None),)))
     nearest = np.abs(np.array(true["time_s"])[:, None] - found.time_s).argmin(axis=1)
     assert found.good.mean() > 0.97
     assert abs(len(found.quality) - len(true["time_s"])) <= 1
@@ -49,9 +55,7 @@ def test_width_in_manoeuvres_follows_the_contact_of_a_ring(pressure_Pa):
         effects=(transfer,),
         manoeuvres=tuple(Manoeuvre(float(s), v, None) for s, v in moves),
     )
-    simulated = simulate(ring)
-    found = next(measure_phase_shift(to_recording(simulated, "log")))
-    true = simulated.truth["channels"]["acceleration"]["passages"]
+    found, true = measured(ring)
     nearest = np.abs(np.array(true["time_s"])[:, None] - found.time_s).argmin(axis=0)
     contact = np.array(true["patch_width_deg"])[nearest]
     good = found.good
@@ -60,3 +64,20 @@ def test_width_in_manoeuvres_follows_the_contact_of_a_ring(pressure_Pa):
     # half levels alone miss an eighth of what moves, and 0.075 degrees
     assert abs(np.polyfit(contact[good], error, 1)[0]) < 0.06
     assert error.std() < 0.05
+
+
+def test_a_rough_road_moves_the_patch_and_is_no_error():
+    """Loads that vary from turn to turn widen the patch; errors stay those of the noise."""
+    ring = scenario("dynamic_2.0bar_1.2g", 804)
+    found, true = measured(replace(ring, road=Road(0.02)))
+    nearest = np.abs(np.array(true["time_s"])[:, None] - found.time_s).argmin(axis=0)
+    contact = np.array(true["patch_width_deg"])[nearest]
+    middle = found.entry_deg + found.width_deg / 2 - np.rad2deg(true["wheel_angle_rad"])[nearest]
+    middle = np.mod(middle - middle[0] + 180, 360)
+    assert np.std(np.diff(contact)) > 2 * np.median(found.width_se_deg)
+    for error, se in (
+        (middle - middle.mean(), found.shift_se_deg),
+        (found.width_deg - contact - np.mean(found.width_deg - contact), found.width_se_deg),
+    ):
+        assert 0.85 < np.mean(np.abs(error) < 1.96 * se) < 0.99
+        assert np.sqrt(np.mean(se**2)) < 1.3 * error.std()

@@ -179,7 +179,8 @@ def _passages(
     )
     return EdgeTimes(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
-        speed, acceleration, turn - width / 2, turn + width / 2, width, se, turn - offset, se / 2,
+        speed, acceleration, turn - width / 2, turn + width / 2, width, se * fronts.magnified,
+        turn - offset, se / 2,
         steady, quality, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, clean),
     )  # fmt: skip

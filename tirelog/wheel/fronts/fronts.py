@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.data.recording import Channel
-from tirelog.dsp.sliding import sliding_median
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
@@ -47,10 +46,11 @@ class Fronts:
     """One row per passage, shape (n,), those that were not found included (NaN).
 
     `entry_rad`, `exit_rad` wheel angles of the fronts, `entry_se_rad`, `exit_se_rad` their standard
-    errors from noise (accelerometer and wheel angle), `expected_rad` where the passage's middle was
-    looked for, `quality` its flags. `sign` of the level outside as recorded, `level_m` its median
-    over Omega^2, `gravity` True if the signal holds gravity, `turn_rad` is the wheel angle from
-    passage to passage, 2 pi if the encoder's steps are right.
+    errors from noise (accelerometer and wheel angle) and misfit, `expected_rad` where the passage's
+    middle was looked for, `quality` its flags. `sign` of the level outside as recorded, `level_m`
+    its median over Omega^2, `gravity` True if the signal holds gravity, `turn_rad` is the wheel
+    angle from passage to passage, 2 pi if the encoder's steps are right; `magnified` how much more
+    of the noise a width has than its fronts.
     """
 
     expected_rad: FloatArray
@@ -63,6 +63,7 @@ class Fronts:
     level_m: float
     gravity: bool
     turn_rad: float
+    magnified: float = 1.0
 
     def __len__(self) -> int:
         return int(self.entry_rad.size)
@@ -127,15 +128,18 @@ def find_fronts(
     place, se, slope, quality = crossings(
         channel, wheel, flanks, at_least(channel, flanks, window), limits
     )
-    place, se = matched(channel, wheel, flanks, (place, se, slope), np.flatnonzero(quality))
-    form = _form(place[n:] - place[:n], np.hypot(se[:n], se[n:]))
+    place, se, magnified = matched(
+        channel, wheel, flanks, (place, se, slope), np.flatnonzero(quality)
+    )
     full = np.full((4, expected.size), np.nan)
-    full[:, row] = place[:n], place[n:], se[:n] * form, se[n:] * form
+    full[:, row] = place[:n], place[n:], se[:n], se[n:]
     saturated = np.abs(flanks.level[:n]) * flanks.rate[:n] ** 2 > 0.95 * min(-limits[0], limits[1])
     flags = marked(np.ones(expected.size, bool), Quality.LOST_PEAK)
     flags[row] = quality[:n] | quality[n:] | marked(saturated, Quality.CLIPPED)
     level = abs(float(np.median(dips.level)))
-    return Fronts(expected, full[0], full[1], full[2], full[3], flags, sign, level, gravity, turn)
+    return Fronts(
+        expected, full[0], full[1], full[2], full[3], flags, sign, level, gravity, turn, magnified
+    )
 
 
 def _turn(dips: Dips) -> float:
@@ -180,20 +184,3 @@ def _expected(dips: Dips, wheel: WheelAngle, turn: float) -> tuple[Dips, FloatAr
 
 def _median(x: FloatArray) -> float:
     return float(np.nanmedian(x)) if np.isfinite(x).any() else 1.0 / DEGREE
-
-
-def _form(width: FloatArray, se: FloatArray) -> FloatArray:
-    """How much more the width scatters than its noise says, shape (n,), at least 1.
-
-    From passage to passage, over 101 passages. The cubic is not the flank's exact form, and samples
-    fall on it differently from passage to passage.
-    """
-    scatter = np.abs(width[1:-1] - 0.5 * (width[:-2] + width[2:])) / (
-        0.6745 * np.sqrt(1.5) * se[1:-1]
-    )
-    if scatter.size < 9:
-        return np.ones(width.size)
-    scatter = np.nan_to_num(scatter, nan=1.0)
-    usual = sliding_median(scatter, min(101, scatter.size))
-    smooth: FloatArray = np.maximum(np.concatenate([usual[:1], usual, usual[-1:]]), 1.0)
-    return smooth

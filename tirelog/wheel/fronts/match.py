@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.data.recording import Channel
+from tirelog.dsp.sliding import sliding_median
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.fronts.dips import DEGREE
@@ -54,6 +55,9 @@ DEGREE_OF_FLANK = 5
 FLANK_REACH = 1.5
 #: steps that centre the window on the steepest place; twice as many take twice as long for it
 CENTRINGS = 4
+#: passages over which errors are as large as what is left of the signal says, and so many at least
+#: that tell it by their widths; twice as many follow a change of road half as soon
+SMOOTH, FEWEST = 101, 9
 #: steps of the least squares, and the longest of them [deg]; twice as long ones could leave the
 #: flank
 STEPS, LONGEST = 3, 1.0
@@ -94,11 +98,15 @@ def matched(
     flanks: Flanks,
     cubic: tuple[FloatArray, FloatArray, FloatArray],
     spoilt: IntArray,
-) -> tuple[FloatArray, FloatArray]:
-    """(places [rad], standard errors) of all fronts, shape (2 n,) as `flanks`.
+) -> tuple[FloatArray, FloatArray, float]:
+    """(places [rad], standard errors) of all fronts, (2 n,) as `flanks`; how widths magnify them.
+
+    A width that is followed farther than the flanks move by themselves magnifies its noise; the
+    middle has none of that.
 
     Those of `cubic` (places, errors, slopes in levels/rad) if the log is too short for a form or a
-    passage does not fit it. `spoilt`: fronts with something wrong.
+    passage does not fit it. `spoilt`: fronts with something wrong. Errors are by the noise, and
+    larger by as much as the samples lie farther from what was fitted than that.
     """
     place, se, slope = cubic
     n = flanks.passages
@@ -106,7 +114,7 @@ def matched(
     good[spoilt] = False
     good = np.tile(good[:n] & good[n:], 2)
     if good.sum() < 2 * LEAST:
-        return place, se
+        return place, se * _scatter(place, se), 1.0
     half = 0.5 * float(np.median((place[n:] - place[:n])[good[:n]]))
     flanks = flanks.moved(place)
     result, error = place.copy(), se.copy()
@@ -117,12 +125,24 @@ def matched(
         form = _learn(
             channel, wheel, flanks.take(_some(side[good[side]])), (low, high), KNOTS / steepness
         )
-        result[side], error[side] = _shifts(channel, wheel, flanks.take(side), form)
-    result += _difference(place - result, result[n:] - result[:n], flanks, good)
+        result[side], error[side], left = _shifts(channel, wheel, flanks.take(side), form)
+        error[side] *= _about(left)
+    by_form = result[n:] - result[:n]
+    result += _difference(place - result, by_form, flanks, good)
     known = np.isfinite(result) & (np.abs(result - place) < FAR * se)
-    result, error = np.where(known, result, place), np.where(known, error, se)
+    result, error = np.where(known, result, place), np.where(known, error, se * _scatter(place, se))
     lead = _grown(channel, wheel, flanks.moved(result), result, error, slope, good)
-    return result + lead, error
+    result += lead
+    seen = good[:n] & np.isfinite(by_form) & np.isfinite(result[n:] - result[:n])
+    magnified = _slope(by_form[seen], (result[n:] - result[:n])[seen])
+    return result, error, max(magnified, 1.0)
+
+
+def _slope(x: FloatArray, y: FloatArray) -> float:
+    """By how much y (n,) grows with x (n,); 1 if x does not move."""
+    x = x - x.mean()
+    square = float(x @ x)
+    return float(x @ y) / square if square > 0.0 else 1.0
 
 
 def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray, FloatArray, float]:
@@ -196,12 +216,13 @@ def _samples(
 
 def _shifts(
     channel: Channel, wheel: WheelAngle, flanks: Flanks, form: FrontForm
-) -> tuple[FloatArray, FloatArray]:
-    """(places [rad] at which the form fits best, standard errors), shape (n,).
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(places [rad] at which the form fits best, standard errors, misfits), shape (n,).
 
-    NaN if samples are missing.
+    The errors are by noise; a misfit is the root of what the form leaves over what noise does. NaN
+    if samples are missing.
     """
-    place, se = np.full(flanks.angle.size, np.nan), np.full(flanks.angle.size, np.nan)
+    place, se, left = np.full((3, flanks.angle.size), np.nan)
     first, last = _samples(channel, wheel, flanks, (form.low, form.high))
     for group, start, values in groups(channel, first, last):
         part = flanks.take(group)
@@ -226,7 +247,37 @@ def _shifts(
         )
         place[group] = np.where(lost, np.nan, part.angle + moved)
         se[group] = np.hypot(noise, wheel.angle.noise_rad)
-    return place, se
+        at = u - moved[owner]
+        weight, (level, _) = form.weight(at), form.values(at)
+        square = np.bincount(owner, weight * (y - level) ** 2, group.size)
+        of_noise = (part.noise / (np.abs(part.level) * part.rate**2)) ** 2
+        free = np.bincount(owner, weight, group.size) - 1.0  # the place is fitted
+        left[group] = np.where(lost, np.nan, np.sqrt(square / np.maximum(free, 1.0) / of_noise))
+    return place, se, left
+
+
+def _about(left: FloatArray) -> FloatArray:
+    """What errors grow by where `left` (n,) is above one, by its median over SMOOTH passages."""
+    left = np.nan_to_num(left, nan=1.0)
+    usual = sliding_median(left, min(SMOOTH, left.size))
+    return np.asarray(np.maximum(usual, 1.0), dtype=np.float64)
+
+
+def _scatter(place: FloatArray, se: FloatArray) -> FloatArray:
+    """How much more widths scatter from passage to passage than their noise says, (2 n,).
+
+    At least 1: a cubic is not the flank's exact form, and samples fall on it differently from
+    passage to passage. Of a rough road it holds what the patch itself does.
+    """
+    n = place.size // 2
+    width, own = place[n:] - place[:n], np.hypot(se[:n], se[n:])
+    scatter = np.abs(width[1:-1] - 0.5 * (width[:-2] + width[2:])) / (
+        0.6745 * np.sqrt(1.5) * own[1:-1]
+    )
+    if scatter.size < FEWEST:
+        return np.ones(2 * n)
+    usual = _about(scatter)
+    return np.tile(np.concatenate([usual[:1], usual, usual[-1:]]), 2)
 
 
 def _difference(
