@@ -114,7 +114,7 @@ def wanted(truth, speed):
     """The true dissipation factor."""
     if isinstance(truth, Beam):
         return truth.dissipation_factor(speed)
-    xi, strain, _ = truth.solve()
+    xi, strain, *_ = truth.solve()
     return float(np.trapezoid(np.gradient(strain, xi) ** 2, xi))
 
 

@@ -108,7 +108,7 @@ class Beam:
 @dataclass(frozen=True)
 class Ring:
     """An inextensible ring (P3 Table 2 by default) pressed by `sink_m` onto a flat road through
-    tread springs, one-sidedly.
+    tread springs, one-sidedly; under `slip` P2's brush rubs it by the pressure of these springs.
     """
 
     sink_m: float = 0.03
@@ -121,10 +121,25 @@ class Ring:
     tangential: float = 6.3e5
     lever_m: float = 3e-4
     nodes: int = 3000
+    slip: float = 0.0
+    traction_lever_m: float = 0.018
     _cache: dict = field(default_factory=dict, compare=False, repr=False)
 
-    def solve(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """xi, strain (minimum in the patch), half of the contact length."""
+    def shear(
+        self, xi: np.ndarray, pressure: np.ndarray, half_length_m: float
+    ) -> tuple[np.ndarray, float]:
+        """P2 (13), friction coefficients 0.8 and 0.6, C_x of (17) by the load; where it slides."""
+        load = pressure.sum() * (xi[1] - xi[0])
+        held = abs(self.slip) * 1.5 * 0.8 * load / half_length_m**2 * (xi + half_length_m)
+        inside = np.flatnonzero(pressure > 0)
+        sliding = inside[held[inside] > 0.8 * pressure[inside]]
+        first = sliding[0] if self.slip else inside[-1] + 1
+        tau = np.where(np.arange(xi.size) < first, held, 0.6 * pressure)
+        tau[pressure <= 0] = 0.0
+        return np.sign(self.slip) * tau, float(0.5 * (xi[first - 1] + xi[first]))
+
+    def solve(self) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """xi, strain (minimum in the patch), half of the contact length, where sliding begins."""
         n, R = self.nodes, self.radius_m
         h = 2 * np.pi / n
         phi = (np.arange(n) + 0.5) * h - np.pi
@@ -151,23 +166,36 @@ class Ring:
             touching = now
         last = np.flatnonzero(touching)[-1]
         edge = phi[last] + h * gap[last] / (gap[last] - gap[last + 1])
+        onset = np.nan
+        if self.slip:
+            pressure = self.tread * np.maximum(gap, 0.0) * touching
+            tau, onset = self.shear(R * phi, pressure, R * edge)
+            bent = self.traction_lever_m * np.gradient(tau, R * h)
+            inward = pressure * cosine + bent - tau * np.sin(phi)
+            loads = (tau * cosine - radial.T @ inward) * (R * h)
+            tangential = sla.spsolve(energy.tocsc(), loads)
         outward = radial @ tangential
-        return R * phi, -self.lever_m / R**2 * (outward + second @ outward), float(R * edge)
+        strain = -self.lever_m / R**2 * (outward + second @ outward)
+        return R * phi, strain, float(R * edge), onset
 
     def _known(self) -> tuple:
         if "it" not in self._cache:
-            xi, strain, edge = self.solve()
+            xi, strain, edge, onset = self.solve()
             turn = 2 * np.pi * self.radius_m
             spline = CubicSpline(
                 np.r_[xi, xi[0] + turn], np.r_[strain, strain[0]], bc_type="periodic"
             )
-            self._cache["it"] = spline, xi[0], turn, edge
+            self._cache["it"] = spline, xi[0], turn, edge, onset
         return self._cache["it"]
 
     @property
     def half_length_m(self) -> float:
         return self._known()[3]
 
+    @property
+    def onset_m(self) -> float:
+        return self._known()[4]
+
     def __call__(self, xi: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        spline, start, turn, _ = self._known()
+        spline, start, turn, *_ = self._known()
         return -spline(start + np.mod(xi - start, turn))

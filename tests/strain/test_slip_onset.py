@@ -6,6 +6,7 @@ Seeds from 1000: none was used for tuning.
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -13,6 +14,9 @@ import pytest
 
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Channel, TimeAxis
+from tirelog.simulation import Scenario, simulate, to_recording
+from tirelog.simulation.scenario.planted import Planted
+from tirelog.simulation.scenario.schema import Manoeuvre, Sensor
 from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import footprint
 from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
@@ -36,11 +40,11 @@ def lopsided(xi_m, speed_m_s):
     )
 
 
-def mixed(drive, radius_m, speed, slip, seed, noise_pm=0.8):
+def mixed(drive, radius_m, speed, slip, seed, noise_pm=0.8, free=None):
     """A log that rolls freely for 25 s and then with `slip` for 8 s: footprint, which rows slip,
-    true onset, true length.
+    which roll freely, true onset.
     """
-    free = Beam(speeds=(speed, speed))
+    free = free or Beam(speeds=(speed, speed))
     driven = dataclasses.replace(free, slip=slip, _cache={})
     turn = 2 * np.pi * radius_m / speed
     first = drive([0, 26], [speed, speed], seed=seed, pulse=free, noise_pm=noise_pm, **CALM)
@@ -183,3 +187,63 @@ def test_noise_costs_onsets_not_their_truth(drive, radius_m):
     assert np.concatenate(errors).size > 0.8 * driven
     assert np.mean(np.concatenate(errors) > 0.005) <= 0.015
     assert np.mean(np.concatenate(pulls) < 2) > 0.9
+
+
+def test_errors_hold_where_the_pressure_is_no_parabola(drive, radius_m):
+    """Rings press a road by springs, and rub it by that pressure: onsets are off by what the brush
+    is not, and their errors say so. (With errors by noise alone 173 of 548 were outside.)
+    """
+    pulls = []
+    for number, ring in enumerate(
+        (
+            Ring(sink_m=0.012, pressure_Pa=2e5),
+            Ring(sink_m=0.015, bending=3.0, radial=9e5, pressure_Pa=2.2e5, width_m=0.12),
+        )
+    ):
+        for slip in (0.12, -0.15):
+            made = mixed(
+                drive,
+                radius_m,
+                14.0,
+                slip,
+                1680 + number,
+                3.0,
+                replace(ring, traction_lever_m=0.03),
+            )
+            found, slipping, free, onset = made
+            seen = slipping & np.isfinite(found.slip.onset_m)
+            assert not np.isfinite(found.slip.onset_m[free]).any()
+            pulls.append(np.abs(found.slip.onset_m - onset)[seen] / found.slip.onset_se_m[seen])
+    pulls = np.concatenate(pulls)
+    assert pulls.size > 180
+    assert np.mean(pulls < 1.96) > 0.9
+
+
+def test_a_form_is_learnt_of_passages_that_roll_freely():
+    """Half of this log speeds up or brakes, at speeds that it is never steady at: a form of all its
+    passages has some of the slip in it, and onsets beside it are 3 to 6 mm off.
+    """
+    plan = [Manoeuvre(15.0, 12.0, None)]
+    for acceleration in (2.0, -2.0, 3.0, -3.0):
+        speed = plan[-1].speed_m_s + np.copysign(8.0, acceleration)
+        plan += [Manoeuvre(8.0 / abs(acceleration), speed, None), Manoeuvre(5.0, speed, None)]
+    slips = {"slip_per_g": 0.6, "lever_m": 0.03, "static_friction": 0.8, "sliding_friction": 0.6}
+    simulated = simulate(
+        Scenario(
+            manoeuvres=tuple(plan),
+            channels={"s": Sensor("fbg_strain", sampling_rate_Hz=2500.0, noise=0.002)},
+            truth="ring",
+            effects=(Planted("traction", "exact", slips),),
+            seed=1690,
+        )
+    )
+    recording = to_recording(simulated, "log")
+    passages = find_passages(recording.channels["s"], recording.setup.tire.radius_m)
+    found = footprint(recording.channels["s"], passages)
+    true = simulated.truth["channels"]["s"]["passages"]
+    nearest = np.abs(np.array(true["time_s"])[:, None] - passages.time_s).argmin(axis=0)
+    onset = np.array([np.nan if x is None else x for x in true["slip_onset_m"]])[nearest]
+    error = (found.slip.onset_m - onset)[np.isfinite(found.slip.onset_m)]
+    assert np.isfinite(error).sum() > 0.4 * np.isfinite(onset).sum()
+    assert np.sqrt(np.nanmean(error**2)) < 0.0015
+    assert np.mean(np.abs(error) < 0.005) > 0.98

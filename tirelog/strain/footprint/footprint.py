@@ -15,12 +15,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.fit import PassageFits
 from tirelog.strain.footprint.kernels import FITTED
-from tirelog.strain.footprint.learn import Learnt, learn_reference
+from tirelog.strain.footprint.learn import (
+    FREE_ROLLING_M_S2,
+    LEAST_OF_CLASS,
+    Learnt,
+    learn_reference,
+)
 from tirelog.strain.footprint.measure import Measured, find_onsets, measure_windows
 from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.slip_onset import SlipOnset
@@ -34,6 +40,10 @@ UNEXPLAINED = 2.0
 #: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
 #: share; twice as much is still neither
 DRIVEN_SHARE = 0.03
+#: misfit (chi-square per degree of freedom, less one) from which on a form is learnt of steady
+#: passages alone, and the share of it that this one may leave to be taken; twice the first leaves
+#: forms that put onsets 3 to 5 mm off; twice the second takes one as good, of fewer passages
+MISSES, CLEARER = 0.15, 0.5
 #: times that a form is learnt anew without passages that turn out driven: the second time sees
 #: what the first one's form has hidden; the loop ends by itself if no more turn out driven; twice
 #: as many take longer if they do
@@ -103,6 +113,10 @@ def footprint(
         lowpass_Hz = np.minimum(asked, 0.98 * nyquist)
         look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
         left_out = np.zeros(n, bool)
+        freely = _of_free_rolling(channel, passages, block_samples, learnt, work)
+        if freely is not None:
+            learnt, left_out, work = *freely, Measured.empty(n)
+            look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
         for _ in range(MOST_LEARNT):
             if not _mixed(learnt, work) or not (work.driven & ~left_out).any():
                 break
@@ -116,6 +130,26 @@ def footprint(
             # beside a form that is none of a tire a traction is no sign of slip: nothing is sought
             find_onsets(look, work, ~learnt.unclear(speed))
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
+
+
+def _of_free_rolling(
+    channel: Channel, passages: Passages, block_samples: int, learnt: Learnt, work: Measured
+) -> tuple[Learnt, NDArray[np.bool_]] | None:
+    """The form of passages at steady speed alone, and which are left out (n,).
+
+    None if the `learnt` one misses nothing, or passages that speed up and slow down are not why.
+    """
+    missed = learnt.reference.misfit - 1.0
+    if work.usual is None or not missed > MISSES:
+        return None
+    with np.errstate(invalid="ignore"):
+        unsteady = ~(np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2)
+    if unsteady.mean() < DRIVEN_SHARE or np.sum(~unsteady) < LEAST_OF_CLASS:
+        return None
+    freely = learn_reference(channel, passages, block_samples, None, unsteady)
+    if freely is None or freely.reference.misfit - 1.0 > CLEARER * missed:
+        return None
+    return freely, unsteady
 
 
 def _mixed(learnt: Learnt, work: Measured) -> bool:

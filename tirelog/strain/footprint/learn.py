@@ -118,6 +118,12 @@ class Learnt:
         nearest = np.argmin(np.abs(speed[:, None] - self.reference.speed_m_s), axis=1)
         return np.asarray(doubted[nearest], dtype=bool)
 
+    @property
+    def may_be_ring(self) -> bool:
+        """Whether passages may be those of a closed ring: not if it surely fits worse."""
+        worse = (self.other.misfit - self.reference.misfit) * self.reference.freedom
+        return self.reference.family.closed or not _sure(worse, self.reference)
+
     def scatter(self, chi2: FloatArray) -> float:
         """How much larger the passages' residuals are than the noise of a sample tells.
 
@@ -285,9 +291,12 @@ def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
     """
     straight, closed = sorted(both, key=lambda one: one.family.closed)
     lead = (straight.misfit - closed.misfit) * straight.freedom
-    return (
-        (closed, straight) if lead > LEAST_LEAD * max(straight.misfit, 1.0) else (straight, closed)
-    )
+    return (closed, straight) if _sure(lead, straight) else (straight, closed)
+
+
+def _sure(lead: float, one: Reference) -> bool:
+    """Whether noise could not make a `lead` in chi-square over the member `one`, or under it."""
+    return lead > LEAST_LEAD * max(one.misfit, 1.0)
 
 
 def learn_reference(

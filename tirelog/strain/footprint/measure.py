@@ -29,6 +29,7 @@ from tirelog.strain.footprint.slip_onset import (
     SlipOnset,
     Tractions,
     Usual,
+    form_error,
     traction_table,
 )
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows
@@ -93,7 +94,7 @@ class Forms:
             reference.knots(float(speed_m_s.min()), float(speed_m_s.max()))
         )
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
-        self._half_window_m = learnt.half_window_m
+        self._half_window_m, self._form_error = learnt.half_window_m, form_error(learnt)
         self._tractions: dict[tuple[int, int], Tractions] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
@@ -113,6 +114,7 @@ class Forms:
                 tables.grids[number],
                 traction_table(self.reference, number, self._half_window_m, every),
                 float(tables.half_length_m[number]),
+                self._form_error,
             )
         return self._tractions[key]
 

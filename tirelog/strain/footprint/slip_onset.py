@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tirelog.strain.footprint.fit import ODD_SD, TABLE_POINTS, PassageFits, grid_of
 from tirelog.strain.footprint.kernels import FITTED, OWN, motion_of
-from tirelog.strain.footprint.learn import LEAST_SCATTER
+from tirelog.strain.footprint.learn import LEAST_SCATTER, Learnt
 from tirelog.strain.footprint.onset_kernels import (
     ONSET,
     TRUST,
@@ -34,6 +34,7 @@ from tirelog.strain.footprint.onset_kernels import (
     traction_gains,
 )
 from tirelog.strain.footprint.reference import Reference
+from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
@@ -79,8 +80,21 @@ SURELY = 3.0
 #: where a passage's onset is looked for that is like another's: number of the onset, how far the
 #: traction moves the form (share of the half length)
 FOLLOWED = np.dtype([("onset", "f8"), ("moved", "f8")])
-#: an onset is not told better than this share of the half length
+#: an onset is not told better than this share of the half length, which adds to its error; twice as
+#: much covers errors of two millimetres that nothing shows
 LEAST_ERROR = 0.015
+#: nor better than this where the tire may be a closed ring, whose pressure is not the parabola of
+#: P2's brush: rings by differences have onsets one to two millimetres from where the brush puts
+#: them; twice as much covers all of them
+RING_ERROR = 0.03
+#: variance of an onset by what is more than noise in a row's residual, over that by noise: a misfit
+#: is alike in neighbouring samples, which noise is not. Without it 86 to 90 % of onsets on rings by
+#: differences lie within 1.96 errors, with it 95 %; twice as much covers 96 to 97 %
+ALIKE = 2.0
+#: and the error by a form that misses free passages too, as a share of the half length if it misses
+#: them by far more than noise: such forms put onsets 2 to 6 mm off, whatever the noise; twice as
+#: much covers all but one in a hundred
+FORM_ERROR = 0.08
 #: the misfit about the best onset, with the form put once, rises this many times as steeply as with
 #: the form put anew for each (2 to 5 on passages of the finite-difference beam at 0.8 to 8 pm): as
 #: many times is the error larger; at twice as much nine in ten are within it
@@ -211,13 +225,14 @@ class Tractions:
     """What slip onsets are looked for with at one speed.
 
     `table` (g, 8) and `grid` (one GRID) of the form, `waves` (g, c) of the traction, half of the
-    form's length.
+    form's length; `form_error` of an onset as a share of that.
     """
 
     table: FloatArray
     grid: Record
     waves: FloatArray
     half_length_m: float
+    form_error: float = 0.0
 
     def gains(self, windows: PatchWindows, motion: Records, sigma: float) -> FloatArray:
         """Squared sigmas of misfit that a small traction removes from the fit of each row.
@@ -340,10 +355,13 @@ class Tractions:
             onsets[np.where(known, middle, 0.0).astype(int)]
             + np.clip(0.5 * (a - c) / bend, -0.5, 0.5) * step
         )
-        error = np.maximum(STEEPER * step * np.sqrt(2.0 * scale / bend), LEAST_ERROR * L)
+        own = STEEPER * step * np.sqrt(2.0 * scale / bend)
+        # what is left beyond noise is a misfit of form or traction
+        missed = np.sqrt(1.0 + ALIKE * np.maximum(1.0 - 1.0 / scale, 0.0))
+        error = np.hypot(own * missed, np.hypot(LEAST_ERROR, self.form_error) * L)
         reason = np.full(best.size, "", object)
         reason[rival - left < ALONE * scale] = NOT_ALONE
-        reason[(error > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
+        reason[(own > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
         reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE
         reason[~known] = NO_FORM
         nan = np.where(reason == "", 1.0, np.nan)
@@ -353,6 +371,12 @@ class Tractions:
         return SlipOnset(
             onset * nan, error * nan, 2.0 * (L + length), 2.0 * length_se, left / scatter**2, reason
         )
+
+
+def form_error(learnt: Learnt) -> float:
+    """Error of an onset by what the form and its brush are not, as a share of the half length."""
+    missed = FORM_ERROR * float(np.sqrt(max(1.0 - REMARKABLE / learnt.reference.misfit, 0.0)))
+    return float(np.hypot(missed, RING_ERROR if learnt.may_be_ring else 0.0))
 
 
 def _scale(found: Records, scatter: float) -> FloatArray:
