@@ -190,7 +190,7 @@ def test_observables_of_two_tires_contradict_each_other_and_it_is_said_how():
 
 
 def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors(capsys):
-    found = compared(several(8), TRUTH)
+    found = compared(several(3), TRUTH)
     assert found.observable == "strain + radial_acceleration + phase_shift"
     assert found.unit == "noise floors"
     assert found.noise_floor == pytest.approx(1.0)

@@ -49,6 +49,9 @@ _LEAST_SCATTER = 0.1
 #: degrees of freedom that all pieces together stand for beside one, at most: then they are alike to
 #: a tenth; twice as many, to 7 %
 _MOST_PRIOR = 200.0
+#: neighbours that numbers are alike with, told by pieces of so many revolutions; twice as many of
+#: the first tell a road that wanders over more turns, and of others noise
+NEIGHBOURS, LONG = 2, 20
 #: what can be taken out of each cell beyond what it scatters by; the columns of `random`, by the
 #: same names
 NUISANCES = ("offset", "amplitude", "shift")
@@ -207,7 +210,8 @@ def make_cells(stack: Stack) -> Cells:
 def cells_of(pieces: Pieces) -> Cells:
     """The cells of all pieces: noise and scatter pooled over them."""
     m = pieces.mean.shape[1]
-    scatter = _scatter_of_numbers(pieces) if m == 1 else pieces.scatter
+    alike = _alike(pieces) if m == 1 else 1.0
+    scatter = _scatter_of_numbers(pieces, alike) if m == 1 else pieces.scatter
     noise = _noise_profile(pieces) if m > 1 else np.full(1, np.nan)
     covariance = _coefficient_covariance(pieces)
     number, random, sample = pieces.number, pieces.random, pieces.count
@@ -223,7 +227,7 @@ def cells_of(pieces: Pieces) -> Cells:
         sd = (
             np.sqrt(noise[None, :] / sample + standing)
             if m > 1
-            else scatter / np.sqrt(number)[:, None]
+            else scatter * np.sqrt(alike / number)[:, None]
         )
     return Cells(
         observable=pieces.observable,
@@ -244,7 +248,7 @@ def cells_of(pieces: Pieces) -> Cells:
         regime=pieces.regime,
         within=(noise[None, :] / per_revolution + standing + spread)
         if m > 1
-        else (sd**2 * number[:, None]),
+        else np.where(sample > 0, scatter, np.inf) ** 2,
         speed_mean=pieces.speed_mean,
         speed_square=pieces.speed_square,
         speed_angle=pieces.speed_angle,
@@ -363,15 +367,20 @@ def _damped(variance: FloatArray | float, k: float) -> FloatArray:
     return np.asarray(np.exp(-2.0 * np.pi**2 * k**2 * np.asarray(variance)), dtype=np.float64)
 
 
-def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
+def _scatter_of_numbers(pieces: Pieces, alike: float = 1.0) -> FloatArray:
     """With one angle only: standard deviation of single revolutions (P, 1).
 
     A piece's own, drawn towards that of all pieces as far as its few revolutions leave it unknown:
     the mean of a scaled inverse chi-square whose spread over the pieces tells how much they differ
     (Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3). By itself a scatter of four revolutions makes
-    a chi-square of three out of nothing.
+    a chi-square of three out of nothing. About their own mean neighbours that are `alike` scatter
+    by less than about the one of all.
     """
-    own, freedom = pieces.scatter[:, 0], np.maximum(pieces.count[:, 0] - 1.0, 1.0)
+    number = pieces.count[:, 0].astype(np.float64)
+    free = np.maximum(number - 1.0, 1.0)
+    own = pieces.scatter[:, 0] / np.sqrt(np.maximum(number - alike, 0.5 * free) / free)
+    # squares are alike over fewer neighbours than values: of a Markov chain, so many times fewer
+    freedom = np.maximum(2.0 * alike / (alike**2 + 1.0) * number - 1.0, 1.0)
     known = np.isfinite(own)
     usual = float(np.median(own[known])) if known.any() else np.nan
     if not usual > 0.0:
@@ -390,6 +399,30 @@ def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
     told = np.where(known, freedom, 0.0)
     square = (prior * of_all + told * np.where(known, own, 0.0) ** 2) / (prior + told)
     return np.asarray(np.sqrt(square), dtype=np.float64)[:, None]
+
+
+def _alike(pieces: Pieces) -> float:
+    """Variance of a mean of numbers over what it would be if neighbours were not alike, at least 1.
+
+    By pieces of LONG revolutions and more: loads of a road wander over more than a turn. About the
+    mean of n each product is less by that variance over n, at all lags.
+    """
+    lags = np.arange(1, 1 + NEIGHBOURS)
+    long = [
+        about
+        for about in np.split(pieces.coefficients[:, 2], np.cumsum(pieces.number)[:-1])
+        if about.size >= LONG
+    ]
+    square = float(sum(about @ about for about in long))
+    if not square > 0.0:
+        return 1.0
+    mean_size = sum(about.size for about in long) / len(long)
+    seen: float = sum(
+        sum(float(about[lag:] @ about[:-lag]) for about in long) * mean_size / (mean_size - lag)
+        for lag in lags
+    )
+    seen /= square
+    return max((1.0 + 2.0 * seen) / (1.0 - 2.0 * (NEIGHBOURS - seen) / mean_size), 1.0)
 
 
 def _noise_profile(pieces: Pieces) -> FloatArray:

@@ -90,7 +90,8 @@ class Pieces:
     still          (P, m)  mean of exp(2 pi i y) over the samples, y their values without noise in
                    steps: of size 1 if all of them are rounded at one place between two steps, so
                    that their errors do not average out; complex, 0 if it cannot matter
-    number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces
+    number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces; with
+                   one angle only the last is the number less its piece's mean
     conditions, log, manoeuvre, regime  a value per piece;  cell (n,) the piece of each revolution
                                         of the stack, empty if it is not known
     notes          sentences on what was set apart, taken together or left out on the way here
@@ -479,10 +480,11 @@ def _one_number(values: FloatArray) -> _Part:
     mean = np.nanmean(values, axis=0) if good.any() else np.full(1, np.nan)
     scatter = np.nanstd(values, axis=0, ddof=1) if good.sum() > 2 else np.full(1, np.nan)
     zero = np.zeros(1)
+    about = np.zeros((len(values), 3))
+    about[:, 2] = np.nan_to_num(values[:, 0] - mean)
     return _Part(
         mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero,
-        np.zeros((len(values), 3)), zero, zero, scatter, zero, zero, zero,
-        np.zeros(1, np.complex128),
+        about, zero, zero, scatter, zero, zero, zero, np.zeros(1, np.complex128),
     )  # fmt: skip
 
 
