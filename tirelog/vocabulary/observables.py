@@ -45,7 +45,7 @@ class Observable:
     own_zero: bool = False
 
 
-STRAIN, ACCELERATION = "strain", "radial_acceleration"
+STRAIN, ACCELERATION, WIDTH = "strain", "radial_acceleration", "patch_width"
 #: degrees in a radian
 _DEGREES = 57.29577951308232
 _WAVE = ("load", "contact_pressure", "structure", "sensor")
@@ -108,7 +108,7 @@ _ALL = (
         own_zero=True,
     ),
     Observable(
-        "patch_width",
+        WIDTH,
         "rad",
         "deg",
         _DEGREES,

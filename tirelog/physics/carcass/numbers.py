@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tirelog.physics.parameters import Parameter
-from tirelog.vocabulary.observables import ACCELERATION, OBSERVABLES
+from tirelog.vocabulary.observables import ACCELERATION, OBSERVABLES, WIDTH
 
 CARCASSES = ("beam", "ring", "coupled_ring")
 #: a parabola on a patch of given length, the ring's tread on a flat road, or all on one line
@@ -268,12 +268,11 @@ def _of_one(carcass: str, observable: str, flat_road: bool) -> tuple[Parameter, 
     patch = _TREAD if flat_road else _PATCH
     stages = OBSERVABLES[observable].reads
     level = _LEVEL if "regressors" in stages else ()
-    sensor: tuple[Parameter, ...] = ()
-    if observable == ACCELERATION:
-        # an accelerometer shows the belt's tension at the edges of the patch, and no data sheet
-        # tells the belt's width: a section is a third wider
+    sensor = _ACCELEROMETER if observable == ACCELERATION else ()
+    if observable in (ACCELERATION, WIDTH):
+        # an accelerometer shows the belt's tension at the edges of the patch, and a width by how it
+        # follows the pressure; no data sheet tells the belt's width: a section is a third wider
         structure = tuple(replace(p, free=True) if p.name == "width_m" else p for p in structure)
-        sensor = _ACCELEROMETER
     chosen = (*structure, *patch, *_LOAD, *sensor, *level)
     if "lever_arm" in stages:
         return chosen
@@ -282,6 +281,8 @@ def _of_one(carcass: str, observable: str, flat_road: bool) -> tuple[Parameter, 
     reads = ["offset_rad", "per_acceleration_rad_s2_m"]
     if "load" in stages:
         reads += ["patch_half_length_m", "tread_stiffness_N_m2"]
+    if observable == WIDTH:
+        reads += ["radial_stiffness_N_m2", "width_m"]
     held = (p if "structure" in stages or p.name in reads else p.fixed() for p in chosen)
     return tuple(p.fixed() if p.name == "lever_arm_m" else p for p in held)
 
