@@ -27,6 +27,10 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: as much moves the level of all by what damping does at 10 m/s, which the free level takes
 _ZERO_SPEED_M_S = 10.0
 
+#: from where to where beyond a front the level beside the patch is taken, as of a measured passage
+#: (`wheel.fronts`); twice the first or half the second move the front by half a degree
+BESIDE_RAD = (np.radians(25.0), np.radians(130.0))
+
 
 def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:
     """The observable as a column (n or 1, 1) in its SI unit."""
@@ -55,14 +59,44 @@ def phase_shift(task: Task, lever_m: float) -> FloatArray:
 def patch_width(task: Task, lever_m: float) -> FloatArray:
     """The angle [rad] between the fronts beside what the phase shift has (P4).
 
-    Of a ring it is between the two steepest places of what an accelerometer reads: the fronts keep
-    their distance from these while load and pressure move them, and `offset_rad` is that distance.
-    A beam does not lie flat: of it the angle is the contact's length.
+    Of a ring the fronts are where an accelerometer reads half of its level beside the patch, under
+    the model's own load; with other loads they move as the steepest places of the reading do, as
+    those that are measured. A beam does not lie flat: of it the angle is the contact's length.
     """
     if task.carcass == "ring":
-        return _with_regressors(task, "patch_width", _between_steepest(task))
+        usual = _under_own_load(task)
+        between = _between_half_levels(usual) - _between_steepest(usual) + _between_steepest(task)
+        return _with_regressors(task, "patch_width", between)
     site = loaded_site(task)[0]
     return _with_regressors(task, "patch_width", 2.0 * site.half_length_m / site.radius_m)
+
+
+def _under_own_load(task: Task) -> Task:
+    """The task under the model's load, whatever is measured and what effects do to it."""
+    unknown = replace(task.drive, load_N=np.full((1, 1), np.nan))
+    loading = task.having("load", "added_load")
+    active = [a for a in task.active if a not in loading]
+    near = None if task.near is None else _under_own_load(task.near)
+    return replace(task, drive=unknown, active=active, memo={}, near=near)
+
+
+def _between_half_levels(task: Task) -> FloatArray:
+    """Angle (n or 1, 1) between the places where the reading is half of its level beside the patch.
+
+    The reading is 1 - R times what the belt is less curved by than a circle, over its size on a
+    circle; the level is the mean from BESIDE_RAD on behind the steepest places, as it is measured.
+    """
+    reading = 1.0 - task.base["radius_m"] * to_grid(bending(task))
+    angle = STEP * np.arange(GRID // 2)
+    widths = []
+    for row, steepest in zip(reading, _between_steepest(task)[:, 0], strict=True):
+        sides = np.stack([row[: GRID // 2], np.roll(row[::-1], 1)[: GRID // 2]])
+        near, far = (0.5 * steepest + edge for edge in BESIDE_RAD)
+        half = 0.5 * sides[:, (angle > near) & (angle < far)].mean()
+        after = np.maximum(np.argmax(sides > half, axis=1), 1)
+        outside, inside = (sides[[0, 1], after - k] for k in (0, 1))
+        widths.append(float(np.sum(after - (outside - half) / (outside - inside))) * STEP)
+    return np.array(widths)[:, None]
 
 
 def _between_steepest(task: Task) -> FloatArray:
