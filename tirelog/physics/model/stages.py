@@ -271,9 +271,12 @@ def ring_losses(task: Task, s: Structure) -> list[FloatArray]:
 
 
 def leans(task: Task) -> bool:
-    """Is the ring's waveform not even about the patch centre: by its pressure, or as it lags?"""
+    """Is the ring's waveform not even about the patch centre: by its pressure, or as it lags?
+
+    What traction alone does follows the force, as the wind-up does that a phase shift has anyway.
+    """
     lost = ring_losses(task, structure(task))
-    return bool(task.having("tilt", "pressure", "traction")) or any(np.any(x) for x in lost)
+    return bool(task.having("tilt", "pressure")) or any(np.any(x) for x in lost)
 
 
 def _pressure_ratio(task: Task) -> FloatArray:
