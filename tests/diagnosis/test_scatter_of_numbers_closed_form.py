@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tirelog.inference.cells.cells import _scatter_of_numbers
+from tirelog.inference.cells.pieces import without_line
 
 
 @dataclass
@@ -20,7 +21,8 @@ def drawn(true_sd, number, seed=0):
     """Pieces of `number` revolutions each, and their means (P,)."""
     rng = np.random.default_rng(seed)
     values = [sd * rng.standard_normal(number) for sd in true_sd]
-    scatter = np.array([[v.std(ddof=1)] for v in values])
+    left = [without_line(v) for v in values]
+    scatter = np.array([[np.sqrt(one @ one / (number - 2))] for one in left])
     pieces = Pieces(scatter, np.full(scatter.shape, float(number)))
     return pieces, np.array([v.mean() for v in values])
 

@@ -16,7 +16,7 @@ from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre
 
 RADIUS_M, DELAY_S = 0.305, 4e-4
-PLAN = ((8, 9.0), (5, 20.0), (5, 24.0), (5, 24.0), (3, 13.0), (6, 13.0))
+PLAN = ((12, 9.0), (5, 20.0), (5, 24.0), (10, 24.0), (3, 13.0), (12, 13.0))
 
 
 def test_wind_up_and_delay_are_parted_by_the_measured_force():

@@ -205,7 +205,7 @@ def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
     >>> model = tirelog.Model.new("beam", "patch_length")
     >>> found = tirelog.measure("sample_data/drive.csv.gz", model)
     >>> round(1e3 * tirelog.compare(found, model).noise_floor, 2)  # mm
-    0.6
+    0.62
     """
     found = _known(measured)
     result = comparing.compare(found.revolutions, model)
