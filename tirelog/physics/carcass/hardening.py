@@ -29,17 +29,23 @@ _TOLERANCE = 1e-11
 
 
 def hardened_load(
-    load: ComplexArray, compliance: ComplexArray | FloatArray, stiffness: FloatArray | float
-) -> ComplexArray:
-    """The load less the hardened foundation's extra reaction, (n, K).
+    load: ComplexArray,
+    compliance: ComplexArray | FloatArray,
+    stiffness: FloatArray | float,
+    start_m: FloatArray | None = None,
+) -> tuple[ComplexArray, FloatArray]:
+    """(The load less the hardened foundation's extra reaction (n, K), w on a grid [m]).
 
-    `stiffness` is k k3 [N/m^4], column or number.
+    `stiffness` is k k3 [N/m^4], column or number. `start_m`: a w to start from, as one that was
+    found with nearly the same numbers; else that of the soft foundation.
     """
     rows = np.broadcast_shapes(load.shape, compliance.shape)[0]
     p = np.broadcast_to(load, (rows, load.shape[1]))
     P, H = p[:, :_MODES], np.broadcast_to(compliance, (rows, load.shape[1]))[:, :_MODES]
     s = np.broadcast_to(np.asarray(stiffness, dtype=np.float64), (rows, 1))
     w = irfft(P * H, _GRID, axis=1, norm="forward")
+    if start_m is not None and start_m.shape == w.shape:
+        w = start_m
     past: list[tuple[FloatArray, FloatArray]] = []
     for step in range(_STEPS):
         if step < _SETTLED:  # then it stays, so that the secants see one map
@@ -57,7 +63,7 @@ def hardened_load(
         if np.max(np.abs(change)) < _TOLERANCE * np.max(np.abs(new)):
             hardened = np.array(p, dtype=np.complex128)
             hardened[:, :_MODES] -= s * rfft(new**3, axis=1, norm="forward")[:, :_MODES]
-            return hardened
+            return hardened, new
         w = _hurried(new, change, past)
         past = [*past[1 - _DEPTH :], (new, change)]
     raise ModelError(
