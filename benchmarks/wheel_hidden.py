@@ -186,7 +186,7 @@ def run(kind: str, seed: int) -> Row:
 
 def _pulls(name: str, effects: Iterable[Candidate]) -> str:
     """How far off each number of the planted effect is, in its standard errors, as `name:pull`."""
-    true = PLANTABLE[name].parameters if name in PLANTABLE else {}
+    true = {**PLANTABLE[name].parameters, **SIZES.get(name, {})} if name in PLANTABLE else {}
     told = next((c.strengths for c in effects if c.effect == name and c.selected), {})
     return " ".join(
         f"{number}:{(told[number]['value'] - true[number]) / told[number]['se']:.2f}"

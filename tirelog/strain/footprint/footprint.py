@@ -146,7 +146,7 @@ def _of_free_rolling(
         unsteady = ~(np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2)
     if unsteady.mean() < DRIVEN_SHARE or np.sum(~unsteady) < LEAST_OF_CLASS:
         return None
-    freely = learn_reference(channel, passages, block_samples, None, unsteady)
+    freely = learn_reference(channel, passages, block_samples, learnt, unsteady)
     if freely is None or freely.reference.misfit - 1.0 > CLEARER * missed:
         return None
     return freely, unsteady
