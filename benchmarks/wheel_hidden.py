@@ -49,6 +49,8 @@ PRESSURES_PA = (2.0e5, 1.6e5)
 SPEEDS_M_S = (10.0, 20.0, 12.0, 22.0, 15.0, 24.0)
 #: sizes of effects other than the simulator's ordinary ones
 SIZES = {"belt_tension": {"tension_mass_kg_m": 3.0}}
+#: effects whose numbers hang on nothing that the model holds (a belt's mass, a lever arm)
+COMPARED = ("telemetry_delay",)
 WAVEFORM = (
     "load_transfer", "belt_tension", "traction", "viscous_damping", "hysteresis", "edge_impact",
     "stiffening", "aero_load", "rough_contact", "pressure_offset", "inflated_sidewalls",
@@ -186,7 +188,7 @@ def run(kind: str, seed: int) -> Row:
 
 def _pulls(name: str, effects: Iterable[Candidate]) -> str:
     """How far off each number of the planted effect is, in its standard errors, as `name:pull`."""
-    true = {**PLANTABLE[name].parameters, **SIZES.get(name, {})} if name in PLANTABLE else {}
+    true = PLANTABLE[name].parameters if name in COMPARED else {}
     told = next((c.strengths for c in effects if c.effect == name and c.selected), {})
     return " ".join(
         f"{number}:{(told[number]['value'] - true[number]) / told[number]['se']:.2f}"
