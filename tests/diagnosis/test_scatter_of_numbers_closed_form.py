@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tirelog.inference.cells.cells import _scatter_of_numbers
-from tirelog.inference.cells.pieces import without_line
+from tirelog.inference.cells.lines import without_line
+from tirelog.inference.cells.of_numbers import scatter_of_numbers
 
 
 @dataclass
@@ -29,7 +29,7 @@ def drawn(true_sd, number, seed=0):
 
 def chi2(true_sd, number):
     pieces, means = drawn(true_sd, number)
-    found = _scatter_of_numbers(pieces)[:, 0]
+    found = scatter_of_numbers(pieces)[:, 0]
     return float(np.mean(means**2 / (found**2 / number)))
 
 
@@ -47,19 +47,19 @@ def test_chi_square_of_pieces_that_differ_stays_near_one():
 
 def test_many_revolutions_know_their_own():
     true = np.repeat([1.0, 3.0], 200)
-    found = _scatter_of_numbers(drawn(true, 400)[0])[:, 0]
+    found = scatter_of_numbers(drawn(true, 400)[0])[:, 0]
     assert found == pytest.approx(true, rel=0.15)
 
 
 def test_a_piece_without_a_scatter_has_that_of_all():
     pieces, _ = drawn(np.full(300, 0.5), 12)
     pieces.scatter[7] = np.nan
-    found = _scatter_of_numbers(pieces)[:, 0]
+    found = scatter_of_numbers(pieces)[:, 0]
     assert found[7] == pytest.approx(0.5, rel=0.05)
     pieces.scatter[:] = np.nan
-    assert np.isnan(_scatter_of_numbers(pieces)).all()
+    assert np.isnan(scatter_of_numbers(pieces)).all()
 
 
 def test_values_that_are_all_the_same_scatter_by_nothing():
     pieces = Pieces(np.zeros((5, 1)), np.full((5, 1), 6.0))
-    assert np.array_equal(_scatter_of_numbers(pieces), np.zeros((5, 1)))
+    assert np.array_equal(scatter_of_numbers(pieces), np.zeros((5, 1)))

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions, Stack
+from tirelog.inference.cells.lines import scatter_about_line
 from tirelog.inference.stacks.align import knots_of, nearest_curve
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -474,25 +475,11 @@ def _scatter(
     )
 
 
-def without_line(values: FloatArray) -> FloatArray:
-    """Values (n,) without the straight line through them."""
-    place = np.arange(values.size) - 0.5 * (values.size - 1)
-    left: FloatArray = values - values.mean()
-    return left - (place @ left) / (place @ place) * place
-
-
 def _one_number(values: FloatArray) -> _Part:
-    """The piece of a number per revolution (k, 1): its mean, and its scatter about a line.
-
-    What moves along a piece is its manoeuvre's: a speed that rises, and what follows it.
-    """
+    """The piece of a number per revolution (k, 1): its mean, and its scatter about a line."""
     good = np.isfinite(values)
     mean = np.nanmean(values, axis=0) if good.any() else np.full(1, np.nan)
-    scatter = np.full(1, np.nan)
-    if good.sum() > 2:
-        known = values[good]
-        left = without_line(known) if known.size > 3 else known - known.mean()
-        scatter[0] = np.sqrt((left @ left) / (known.size - (2 if known.size > 3 else 1)))
+    scatter = np.array([scatter_about_line(values[good])])
     zero = np.zeros(1)
     about = np.zeros((len(values), 3))
     about[:, 2] = np.nan_to_num(values[:, 0] - mean)
