@@ -1,12 +1,19 @@
 """Property: each log counts its phase shift from its own zero, which tells nothing of a tire."""
 
+from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tirelog.data.recording import Conditions, Stack
+from tirelog.diagnosis.candidates.signatures import refuse_stand_in
 from tirelog.diagnosis.diagnose import diagnose
+from tirelog.errors import ModelError
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.physics import Model
+from tirelog.physics.effects import BY_ID
 
 NOISE_RAD, MANOEUVRES, REPEATS = 2.5e-4, 10, 20
 
@@ -70,3 +77,24 @@ def test_what_moves_along_a_log_is_told_beside_them():
     strength = found.effects[0].strengths["delay_s"]
     assert abs(strength["value"] - 2e-5) < 3.0 * strength["se"] < 1e-5
     assert found.not_tested["speed_trend"] == "stands for longitudinal_force_N, which is measured"
+
+
+@pytest.mark.parametrize(
+    ("observables", "refused"),
+    [(("phase_shift",), True), (("phase_shift", "patch_width"), False)],
+)
+def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
+    """A trend with the speed also widens the patch, which no measured force tells."""
+    n = len(observables)
+    cells = SimpleNamespace(
+        together=SimpleNamespace(observables=observables),
+        part=np.arange(n),
+        conditions=Conditions.of(
+            n, speed_m_s=20.0, acceleration_m_s2=0.0, time_s=np.zeros(n), longitudinal_force_N=100.0
+        ),
+    )
+    model = Model.new("ring", observables[0], radius_m=0.305)
+    model = replace(model, beside=observables[1:])
+    said = pytest.raises(ModelError, match="stands for") if refused else nullcontext()
+    with said:
+        refuse_stand_in(BY_ID["speed_trend"], model, cells)

@@ -122,7 +122,7 @@ def signatures_of(
     missing = lacking(effect, model, problem.cells)
     if missing:
         raise ModelError(f"needs {', '.join(missing)}")
-    _refuse_stand_in(effect, problem.cells)
+    refuse_stand_in(effect, model, problem.cells)
     own = {p.name: p for p in effect.parameters}
     result = []
     size = float(np.nanmax(np.abs(prediction)))
@@ -153,13 +153,19 @@ def signatures_of(
     return result
 
 
-def _refuse_stand_in(effect: Effect, cells: Cells) -> None:
-    """ModelError if the effect stands for what is measured."""
+def refuse_stand_in(effect: Effect, model: Model, cells: Cells) -> None:
+    """ModelError if the effect stands for what is measured, in all observables that it acts on."""
+    names: dict[str, None] = {}
     for observable, rows in rows_by_observable(cells).items():
-        named = effect.stands_for.get(observable, ())
-        known = [np.isfinite(getattr(cells.conditions, name)[rows]).all() for name in named]
-        if known and all(known):
-            raise ModelError(f"stands for {' and '.join(named)}, which is measured")
+        if not model.acts_on(effect, observable):
+            continue
+        own = effect.stands_for.get(observable, ())
+        known = [np.isfinite(getattr(cells.conditions, name)[rows]).all() for name in own]
+        if not known or not all(known):
+            return
+        names |= dict.fromkeys(own)
+    if names:
+        raise ModelError(f"stands for {' and '.join(names)}, which is measured")
 
 
 def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:

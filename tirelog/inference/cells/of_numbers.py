@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import digamma, polygamma
@@ -56,7 +56,7 @@ def scatter_of_numbers(pieces: Pieces, alike: float = 1.0) -> FloatArray:
     return np.asarray(np.sqrt(square), dtype=np.float64)[:, None]
 
 
-@cache
+@lru_cache(maxsize=4096)
 def _about_a_line(number: int, alike: float) -> float:
     """Mean square of so many numbers about their own line over that about the line of all.
 
