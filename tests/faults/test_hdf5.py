@@ -3,17 +3,20 @@ bounded memory.
 """
 
 import resource
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from tirelog.cli import run
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError
 from tirelog.readers.hdf5.reader import open_hdf5
 from tirelog.readers.hdf5.series import datasets
 from tirelog.vocabulary.quality import Quality
 
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 GOOD = np.arange(20_000.0)
 
 
@@ -366,3 +369,16 @@ def test_a_type_that_is_whole_but_no_number_here_is_not_called_damaged(path, nam
 def test_what_is_in_a_file_of_such_types_is_told(path):
     other_types(path)
     assert [one.source for one in datasets(path, "log.h5").series] == ["/good"]
+
+
+def test_an_encoder_that_was_cut_off_is_not_asked_for_in_the_setup(tmp_path, capsys):
+    """The setup has it: the file is what is to be mended; the status says that input is lost."""
+    whole = SAMPLES / "encoder.h5"
+    cut = tmp_path / "cut.h5"
+    cut.write_bytes(whole.read_bytes()[:300_000])
+    (tmp_path / "cut.toml").write_text((SAMPLES / "encoder.toml").read_text())
+    assert run(["phase-shift", str(cut), "-o", str(tmp_path / "shift.csv")]) == 3
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "channel encoder could not be read" in said
+    assert "setup" not in said
+    assert not (tmp_path / "shift.csv").exists()

@@ -371,10 +371,18 @@ def _radius_against(
 def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
     """The recording's encoder channel and its wheel angle.
 
-    SetupError: the setup has none. DataLoss: it shows no teeth.
+    SetupError: the setup has none. DataLoss: what the setup has was lost, or shows no teeth.
     """
     encoders = recording.of_kind("wheel_encoder")
     if not encoders:
+        lost = [c for c, own in recording.setup.channels.items() if own.kind == "wheel_encoder"]
+        if lost:
+            raise DataLoss(
+                f"channel {lost[0]} could not be read",
+                allowed="the wheel angle needs it",
+                do="copy or record the log again",
+                file=recording.log,
+            )
         raise SetupError(
             "no wheel_encoder channel",
             allowed="the wheel angle needs one",

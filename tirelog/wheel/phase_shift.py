@@ -103,7 +103,8 @@ def measure_phase_shift(
     try:
         encoder, wheel = encoder_of(recording)
     except DataLoss:
-        refuse_swapped(recording, accelerometers[0], recording.of_kind("wheel_encoder")[0])
+        for seen in recording.of_kind("wheel_encoder")[:1]:
+            refuse_swapped(recording, accelerometers[0], seen)
         raise
     radius = rolling_radius(recording, wheel)
     said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
