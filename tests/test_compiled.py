@@ -132,51 +132,47 @@ def test_tables_need_no_numba_once_kernels_are_built(tmp_path):
     assert not record.exists()
 
 
-def test_an_edited_source_is_not_run_as_it_was(tmp_path):
-    """The extension of a folder whose sources differ from those it was made of is not used."""
+def copied(tmp_path: Path) -> Path:
+    """The package in a folder of its own, with the extension if there is one."""
     package = tmp_path / "tirelog"
     shutil.copytree(built.PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    return package
+
+
+def of_copy(package: Path, program: str) -> list[str]:
+    """The words that a program prints which takes the package from there."""
+    folder = package.parent
+    return subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+    ).stdout.split()
+
+
+def test_an_edited_source_is_not_run_as_it_was(tmp_path):
+    """The extension of a folder whose sources differ from those it was made of is not used."""
+    package = copied(tmp_path)
     program = "from tirelog.kernels import built; print(built.PACKAGE, built.at_hand())"
-
-    def said() -> list[str]:
-        return subprocess.run(
-            [sys.executable, "-c", program],
-            capture_output=True,
-            text=True,
-            check=True,
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        ).stdout.split()
-
-    assert said() == [str(package), str(built.at_hand())]
+    assert of_copy(package, program) == [str(package), str(built.at_hand())]
     # one has kernels, the other a number that is in one of them
     for name in ("dsp/derivatives.py", "vocabulary/arrays.py"):
         source, text = package / name, (package / name).read_text()
         source.write_text(text + "\n")
-        assert said() == [str(package), "False"]
+        assert of_copy(package, program) == [str(package), "False"]
         source.write_text(text)
-    assert said() == [str(package), str(built.at_hand())]
+    assert of_copy(package, program) == [str(package), str(built.at_hand())]
 
 
 def test_a_damaged_extension_is_left_aside(tmp_path):
     """Kernels are then compiled when they are first called; no command ends for it."""
-    package = tmp_path / "tirelog"
-    shutil.copytree(built.PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    package = copied(tmp_path)
     sources = built.fingerprints(["dsp/derivatives.py"])
     extension = package / "kernels" / built.EXTENSION.name
-    for table in (
-        {},
-        [],
-        {"extension": extension.name, "sources": sources, "functions": {"a": {}}},
-    ):
+    whole = {"extension": extension.name, "sources": sources, "functions": {"a": {}}}
+    for table in ({}, [], whole):
         extension.write_bytes(b"no machine code")
         (package / "kernels" / built.TABLE.name).write_text(json.dumps(table))
-        said = subprocess.run(
-            [sys.executable, "-c", PROGRAM],
-            capture_output=True,
-            text=True,
-            check=True,
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        ).stdout
-        assert said.split()[-1] == "True"
+        assert of_copy(package, PROGRAM)[-1] == "True"

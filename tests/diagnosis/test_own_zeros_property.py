@@ -54,10 +54,10 @@ def log(name: str, seed: int, zero_rad: float, pressure_Pa: float, late_s: float
     )
 
 
-def asked(seed: int, apart_rad: float, late_s: float = 0.0):
-    """The diagnosis of two logs at two pressures whose zeros are `apart_rad`."""
+def asked(seed: int, apart_rad: float, late_s: float = 0.0, pressures=(2.0e5, 1.6e5)):
+    """The diagnosis of logs at these pressures whose zeros are `apart_rad`."""
     stacks = Stacks()
-    for number, pressure in enumerate((2.0e5, 1.6e5)):
+    for number, pressure in enumerate(pressures):
         name = "ab"[number]
         stacks.add(name, [log(name, seed + number, number * apart_rad, pressure, late_s)])
     return diagnose(stacks, Model.new("ring", "phase_shift", radius_m=0.305))
@@ -69,6 +69,12 @@ def test_zeros_that_differ_are_no_effect(seed, apart_rad):
     assert found.verdict == "nothing_missing"
     assert found.reduced_chi2_before < 1.5
     assert "a zero of its own" in found.not_tested["inflation"]
+
+
+def test_one_log_does_not_differ_from_itself():
+    found = asked(7, 0.0, pressures=(1.6e5,))
+    assert found.verdict == "nothing_missing"
+    assert found.not_tested["inflation"] == "does here only what the model's own parameters do"
 
 
 def test_what_moves_along_a_log_is_told_beside_them():
