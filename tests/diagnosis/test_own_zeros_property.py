@@ -10,6 +10,7 @@ import pytest
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.candidates.signatures import refuse_stand_in
 from tirelog.diagnosis.diagnose import diagnose
+from tirelog.diagnosis.ladder import ladder
 from tirelog.errors import ModelError
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.physics import Model
@@ -54,13 +55,21 @@ def log(name: str, seed: int, zero_rad: float, pressure_Pa: float, late_s: float
     )
 
 
-def asked(seed: int, apart_rad: float, late_s: float = 0.0, pressures=(2.0e5, 1.6e5)):
-    """The diagnosis of logs at these pressures whose zeros are `apart_rad`."""
+MODEL = Model.new("ring", "phase_shift", radius_m=0.305)
+
+
+def two_logs(seed: int, apart_rad: float, late_s: float = 0.0, pressures=(2.0e5, 1.6e5)):
+    """Logs at these pressures whose zeros are `apart_rad`."""
     stacks = Stacks()
     for number, pressure in enumerate(pressures):
         name = "ab"[number]
         stacks.add(name, [log(name, seed + number, number * apart_rad, pressure, late_s)])
-    return diagnose(stacks, Model.new("ring", "phase_shift", radius_m=0.305))
+    return stacks
+
+
+def asked(*given, **more):
+    """The diagnosis of such logs."""
+    return diagnose(two_logs(*given, **more), MODEL)
 
 
 @pytest.mark.parametrize(("seed", "apart_rad"), [(1, 3e-4), (11, 3e-4), (21, 3e-4), (31, 2e-3)])
@@ -104,3 +113,11 @@ def test_a_stand_in_is_tried_where_it_stands_for_nothing(observables, refused):
     said = pytest.raises(ModelError, match="stands for") if refused else nullcontext()
     with said:
         refuse_stand_in(BY_ID["speed_trend"], model, cells)
+
+
+def test_a_ladder_climbs_beside_them():
+    """They are in every fit, and are no nuisance that a model could name."""
+    climbed = ladder(two_logs(5, 3e-4, late_s=2e-5), MODEL)
+    assert [step.effect for step in climbed.steps if step.decision.startswith("added")] == [
+        "telemetry_delay"
+    ]

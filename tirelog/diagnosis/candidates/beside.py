@@ -26,7 +26,7 @@ from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.projection import per_manoeuvre
-from tirelog.inference.nuisances import freed, frees, is_drift, shared_by, shared_effects
+from tirelog.inference.nuisances import ZERO, freed, frees, is_drift, shared_by, shared_effects
 from tirelog.physics.model.model import Model
 
 #: alarming nuisances that are fitted in full, the best first; twice as many take twice as many
@@ -58,7 +58,8 @@ class AssessedNuisance:
 
 def groups_of(base: Base) -> tuple[str, ...]:
     """The nuisances that a base holds already."""
-    linear = () if base.cells.shared is None else base.cells.shared.groups
+    shared = () if base.cells.shared is None else base.cells.shared.groups
+    linear = (group for group in shared if group != ZERO)  # which no model names
     given = base.given or base.model
     made_free = [
         n.name
