@@ -2,6 +2,7 @@
 they are first called.
 """
 
+import compileall
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,17 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class KernelsHook(BuildHookInterface):
-    """A wheel, also that of an editable installation, gets `tirelog/kernels/_built`."""
+    """A wheel, also that of an editable installation, gets `tirelog/kernels/_built`.
+
+    The modules of an editable one are compiled as well: where Python is told to keep no bytecode
+    (PYTHONDONTWRITEBYTECODE), every command would compile a hundred of them, which takes it 0.2 s.
+    """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if self.target_name != "wheel":
             return
+        if version == "editable":  # of any other the installer compiles the modules, too
+            compileall.compile_dir(Path(self.root, "tirelog"), quiet=2)
         sys.path.insert(0, self.root)
         try:
             from tirelog.kernels.build import build

@@ -20,6 +20,31 @@ ctypes.CDLL(None).malloc_stats()
 """
 
 
+#: a command to its end, and how many threads it has left
+COMMAND = """
+import os, sys
+import tirelog.runtime
+tirelog.runtime.leave = lambda status: print(
+    "numpy" in sys.modules, len(os.listdir("/proc/self/task"))
+)
+from tirelog.cli import main
+sys.argv = ["tirelog", "info", "no such log.csv"]
+main()
+"""
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="no list of threads")
+def test_a_command_has_one_thread() -> None:
+    """A second one would be that of the linear algebra: busy, and of no use."""
+    environment = {
+        name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")
+    }
+    said = subprocess.run(
+        [sys.executable, "-c", COMMAND], capture_output=True, text=True, check=True, env=environment
+    ).stdout
+    assert said.split() == ["True", "1"]
+
+
 @pytest.mark.skipif(
     not hasattr(os, "confstr") or "glibc" not in (os.confstr("CS_GNU_LIBC_VERSION") or ""),
     reason="no glibc",

@@ -26,7 +26,7 @@ from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.campaign.work import LogTask, make_tables, pieces_name, table_part_name
 from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
-from tirelog.runtime import end_with_parent, one_heap
+from tirelog.runtime import end_with_parent, one_heap, one_thread
 from tirelog.version import __version__
 
 #: a scheduler that has not answered after this time [s] does not answer; twice as long waits that
@@ -247,13 +247,7 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
     waiting = {task.name: task for task in tasks}
     tried: dict[str, int] = dict.fromkeys(waiting, 0)
     context = multiprocessing.get_context("spawn")
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(
-            name,
-            "1",
-            # inherited: a worker's share is one core, and its libraries start their threads on
-            # import
-        )
+    one_thread()  # inherited: a worker's share is one core
     # multiprocessing's tracker, which ends with its parent too, would tell of what a killed one has
     # left
     told = os.environ.get("PYTHONWARNINGS", "")

@@ -101,8 +101,9 @@ def run(arguments: list[str] | None = None) -> int:
 def main() -> None:
     """Entry point of the console script."""
     from tirelog.cli.streams import drop_output, open_streams
-    from tirelog.runtime import few_collections, leave, one_heap
+    from tirelog.runtime import few_collections, leave, one_heap, one_thread
 
+    one_thread()  # first of all: a command's inputs are looked at before it begins
     few_collections()
     open_streams()
     one_heap()

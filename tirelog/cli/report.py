@@ -12,7 +12,6 @@ from tirelog.cli import options
 from tirelog.cli.session import Session
 from tirelog.cli.targets import folder, in_a_folder
 from tirelog.errors import UsageError, refuse_unknown
-from tirelog.runtime import one_thread
 
 _FORMATS = ("html", "png")
 
@@ -54,7 +53,6 @@ def report(
     quiet: options.Quiet = False,
 ) -> None:
     """Write one offline page: what was recorded, what came of it, where the model fails."""
-    one_thread()
     os.environ.setdefault(
         "ARROW_DEFAULT_MEMORY_POOL", "system"
     )  # the default one keeps what is freed: 50 MB for an hour's tables

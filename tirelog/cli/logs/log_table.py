@@ -10,7 +10,6 @@ import typer
 
 from tirelog.cli import options
 from tirelog.cli.session import Session
-from tirelog.runtime import one_thread
 from tirelog.vocabulary.tables import LogTable, TableOption
 
 
@@ -23,7 +22,6 @@ def table_command(table: LogTable) -> Callable[..., None]:
     """The command of a table: its options, one call, rows in the format that is asked for."""
 
     def command(**given: Any) -> None:
-        one_thread()
         asked = {option.name: given[option.name] for option in (*table.options, *table.views)}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)

@@ -16,7 +16,6 @@ import typer
 from tirelog.cli import completion, options
 from tirelog.cli.session import Session
 from tirelog.cli.targets import folder
-from tirelog.runtime import one_thread
 
 if TYPE_CHECKING:
     from tirelog.api.parts import Part
@@ -54,7 +53,6 @@ def tables(
     quiet: options.Quiet = False,
 ) -> None:
     """Make several tables in one go, each log read once."""
-    one_thread()
     from tirelog.api.parts import parts_of_drive, refuse_other_tables
     from tirelog.storage.whole import all_or_none, make_folder
 
