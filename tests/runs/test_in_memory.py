@@ -7,7 +7,8 @@ from dataclasses import is_dataclass, replace
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Channel, Scaled, TimeAxis
+from tirelog.data.recording import Channel, TimeAxis
+from tirelog.data.scaled import Scaled
 from tirelog.runs import in_memory as module
 from tirelog.runs.in_memory import in_memory, released
 
@@ -67,9 +68,14 @@ def test_slices_are_those_of_the_stored_channel(name, piece, monkeypatch):
     assert in_memory(kept) is kept
 
 
-def test_what_is_quick_to_read_takes_no_memory():
+def test_what_is_quick_to_read_takes_no_memory_if_it_is_long(monkeypatch):
     stored = channel(walk(30, 2))
     quick = replace(stored, samples=replace(stored.samples, at_hand=True))
+    kept = in_memory(quick)
+    np.testing.assert_array_equal(kept.read(3, 700), stored.read(3, 700))
+    assert kept.samples.values.size == SIZE
+    assert released(kept).samples is quick.samples
+    monkeypatch.setattr(module, "HELD_FLOATS", SIZE - 1)
     assert in_memory(quick) is quick
 
 
