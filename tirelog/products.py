@@ -39,7 +39,7 @@ from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
     from tirelog.apart import Here, Wire
-    from tirelog.strain.footprint.learn import Learnt
+    from tirelog.strain.footprint.settle import Settled
     from tirelog.strain.passages.find import Passages
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import EdgeTimes
@@ -71,7 +71,7 @@ class Work:
     recording: Recording
     channel: Channel
     passages: Passages
-    learnt: Learnt | None
+    settled: Settled | None
 
 
 @dataclass(frozen=True)
@@ -294,30 +294,30 @@ class _Forms:
     """
 
     def __init__(self) -> None:
-        self._learnt: dict[int, Learnt | None] = {}
+        self._settled: dict[int, Settled | None] = {}
         self._news = Condition()
 
-    def learn(self, number: int, channel: Channel, passages: Passages) -> Learnt | None:
+    def settle(self, number: int, channel: Channel, passages: Passages) -> Settled | None:
         """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.learn import learn_reference
+        from tirelog.strain.footprint.settle import settle
 
-        learnt = learn_reference(channel, passages, like=self._first_before(number))
-        self.tell(number, learnt)
-        return learnt
+        settled = settle(channel, passages, like=self._first_before(number))
+        self.tell(number, settled and settled.light)
+        return settled
 
-    def tell(self, number: int, learnt: Learnt | None) -> None:
+    def tell(self, number: int, settled: Settled | None) -> None:
         """What was learnt from a channel, or that nothing more will be."""
         with self._news:
-            self._learnt.setdefault(number, learnt)
+            self._settled.setdefault(number, settled)
             self._news.notify_all()
 
-    def _first_before(self, number: int) -> Learnt | None:
+    def _first_before(self, number: int) -> Settled | None:
         for before in range(number):
             with self._news:
-                self._news.wait_for(partial(self._learnt.__contains__, before))
-                learnt = self._learnt[before]
-            if learnt is not None:
-                return learnt
+                self._news.wait_for(partial(self._settled.__contains__, before))
+                settled = self._settled[before]
+            if settled is not None:
+                return settled
         return None
 
 
@@ -327,17 +327,17 @@ class _FormsApart:
     def __init__(self, wire: Wire | Here) -> None:
         self._wire = wire
 
-    def learn(self, number: int, channel: Channel, passages: Passages) -> Learnt | None:
+    def settle(self, number: int, channel: Channel, passages: Passages) -> Settled | None:
         """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.learn import learn_reference
+        from tirelog.strain.footprint.settle import settle
 
-        learnt = learn_reference(channel, passages, like=self._wire.ask())
-        self.tell(number, learnt)
-        return learnt
+        settled = settle(channel, passages, like=self._wire.ask())
+        self.tell(number, settled and settled.light)
+        return settled
 
-    def tell(self, number: int, learnt: Learnt | None) -> None:
+    def tell(self, number: int, settled: Settled | None) -> None:
         """What was learnt from a channel, or that nothing more will be."""
-        self._wire.tell(learnt)
+        self._wire.tell(settled)
 
 
 @dataclass(frozen=True)
@@ -364,14 +364,14 @@ def _make(
         only_passages = found is not None and set(wanted) == {"speed"}
         channel = stored if only_passages else in_memory(stored)
         passages = passages_of(recording, channel) if found is None else found
-        learnt = (
-            forms.learn(number, channel, passages)
+        settled = (
+            forms.settle(number, channel, passages)
             if "footprint" in wanted and not passages.doubt
             else None
         )
     finally:
         forms.tell(number, None)
-    work = Work(recording, channel, passages, learnt)
+    work = Work(recording, channel, passages, settled)
     parts = []
     for name, options in wanted.items():
         of_channel = MAKERS[name].of_channel
@@ -414,7 +414,7 @@ def _footprint(work: Work, options: Options) -> Part:
     from tirelog.strain.footprint.table import footprint_of_channel
 
     found = footprint_of_channel(
-        work.recording, work.channel, work.passages, _cutoff(options), work.learnt
+        work.recording, work.channel, work.passages, _cutoff(options), work.settled
     )
     return Part("footprint", found.columns, found.remarks, found)
 

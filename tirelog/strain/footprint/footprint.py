@@ -1,7 +1,7 @@
 """Contact length, edges and slip onset of every passage of a strain grating (P2, errata).
 
     Channel --passages--> centres, speeds
-        --some passages--> averages by speed --physical form--> Reference
+        --some passages--> the form of free rolling (`settle`)
         --windows around every passage, block by block--> plain edges (P2 3.2), fits of the form
         --> Footprint, a row per passage
 
@@ -15,20 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.fit import PassageFits
 from tirelog.strain.footprint.kernels import FITTED
-from tirelog.strain.footprint.learn import (
-    FREE_ROLLING_M_S2,
-    LEAST_OF_CLASS,
-    Learnt,
-    learn_reference,
-)
-from tirelog.strain.footprint.measure import Measured, find_onsets, measure_windows
-from tirelog.strain.footprint.refine import REMARKABLE
+from tirelog.strain.footprint.learn import Learnt
+from tirelog.strain.footprint.measure import Look, Measured, find_onsets, measure_windows
+from tirelog.strain.footprint.settle import Settled, settle
 from tirelog.strain.footprint.slip_onset import SlipOnset
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray
@@ -37,17 +31,6 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
 #: of what the traction has moved it; the error is proportional to it
 UNEXPLAINED = 2.0
-#: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
-#: share; twice as much is still neither
-DRIVEN_SHARE = 0.03
-#: misfit (chi-square per degree of freedom, less one) from which on a form is learnt of steady
-#: passages alone, and the share of it that this one may leave to be taken; twice the first leaves
-#: forms that put onsets 3 to 5 mm off; twice the second takes one as good, of fewer passages
-MISSES, CLEARER = 0.15, 0.5
-#: times that a form is learnt anew without passages that turn out driven: the second time sees
-#: what the first one's form has hidden; the loop ends by itself if no more turn out driven; twice
-#: as many take longer if they do
-MOST_LEARNT = 3
 #: fewer samples between the edges than this cannot tell a length; twice as many leave fast
 #: passages of slow loggers without a length
 LEAST_SAMPLES = 4
@@ -90,83 +73,33 @@ def footprint(
     passages: Passages,
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
-    learnt: Learnt | None = None,
+    settled: Settled | None = None,
 ) -> Footprint:
     """The footprint at each of `passages` of the strain `channel`.
 
-    `cutoff` of the low-pass (auto); `learnt`: the form of its passages, which is learnt here if it
+    `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
     is not given.
     """
     cutoff = cutoff or Cutoff()
     n = len(passages)
     speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
-    if learnt is None and not passages.doubt:
-        learnt = learn_reference(channel, passages, block_samples)
+    if settled is None and not passages.doubt:
+        settled = settle(channel, passages, block_samples)
     work = Measured.empty(n)
     nyquist = 0.5 * channel.axis.rate_Hz
-    if learnt is None:
-        asked = np.full(n, np.nan)
-    else:
+    learnt, asked = None, np.full(n, np.nan)
+    if settled is not None:
+        learnt = settled.learnt
         asked = cutoff.frequency(speed, passages.radius_m, learnt.wave_number_1_m)
         if cutoff.unit == "auto":
             asked = np.minimum(asked, 0.9 * nyquist)
-        lowpass_Hz = np.minimum(asked, 0.98 * nyquist)
-        look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
-        left_out = np.zeros(n, bool)
-        freely = _of_free_rolling(channel, passages, block_samples, learnt, work)
-        if freely is not None:
-            learnt, left_out, work = *freely, Measured.empty(n)
-            look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
-        for _ in range(MOST_LEARNT):
-            if not _mixed(learnt, work) or not (work.driven & ~left_out).any():
-                break
-            left_out |= work.driven
-            freed = learn_reference(channel, passages, block_samples, learnt, left_out)
-            if freed is None:
-                break
-            learnt, work = freed, Measured.empty(n)
-            look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
+        look = Look.of(channel, passages, learnt, block_samples, settled.forms)
         if look is not None:
+            work.usual = settled.usual
+            measure_windows(look, np.minimum(asked, 0.98 * nyquist), work)
             # beside a form that is none of a tire a traction is no sign of slip: nothing is sought
             find_onsets(look, work, ~learnt.unclear(speed))
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
-
-
-def _of_free_rolling(
-    channel: Channel, passages: Passages, block_samples: int, learnt: Learnt, work: Measured
-) -> tuple[Learnt, NDArray[np.bool_]] | None:
-    """The form of passages at steady speed alone, and which are left out (n,).
-
-    None if the `learnt` one misses nothing, or passages that speed up and slow down are not why.
-    """
-    missed = learnt.reference.misfit - 1.0
-    if work.usual is None or not missed > MISSES:
-        return None
-    with np.errstate(invalid="ignore"):
-        unsteady = ~(np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2)
-    if unsteady.mean() < DRIVEN_SHARE or np.sum(~unsteady) < LEAST_OF_CLASS:
-        return None
-    freely = learn_reference(channel, passages, block_samples, learnt, unsteady)
-    if freely is None or freely.reference.misfit - 1.0 > CLEARER * missed:
-        return None
-    return freely, unsteady
-
-
-def _mixed(learnt: Learnt, work: Measured) -> bool:
-    """Whether the form has to be learnt again, without passages under traction.
-
-    So it is if it was learnt from passages with and without traction alike, and missed both.
-    """
-    some = (
-        DRIVEN_SHARE * work.driven.size
-        < work.driven.sum()
-        < (1.0 - DRIVEN_SHARE) * work.driven.size
-    )
-    return (
-        some
-        and work.usual is not None
-        and learnt.reference.misfit > REMARKABLE * work.usual.scatter**2
-    )
 
 
 def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArray:

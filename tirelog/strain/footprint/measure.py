@@ -119,121 +119,157 @@ class Forms:
         return self._tractions[key]
 
 
-def measure_windows(
-    channel: Channel,
-    passages: Passages,
-    learnt: Learnt,
-    cutoff_Hz: FloatArray,
-    work: Measured,
-    block_samples: int,
-) -> Look | None:
-    """What `find_onsets` takes, after filling all of `work` but slip onsets.
-
-    Filled are the rows whose speed is known; None without such rows. `cutoff_Hz` (n,) of the plain
-    edges' low-pass.
-    """
-    rate, speed = channel.axis.rate_Hz, passages.speed_m_s
-    rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
-    if not rows.size:
-        return None
-    motion = speed, np.nan_to_num(passages.acceleration_m_s2)
-    vague = ~(passages.speed_se_m_s < WORST_SPEED * speed)
-    forms = Forms(learnt, speed[rows])
-    number = forms.nearest(speed)
-    half_length = forms.tables.half_length_m[number]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = (
-            np.maximum(1.02 * learnt.half_window_m, SEARCH * half_length + 2.5 * speed / cutoff_Hz)
-            / speed
-            * rate
-            + 2.0
-        )
-        for_fit = _power_of_two(FIT_STEP * half_length * rate / speed)
-        for_search = _power_of_two(ROUGH_STEP * half_length * rate / speed)
-        for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
-        upsample = np.where(rate / for_plain < DENSE * cutoff_Hz, 2, 1)
-    work.inside[rows] = (2.0 * half_length * rate / speed)[rows]
-    for windows in gather_windows(
-        channel, passages.sign, passages.index, reach, rows, block_samples
-    ):
-        for averaged, part in _alike(windows, for_fit):
-            _fit_alike(
-                part.reduced(averaged), passages.noise, motion, vague, forms, number[part.row], work
-            )
-        for key, part in _alike(windows, 8 * for_plain + upsample):
-            plain = part.reduced(key // 8)
-            for low in range(0, len(plain.row), ROWS):
-                _edges_alike(
-                    plain.take(slice(low, low + ROWS)),
-                    passages.noise,
-                    motion,
-                    cutoff_Hz,
-                    half_length,
-                    key % 8,
-                    work,
-                )
-    look = Look(channel, passages, forms, motion, number, reach, for_fit, for_search, block_samples)
-    _seek_driven(look, rows[~vague[rows] & np.isfinite(work.fits.length_m[rows])], work)
-    return look
-
-
 @dataclass(frozen=True)
 class Look:
-    """Windows of some rows for the tractions: what `measure_windows` knows of all rows (n,)."""
+    """What windows of some rows are looked at with: what is known of all passages of a channel.
+
+    `rows` (k,): passages whose speed is known; of all (n,): `motions`, the forms' `number`, whether
+    the speed is `vague`, samples that are `averaged` for the fit and `roughly`, and `reach`, half
+    of the window that a fit needs [samples].
+    """
 
     channel: Channel
     passages: Passages
     forms: Forms
+    rows: IntArray
     motions: Motions
     number: IntArray
+    vague: NDArray[np.bool_]
     reach: FloatArray
     averaged: IntArray
     roughly: IntArray
     block_samples: int
 
-    def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, Records, float, int]]:
-        """Windows, motion, noise of a value and form's number of `rows`, alike ones together."""
-        gathered = gather_windows(
+    @classmethod
+    def of(
+        cls,
+        channel: Channel,
+        passages: Passages,
+        learnt: Learnt,
+        block_samples: int,
+        forms: Forms | None = None,
+    ) -> Look | None:
+        """None if no passage's speed is known. `forms`: those of `learnt`, if they are at hand."""
+        rate, speed = channel.axis.rate_Hz, passages.speed_m_s
+        rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
+        if not rows.size:
+            return None
+        forms = forms or Forms(learnt, speed[rows])
+        number = forms.nearest(speed)
+        half_length = forms.tables.half_length_m[number]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = 1.02 * learnt.half_window_m / speed * rate + 2.0
+            averaged = _power_of_two(FIT_STEP * half_length * rate / speed)
+            roughly = _power_of_two(ROUGH_STEP * half_length * rate / speed)
+        return cls(
+            channel,
+            passages,
+            forms,
+            rows,
+            (speed, np.nan_to_num(passages.acceleration_m_s2)),
+            number,
+            ~(passages.speed_se_m_s < WORST_SPEED * speed),
+            reach,
+            averaged,
+            roughly,
+            block_samples,
+        )
+
+    def gathered(self, rows: IntArray, reach: FloatArray | None = None) -> Iterator[PatchWindows]:
+        """Windows of `rows`, many at a time, of a fit's `reach` if no other is given."""
+        return gather_windows(
             self.channel,
             self.passages.sign,
             self.passages.index,
-            self.reach,
+            self.reach if reach is None else reach,
             rows,
             self.block_samples,
         )
-        for windows in gathered:
-            for key, part in _alike(
-                windows, self.averaged * len(self.forms.reference.shapes) + self.number
-            ):
-                averaged, knot = divmod(key, len(self.forms.reference.shapes))
-                kept = part.reduced(averaged)
-                yield (
-                    kept,
-                    kept.motion(*self.motions),
-                    self.passages.noise / np.sqrt(kept.averaged),
-                    knot,
-                )
+
+    def by_form(self, windows: PatchWindows) -> Iterator[tuple[PatchWindows, Records, float, int]]:
+        """Rows of `windows`, motion, noise of a value and number of each form, a form at a time."""
+        for knot, part in _alike(windows, self.number):
+            noise = self.passages.noise / np.sqrt(part.averaged)
+            yield part, part.motion(*self.motions), noise, knot
+
+    def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, Records, float, int]]:
+        """As `by_form`, of windows of `rows` that are averaged as a fit's."""
+        for windows in self.gathered(rows):
+            for averaged, part in _alike(windows, self.averaged):
+                yield from self.by_form(part.reduced(averaged))
+
+    def seek_driven(self, windows: PatchWindows, fits: PassageFits, work: Measured) -> None:
+        """Fill `driven` of the rows of `windows`, which are averaged as a fit's.
+
+        Driven are rows that show a traction beyond what the form misses of free ones. `fits`:
+        theirs, row by row; `work.usual` is known.
+        """
+        assert work.usual is not None
+        known = ~self.vague[windows.row] & np.isfinite(fits.length_m)
+        asked = np.flatnonzero(known & work.usual.worth_a_look(fits))
+        if not asked.size:
+            return
+        for part, motion, sigma, knot in self.by_form(windows.take(asked)):
+            gains = self.forms.traction(knot, GAIN_EVERY).gains(part, motion, sigma)
+            work.driven[part.row] = gains > work.usual.gain
 
 
-def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
-    """Fill `driven` and `usual` of `work` for `rows` (m,).
+def look_at_some(look: Look, most: int) -> tuple[IntArray, Measured]:
+    """Fits of at most so many rows, evenly, what free ones of them leave, and which are driven.
 
-    Driven are rows that show a traction beyond what the form misses of free ones.
+    The rows, and what was measured of them.
     """
-    free = _free(look, rows)
+    work = Measured.empty(len(look.passages))
+    rows, kept = _spread(look.rows, most), []
+    for windows in look.gathered(rows):
+        for averaged, part in _alike(windows, look.averaged):
+            reduced = part.reduced(averaged)
+            kept.append((reduced, _fit(look, reduced, work)))
+    free = _free(look, rows[~look.vague[rows] & np.isfinite(work.fits.length_m[rows])])
     if not free.size:
-        return
-    asked = _spread(free, ASKED)
-    gains = [
-        look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma)
-        for windows, motion, sigma, knot in look.alike(asked)
-    ]
-    usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
-    for windows, motion, sigma, knot in look.alike(rows[usual.worth_a_look(work.fits)[rows]]):
-        work.driven[windows.row] = (
-            look.forms.traction(knot, GAIN_EVERY).gains(windows, motion, sigma) > usual.gain
-        )
-    work.usual = usual
+        return rows, work
+    gains = []
+    among = np.zeros(len(look.passages), bool)
+    among[_spread(free, ASKED)] = True
+    for windows, _ in kept:
+        for part, motion, sigma, knot in look.by_form(windows.take(among[windows.row])):
+            gains.append(look.forms.traction(knot, GAIN_EVERY).gains(part, motion, sigma))
+    work.usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
+    for windows, fits in kept:
+        look.seek_driven(windows, fits, work)
+    return rows, work
+
+
+def measure_windows(look: Look, cutoff_Hz: FloatArray, work: Measured) -> None:
+    """Fill all of `work` but slip onsets, of the rows whose speed is known.
+
+    `cutoff_Hz` (n,) of the plain edges' low-pass; driven rows are sought if `work.usual` is known.
+    """
+    rate, speed, rows = look.channel.axis.rate_Hz, look.passages.speed_m_s, look.rows
+    half_length = look.forms.tables.half_length_m[look.number]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
+        upsample = np.where(rate / for_plain < DENSE * cutoff_Hz, 2, 1)
+        reach = (SEARCH * half_length + 2.5 * speed / cutoff_Hz) / speed * rate + 2.0
+    work.inside[rows] = (2.0 * half_length * rate / speed)[rows]
+    for windows in look.gathered(rows, np.maximum(look.reach, reach)):
+        for averaged, part in _alike(windows, look.averaged):
+            reduced = part.reduced(averaged)
+            fits = _fit(look, reduced, work)
+            if work.usual is not None:
+                look.seek_driven(reduced, fits, work)
+        for key, part in _alike(windows, 8 * for_plain + upsample):
+            plain = part.reduced(key // 8)
+            for low in range(0, len(plain.row), ROWS):
+                _edges_alike(
+                    plain.take(slice(low, low + ROWS)),
+                    look.passages.noise,
+                    look.motions,
+                    cutoff_Hz,
+                    half_length,
+                    key % 8,
+                    work,
+                )
 
 
 def find_onsets(look: Look, work: Measured, clear: NDArray[np.bool_]) -> None:
@@ -327,24 +363,22 @@ def _power_of_two(values: FloatArray) -> IntArray:
     )
 
 
-def _fit_alike(
-    windows: PatchWindows,
-    noise: float,
-    motions: Motions,
-    vague: NDArray[np.bool_],
-    forms: Forms,
-    number: IntArray,
-    work: Measured,
-) -> None:
-    """Fill the fits of rows that share averaging.
-
-    `number` (rows,) of their forms; `vague` (n,): whether a passage's speed is vague.
-    """
+def _fit(look: Look, windows: PatchWindows, work: Measured) -> PassageFits:
+    """Fill the fits of rows that share averaging, which are given back row by row."""
     row = windows.row
-    fits = fit_edges(windows, windows.motion(*motions), forms.tables, number, noise)
+    fits = fit_edges(
+        windows,
+        windows.motion(*look.motions),
+        look.forms.tables,
+        look.number[row],
+        look.passages.noise,
+    )
     work.fits.put(row, fits)
     known = np.isfinite(fits.length_m)
-    work.slip.reason[row] = np.where(known, np.where(vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM)
+    work.slip.reason[row] = np.where(
+        known, np.where(look.vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM
+    )
+    return fits
 
 
 def _edges_alike(

@@ -8,7 +8,7 @@ from tirelog.data.recording import Recording
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.runs.in_memory import in_memory
 from tirelog.strain.channels import not_turning, strain_channels
-from tirelog.strain.footprint.learn import learn_reference
+from tirelog.strain.footprint.settle import settle
 from tirelog.strain.footprint.table import FootprintOfChannel, footprint_of_channel
 from tirelog.strain.passages.surface import passages_of
 
@@ -18,13 +18,13 @@ def footprints_of(recording: Recording) -> Iterator[FootprintOfChannel]:
 
     UsageError: no channel shows a patch that comes round.
     """
-    learnt, turned = None, False
+    first, turned = None, False
     for stored in strain_channels(recording):
         channel = in_memory(stored)
         passages = passages_of(recording, channel)
         turned |= len(passages) > 0
-        own = None if passages.doubt else learn_reference(channel, passages, like=learnt)
-        learnt = learnt or own
+        own = None if passages.doubt else settle(channel, passages, like=first)
+        first = first or own
         yield footprint_of_channel(recording, channel, passages, Cutoff.parse("auto"), own)
     if not turned:
         raise not_turning(recording)

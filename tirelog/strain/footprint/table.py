@@ -16,7 +16,7 @@ from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released
 from tirelog.strain.footprint.at_rest import cutoff_at_rest
 from tirelog.strain.footprint.footprint import Footprint, footprint
-from tirelog.strain.footprint.learn import Learnt
+from tirelog.strain.footprint.settle import Settled
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.speed import begin, speed_quality
 from tirelog.vocabulary.quality import Quality, having, quality_column
@@ -38,12 +38,12 @@ def footprint_of_channel(
     channel: Channel,
     passages: Passages,
     cutoff: Cutoff,
-    learnt: Learnt | None,
+    settled: Settled | None,
     block_samples: int = BLOCK_SAMPLES,
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`.
 
-    `learnt`: the form of its passages, None if there is none.
+    `settled`: the form of its passages, None if there is none.
     """
     if cutoff.unit == "rest":
         cutoff = Cutoff("Hz", cutoff_at_rest(channel, passages))
@@ -55,7 +55,7 @@ def footprint_of_channel(
             do="give a lower one, or auto",
             file=recording.log,
         )
-    found = footprint(channel, passages, cutoff, block_samples, learnt)
+    found = footprint(channel, passages, cutoff, block_samples, settled)
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
