@@ -19,7 +19,7 @@ from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Manoeuvre, Sensor
 from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import footprint
-from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
+from tirelog.strain.footprint.slip_onset import NO_FORM, Tractions
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
 
@@ -134,7 +134,7 @@ def test_no_onset_is_sought_beside_a_form_that_is_none_of_a_tire(drive, radius_m
     found = footprint(made.channel, passages)
     assert found.learnt.unclear(passages.speed_m_s).all()
     assert not sought
-    assert set(found.slip.reason) == {NO_FORM, TOO_SMALL}
+    assert set(found.slip.reason) == {NO_FORM}
 
 
 def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(

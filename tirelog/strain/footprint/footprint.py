@@ -96,9 +96,8 @@ def footprint(
         look = Look.of(channel, passages, learnt, block_samples, settled.forms)
         if look is not None:
             work.usual = settled.usual
-            measure_windows(look, np.minimum(asked, 0.98 * nyquist), work)
-            # beside a form that is none of a tire a traction is no sign of slip: nothing is sought
-            find_onsets(look, work, ~learnt.unclear(speed))
+            measure_windows(look, np.minimum(asked, 0.98 * nyquist), ~learnt.unclear(speed), work)
+            find_onsets(look, work)
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
 
 

@@ -240,10 +240,13 @@ def look_at_some(look: Look, most: int) -> tuple[IntArray, Measured]:
     return rows, work
 
 
-def measure_windows(look: Look, cutoff_Hz: FloatArray, work: Measured) -> None:
+def measure_windows(
+    look: Look, cutoff_Hz: FloatArray, clear: NDArray[np.bool_], work: Measured
+) -> None:
     """Fill all of `work` but slip onsets, of the rows whose speed is known.
 
-    `cutoff_Hz` (n,) of the plain edges' low-pass; driven rows are sought if `work.usual` is known.
+    `cutoff_Hz` (n,) of the plain edges' low-pass. Driven rows are sought if `work.usual` is known,
+    where the form is `clear` (n,): beside one that is none of a tire a traction is no sign of slip.
     """
     rate, speed, rows = look.channel.axis.rate_Hz, look.passages.speed_m_s, look.rows
     half_length = look.forms.tables.half_length_m[look.number]
@@ -256,8 +259,11 @@ def measure_windows(look: Look, cutoff_Hz: FloatArray, work: Measured) -> None:
         for averaged, part in _alike(windows, look.averaged):
             reduced = part.reduced(averaged)
             fits = _fit(look, reduced, work)
-            if work.usual is not None:
+            sought = clear[part.row]
+            if work.usual is not None and sought.all():
                 look.seek_driven(reduced, fits, work)
+            elif work.usual is not None and sought.any():
+                look.seek_driven(reduced.take(sought), fits.take(sought), work)
         for key, part in _alike(windows, 8 * for_plain + upsample):
             plain = part.reduced(key // 8)
             for low in range(0, len(plain.row), ROWS):
@@ -270,18 +276,19 @@ def measure_windows(look: Look, cutoff_Hz: FloatArray, work: Measured) -> None:
                     key % 8,
                     work,
                 )
+    unsought = ~clear & (work.slip.reason == TOO_SMALL)
+    work.slip.reason[unsought] = NO_FORM
 
 
-def find_onsets(look: Look, work: Measured, clear: NDArray[np.bool_]) -> None:
-    """Slip onsets of the rows of `work` that are driven, where their form is `clear` (n,).
+def find_onsets(look: Look, work: Measured) -> None:
+    """Slip onsets of the rows of `work` that are driven.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
     theirs, as the fit without traction tells it, and are looked for everywhere if theirs is unlike.
     """
     if work.usual is None:
         return
-    work.slip.reason[work.driven & ~clear] = NO_FORM
-    rows = np.flatnonzero(work.driven & clear)
+    rows = np.flatnonzero(work.driven)
     asked = _spread(rows, SEARCHED)
     known, starts = _searched(look, work, asked, work.usual.scatter)
     rest = np.setdiff1d(rows, asked, assume_unique=True)

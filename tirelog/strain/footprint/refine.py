@@ -166,7 +166,7 @@ def refine_edges(
     """
     factor = 1.0
     best: tuple[float, Reference, list[_Step], FloatArray] | None = None
-    trial, samples = reference, list(samples)
+    trial, samples, last = reference, list(samples), np.inf
     for number in range(rounds):
         steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
         if number == 0:
@@ -180,14 +180,14 @@ def refine_edges(
                 columns = _tire_columns(trial, k)
                 normal += columns.T @ step.normal @ columns
                 right += columns.T @ step.right
-            best, factor = (misfit, trial, steps, normal), 1.0
+            best, factor, last = (misfit, trial, steps, normal), 1.0, np.inf
             shift = np.linalg.solve(normal, right)
             if gain < SMALL or float(shift @ right) < GOOD_ENOUGH * max(misfit, 1.0):
                 break
-        elif misfit < (1.0 + SMALL) * best[0]:
-            break
+        elif misfit < (1.0 + SMALL) * best[0] or misfit > (1.0 - SMALL) * last:
+            break  # nothing to gain, or not by shorter steps: these do no better than the longer
         else:
-            factor *= 0.3
+            factor, last = 0.3 * factor, misfit
         _, base, base_steps, _ = best
         limit = np.array([0.3, 2.0, 2.0, 1.5])
         trial = _moved(base, np.clip(factor * shift, -limit, limit), base_steps)
