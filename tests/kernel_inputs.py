@@ -585,6 +585,10 @@ def _(rng: np.random.Generator) -> Arguments:
             (values, 20, 1.0, np.zeros(11, f32)),
             (values[:7].copy(), 8, 1.0, np.zeros(1, f32)),
         ],
+        "fill_lost": [
+            (np.where(rng.uniform(size=60) < share, np.nan, row).astype(f32),)
+            for share in (0.0, 0.3, 0.9, 1.1)
+        ],
         "_medians_of_four": [(fours, -0.5, np.zeros(10, f32))],
         "_sum": [(values, 3, 0), (row.astype(float), 5, 7)],
         "_median_of_some": [(values, k, 3) for k in range(0, 203, 12)],
@@ -635,6 +639,8 @@ def _(rng: np.random.Generator) -> Arguments:
         made.value[7], made.weight[7] = np.nan, 0.0
         return made
 
+    fits, most = np.zeros(4, k.FOUND), k.MOST_SAMPLES
+    fits["time_s"], fits["omega_rad_s"], fits["height"] = centres, 40.0, 1.9
     knots = 13
     diagonal, right = (4.0, 5.0, 6.0, 7.0), (1.0, -2.0, 0.5, 3.0)
     ends = filled()
@@ -646,6 +652,9 @@ def _(rng: np.random.Generator) -> Arguments:
         ],
         "spline_sums": [
             (source, rows, offset, spans, 0.3, np.zeros((knots, knots)), np.zeros(knots), room())
+        ],
+        "leave_rows": [
+            (source, table, 0.4, rows, spans, fits, room(), np.zeros(4 * most), np.zeros(4 * most))
         ],
         "spline_curve": [(rng.normal(size=knots), 0.3, phi, np.zeros(81), np.zeros(81))],
         "basis": [(u, which) for u in (0.0, 0.3, 1.0) for which in range(4)],

@@ -19,7 +19,7 @@ from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Manoeuvre, Sensor
 from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import footprint
-from tirelog.strain.footprint.slip_onset import NO_FORM, Tractions
+from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
 

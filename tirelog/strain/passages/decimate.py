@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.noise import PIECE_SAMPLES, SampleNoise
-from tirelog.strain.passages.search_kernels import bucket_medians, running_medians
+from tirelog.strain.passages.search_kernels import bucket_medians, fill_lost, running_medians
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: samples read at once: they stay in the cache until they are done with
@@ -95,10 +95,4 @@ def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
 
     Nothing at all if all are lost.
     """
-    lost = np.flatnonzero(~np.isfinite(medians))
-    if lost.size == medians.size:
-        return medians[:0]
-    if lost.size:
-        kept = np.flatnonzero(np.isfinite(medians))
-        medians[lost] = np.interp(lost, kept, medians[kept])
-    return medians
+    return medians if fill_lost(medians) else medians[:0]

@@ -188,37 +188,30 @@ def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
 
 
 def residuals(
-    windows: Windows, template: Template, found: PassageFit, alpha: FloatArray, rows: IntArray
+    windows: Windows, template: Template, found: PassageFit, alpha: FloatArray, which: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Angles [rad] of the rows' samples, and what the template leaves of them, (N,) each.
+    """Angles [rad] of the samples of the rows `which`, and what the template leaves of them (N,).
 
     What is left is a share of the height. Lost samples and those outside of the template do not
     count; offset, height and shift are of those inside.
     """
-    axis, sign = windows.signal.channel.axis, windows.signal.sign
-    angles, left = [], []
-    for k in rows.tolist():
-        first, stop, shift = windows.spans[k].tolist()
-        stride = -(-(stop - first) // kernels.MOST_SAMPLES)
-        place = slice(first + shift, stop + shift, stride)
-        times = (
-            windows.times[place]
-            if windows.times.size
-            else axis.at(np.arange(first, stop, stride, dtype=np.float64))
-        )
-        tau = times - found.time_s[k]
-        phi = (found.omega[k] + 0.5 * alpha[k] * tau) * tau
-        values = sign * windows.samples[place]
-        inside = (np.abs(phi) <= template.window_rad) & np.isfinite(values)
-        phi, values = phi[inside], values[inside]
-        shape, slope = (
-            np.interp(phi, template.phi_rad, curve) for curve in (template.values, template.slope)
-        )
-        design = np.column_stack([np.ones(phi.size), shape, slope])
-        solved = np.linalg.lstsq(design, values, rcond=None)[0]
-        angles.append(phi)
-        left.append((values - design @ solved) / found.height[k])
-    return np.concatenate(angles), np.concatenate(left)
+    rows, made = np.zeros(which.size, ROW), np.zeros(which.size, FOUND)
+    rows["alpha_rad_s2"] = alpha[which]
+    made["time_s"], made["omega_rad_s"] = found.time_s[which], found.omega[which]
+    made["height"] = found.height[which]
+    phi, left = np.empty((2, which.size * kernels.MOST_SAMPLES))
+    used = kernels.leave_rows(
+        windows.source,
+        template.table,
+        template.window_rad,
+        rows,
+        windows.spans[which],
+        made,
+        scratch(),
+        phi,
+        left,
+    )
+    return phi[:used], left[:used]
 
 
 def _rows(start: Start, height: FloatArray) -> Records:

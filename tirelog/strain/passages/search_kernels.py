@@ -203,3 +203,22 @@ def medians_around(values: FloatArray, reach: int, least: FloatArray, medians: F
                 first = first if first < other else other
             least[j] = first
         medians[i] = 0.5 * (least[(there - 1) // 2] + least[there // 2]) if there > 0 else np.nan
+
+
+@compiled
+def fill_lost(values: NDArray[np.float32]) -> bool:
+    """Fills lost `values` (n,) by straight lines, at the ends by the nearest; False if all are."""
+    before, n = -1, values.size
+    for i in range(n):
+        if not np.isfinite(values[i]):
+            continue
+        if before < 0:
+            values[:i] = values[i]
+        elif i > before + 1:
+            first, step = float(values[before]), (values[i] - float(values[before])) / (i - before)
+            for k in range(before + 1, i):
+                values[k] = first + step * (k - before)
+        before = i
+    if before >= 0:
+        values[before + 1 :] = values[before]
+    return before >= 0
