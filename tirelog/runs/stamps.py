@@ -230,6 +230,9 @@ class Stamps:
         sums = np.zeros((edges.size + 1, 6))  # points, mean k, mean r, S_kk, S_kr, S_rr
         starts, stops = (np.array([span[end] for span in passing], np.int64) for end in (0, 1))
         for index, k, stamps in self.points(period):
+            if not edges.size and not starts.size:
+                sums[0] = _merged(sums[0], k.astype(float), stamps - period * k)
+                continue
             off = np.searchsorted(starts, index, side="right") > np.searchsorted(
                 stops, index, side="right"
             )

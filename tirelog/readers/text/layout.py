@@ -116,7 +116,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
         separator, decimal = _separator(sample, timed, given)
-        cells = {i: split_cells(clean[i], separator, timed) for i in full}
+        cells = Cells(clean, separator, timed)
         first = (
             _first_row(full, cells, decimal, tail)
             if given.header_rows is None
@@ -131,8 +131,9 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
             do="check the recording",
             file=name,
         )
-    rows = [cells[i] for i in full if i >= first]
-    rows = rows if len(rows) <= 2 * SAMPLE_ROWS else rows[:SAMPLE_ROWS] + rows[-SAMPLE_ROWS:]
+    below = [i for i in full if i >= first]
+    below = below if len(below) <= 2 * SAMPLE_ROWS else below[:SAMPLE_ROWS] + below[-SAMPLE_ROWS:]
+    rows = [cells[i] for i in below]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     above = [i for i in full if i < first]
     rows_above = _rows_above(above, cells, rows, decimal) if given.header_rows is None else 0
@@ -251,6 +252,22 @@ def split_cells(line: str, separator: str, timed: bool = False) -> list[str]:
     return [cell.strip().strip('"') for cell in cells]
 
 
+class Cells(dict[int, list[str]]):
+    """The cells of lines by their numbers, cut when they are asked for.
+
+    alike  the lines with each digit as a 0: rows of numbers are mostly like a row before
+    """
+
+    def __init__(self, lines: list[str], separator: str, timed: bool) -> None:
+        super().__init__()
+        self._lines, self._how = lines, (separator, timed)
+        self.alike = "\n".join(lines).translate(_DIGITS_ALIKE).split("\n")
+
+    def __missing__(self, number: int) -> list[str]:
+        cells = self[number] = split_cells(self._lines[number], *self._how)
+        return cells
+
+
 def filled(cells: Sequence[str]) -> int:
     """Number of cells up to the last one that is not empty."""
     return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
@@ -310,20 +327,29 @@ def _is_row(cells: list[str], decimal: str, like: str, plain: set[str]) -> bool:
     )
 
 
-def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most: int) -> int | None:
+def _first_row(full: list[int], cells: Cells, decimal: str, most: int) -> int | None:
     """Index of the first line from which on nearly all lines look like rows."""
     tail = full[-most:]
     like = Counter(_kind(cells[i][0], decimal) for i in tail[len(tail) // 4 :]).most_common(1)[0][0]
     if like == "text":
         return None
     plain: set[str] = set()
-    rows = {i: _is_row(cells[i], decimal, like, plain) for i in full}
-    usual = Counter(len(cells[i]) for i in tail if rows[i]).most_common(1)
+    rows: dict[int, bool] = {}
+    widths: dict[int, int] = {}
+    of_numbers: dict[str, tuple[bool, int]] = {}  # what lines of nothing but numbers look like
+    for i in full:
+        known = of_numbers.get(cells.alike[i])
+        if known is None:
+            known = _is_row(cells[i], decimal, like, plain), len(cells[i])
+            if all(is_number(cell, decimal) for cell in cells[i]):
+                of_numbers[cells.alike[i]] = known
+        rows[i], widths[i] = known
+    usual = Counter(widths[i] for i in tail if rows[i]).most_common(1)
     if not usual:
         return None
     first, bad, above = None, 0, None
     for k, i in reversed(list(enumerate(full))):
-        if rows[i] and (len(cells[i]) > 1 or usual[0][0] == 1):
+        if rows[i] and (widths[i] > 1 or usual[0][0] == 1):
             first, bad = i, 0
             above = full[k - 1] if k else None
         elif any(cells[i]):  # blank cells between rows are lost samples
