@@ -266,6 +266,21 @@ def _(rng: np.random.Generator) -> Arguments:
     return {"scaled_counts": [(raw, 1e-4, 1549.0, -(1 << 31), np.zeros(50))]}
 
 
+@inputs_of("runs.stamp_kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    k = np.cumsum(rng.integers(1, 3, 40))
+    stamps = 0.01 * k + 1e-4 * rng.normal(size=40)
+    stamps[20:] += 0.03
+    read = stamps.copy()
+    read.flags.writeable = False
+    return {
+        "small_steps": [(k, some, 0.0099) for some in (stamps, read)],
+        "residual_steps": [(k, some, 0.01, np.zeros(39)) for some in (stamps, read)],
+        "residuals": [(k, some, 0.01, np.zeros(40)) for some in (stamps, read)],
+        "moments": [(k, stamps - 0.01 * k)],
+    }
+
+
 @inputs_of("runs.in_memory")
 def _(rng: np.random.Generator) -> Arguments:
     lost = -(1 << 31)

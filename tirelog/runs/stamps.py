@@ -18,6 +18,7 @@ from itertools import chain
 
 import numpy as np
 
+from tirelog.runs.stamp_kernels import moments, residual_steps, residuals, small_steps
 from tirelog.storage.spool import Spool
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -91,11 +92,9 @@ class Stamps:
         """(index, stamp) of the samples that have one, chunk by chunk."""
         for start in range(0, self.spool.size, _CHUNK):
             stamps = self.spool.read(start, start + _CHUNK)
-            lost = np.isnan(stamps)
-            if not lost.any():
+            if not np.isnan(stamps.sum()):
                 yield np.arange(start, start + stamps.size), stamps
-            elif not lost.all():
-                index = np.flatnonzero(~lost)
+            elif (index := np.flatnonzero(~np.isnan(stamps))).size:
                 yield start + index, stamps[index]
 
     def points(self, period: float) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
@@ -148,9 +147,8 @@ class Stamps:
             if np.nanmedian(np.abs(slopes - found) * span) < 0.02 * found * lag:
                 break
         for index, stamps in self.known():
-            step = np.diff(stamps) / np.diff(self.clock_index(index))
-            steps += step.size
-            small += int((np.abs(step) < _SAME * period).sum())
+            steps += max(index.size - 1, 0)
+            small += small_steps(self.clock_index(index), stamps, _SAME * period)
         self.bunched = small > _BUNCHED * max(steps, 1)
         return self._between_bunches(period) if self.bunched and period > 0.0 else period
 
@@ -180,11 +178,12 @@ class Stamps:
 
         Their median, so that jumps do not count.
         """
-        found = [
-            np.median(np.abs(np.diff(stamps - period * k)))
-            for _, k, stamps in self.points(period)
-            if k.size > 1
-        ]
+        found = []
+        for _, k, stamps in self.points(period):
+            if k.size > 1:
+                steps = np.empty(k.size - 1)
+                residual_steps(k, stamps, period, steps)
+                found.append(np.median(steps, overwrite_input=True))
         return float(np.median(found)) * 1.4826 / np.sqrt(2.0) if found else 0.0
 
     def jumps(self, period: float, noise: float) -> tuple[list[Jump], list[tuple[int, int]]]:
@@ -199,10 +198,13 @@ class Stamps:
         for index, k, stamps in chain(
             self.points(period), [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
         ):
-            at, residual = (
-                np.concatenate([at, index]),
-                np.concatenate([residual, stamps - period * k]),
-            )
+            new = np.empty(k.size)
+            leap = residuals(k, stamps, period, new)
+            quiet = leap <= threshold and self._quiet(residual, new, threshold)
+            if quiet and k.size > window + 1:  # the usual stretch: nothing but its end is looked at
+                at, residual = index[-window - 1 :], new[-window - 1 :]
+                continue
+            at, residual = np.concatenate([at, index]), np.concatenate([residual, new])
             keep = max(0, at.size - window - 1)
             for a, b in _clusters(residual, threshold, window):
                 if at[a] <= seen:
@@ -218,6 +220,12 @@ class Stamps:
             at, residual = at[keep:], residual[keep:]
         return _unpaired(found, passing, threshold)
 
+    @staticmethod
+    def _quiet(held: FloatArray, new: FloatArray, threshold: float) -> bool:
+        """Whether neither what is `held` nor the step to the `new` residuals leaps."""
+        steps = np.abs(np.diff(np.append(held, new[:1])))
+        return bool((steps <= threshold).all())
+
     def fit(
         self, period: float, jumps: list[Jump], passing: list[tuple[int, int]]
     ) -> tuple[float, float, float, list[Piece]]:
@@ -231,7 +239,7 @@ class Stamps:
         starts, stops = (np.array([span[end] for span in passing], np.int64) for end in (0, 1))
         for index, k, stamps in self.points(period):
             if not edges.size and not starts.size:
-                sums[0] = _merged(sums[0], k.astype(float), stamps - period * k)
+                sums[0] = _merged(sums[0], k, stamps - period * k)
                 continue
             off = np.searchsorted(starts, index, side="right") > np.searchsorted(
                 stops, index, side="right"
@@ -240,7 +248,7 @@ class Stamps:
             residual = stamps - period * k
             for p in np.unique(piece[~off]):
                 here = (piece == p) & ~off
-                sums[p] = _merged(sums[p], k[here].astype(float), residual[here])
+                sums[p] = _merged(sums[p], k[here], residual[here])
         total = sums[:, 3].sum()
         slope = sums[:, 4].sum() / total if total > 0 else 0.0
         free = max(sums[:, 0].sum() - len(sums) - 1, 1.0)
@@ -337,7 +345,7 @@ def _unpaired(
     return kept, sorted(passing)
 
 
-def _merged(sums: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
+def _merged(sums: FloatArray, k: IntArray, r: FloatArray) -> FloatArray:
     """Sums about means of the points so far and of these ones."""
     with np.errstate(
         over="ignore", invalid="ignore"
@@ -345,10 +353,10 @@ def _merged(sums: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
         return _sum_of_both(sums, k, r)
 
 
-def _sum_of_both(sums: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
-    n, mean_k, mean_r = float(k.size), k.mean(), r.mean()
-    k, r = k - mean_k, r - mean_r
-    new = np.array([n, mean_k, mean_r, k @ k, k @ r, r @ r])
+def _sum_of_both(sums: FloatArray, k: IntArray, r: FloatArray) -> FloatArray:
+    n = float(k.size)
+    mean_k, mean_r, *squares = moments(k, r)
+    new = np.array([n, mean_k, mean_r, *squares])
     if not sums[0]:
         return new
     both = sums[0] + n
