@@ -30,10 +30,10 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 19 MB
 HELD_SAMPLES = 9_500_000
-#: a channel of a log up to this length is held as what it becomes, 34 MB: ten minutes at 5 kHz.
+#: a channel of a log up to this length is held as what it becomes, 50 MB: ten minutes at 10 kHz.
 #: Tables go through it ten times, which without it are a seventh of their CPU time; twice as much
 #: holds twice as much in each process
-HELD_FLOATS = 1 << 22
+HELD_FLOATS = 6_300_000
 #: samples a piece
 PIECE = 1 << 17
 _MOST = np.iinfo(np.uint16).max - 1

@@ -28,9 +28,9 @@ from tirelog.strain.footprint.slip_onset import (
     WORST_SPEED,
     SlipOnset,
     Tractions,
+    TractionWaves,
     Usual,
     form_error,
-    traction_table,
 )
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows
 from tirelog.strain.passages.find import Passages
@@ -95,6 +95,7 @@ class Forms:
         )
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
         self._half_window_m, self._form_error = learnt.half_window_m, form_error(learnt)
+        self._waves: dict[int, TractionWaves] = {}
         self._tractions: dict[tuple[int, int], Tractions] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
@@ -109,10 +110,12 @@ class Forms:
         key = number, every
         if key not in self._tractions:
             tables = self.tables
+            if number not in self._waves:
+                self._waves[number] = TractionWaves.of(self.reference, number, self._half_window_m)
             self._tractions[key] = Tractions(
                 tables.columns[number],
                 tables.grids[number],
-                traction_table(self.reference, number, self._half_window_m, every),
+                self._waves[number].table(every),
                 float(tables.half_length_m[number]),
                 self._form_error,
             )

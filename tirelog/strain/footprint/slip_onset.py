@@ -145,51 +145,65 @@ def onset_grid(half_length_m: float) -> FloatArray:
     return half_length_m * np.linspace(FIRST, LAST, (COARSE - 1) * FINE + 1)
 
 
-def traction_table(
-    reference: Reference, number: int, half_window_m: float, every: int = 1
-) -> FloatArray:
-    """Waves of the traction at speed `number` of `reference`, (g, c), a column per onset.
-
-    The onsets are every `every`-th of `onset_grid`, the grid that of the form's table, the size of
-    the order of one.
+@dataclass(frozen=True)
+class TractionWaves:
+    """What the waves of all tractions at one speed are made of.
 
     The load of a traction is made of powers of xi that begin at the entry edge or at the onset, and
-    of the point load there. So few waves, moved along the tread, make those of all onsets.
+    of the point load there. So few waves, moved along the tread, make those of all onsets: `fixed`
+    (g, 2) of the edges on the grid of the form's table, `moving` (3, G) of the onset on one FINER
+    times as fine, `step_m` apart; half of the form's length.
     """
-    family, shape = reference.family, reference.shapes[number]
-    L, kappa = shape.half_length_m, family.kappa_1_m
-    onset = onset_grid(L)[::every]
-    by_point = family.receptance(shape) / L
-    by_step, by_ramp = by_point / (1j * kappa), by_point / kappa**2
-    at_entry, at_exit = np.exp(1j * kappa * L), np.exp(-1j * kappa * L)
-    fixed, _ = grid_of(
-        reference,
-        number,
-        half_window_m,
-        np.column_stack([by_step * at_entry, (1.0 + 1j * kappa * L) * at_exit * by_ramp]),
-    )
-    xi, moving = family.on_grid(
-        np.column_stack([by_point, by_step, by_ramp]),
-        TABLE_POINTS,
-        1.02 * half_window_m + L,
-        FINER,
-    )
-    # adhering: steps at both ends; sliding: the integral of xi exp(-i kappa xi) from the onset to
-    # the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2 between them
-    adhering = STATIC * (L - onset) / L
-    made = np.outer(fixed[:, 0], adhering) - (2.0 * SLIDING / L) * fixed[:, 1:]
-    factors = np.array(
-        [
-            (SLIDING - STATIC) * (L - onset**2 / L),
-            -adhering - 2.0 * SLIDING / L * onset,
-            np.full(onset.size, 2.0 * SLIDING / L),
-        ]
-    )
-    step = xi[1] - xi[0]
-    place = (len(xi) // 2) - FINER * (len(fixed) // 2) - onset / step
-    first = np.floor(place).astype(np.int64)
-    moved_waves(np.ascontiguousarray(moving.T), FINER, first, place - first, factors, made)
-    return made
+
+    fixed: FloatArray
+    moving: FloatArray
+    step_m: float
+    half_length_m: float
+
+    @classmethod
+    def of(cls, reference: Reference, number: int, half_window_m: float) -> TractionWaves:
+        """At speed `number` of `reference`."""
+        family, shape = reference.family, reference.shapes[number]
+        L, kappa = shape.half_length_m, family.kappa_1_m
+        by_point = family.receptance(shape) / L
+        by_step, by_ramp = by_point / (1j * kappa), by_point / kappa**2
+        at_entry, at_exit = np.exp(1j * kappa * L), np.exp(-1j * kappa * L)
+        fixed, _ = grid_of(
+            reference,
+            number,
+            half_window_m,
+            np.column_stack([by_step * at_entry, (1.0 + 1j * kappa * L) * at_exit * by_ramp]),
+        )
+        xi, moving = family.on_grid(
+            np.column_stack([by_point, by_step, by_ramp]),
+            TABLE_POINTS,
+            1.02 * half_window_m + L,
+            FINER,
+        )
+        return cls(fixed, np.ascontiguousarray(moving.T), float(xi[1] - xi[0]), L)
+
+    def table(self, every: int = 1) -> FloatArray:
+        """Waves (g, c) of tractions on the grid of the form's table, a column per onset.
+
+        The onsets are every `every`-th of `onset_grid`, the size is of the order of one.
+        """
+        L, fixed = self.half_length_m, self.fixed
+        onset = onset_grid(L)[::every]
+        # adhering: steps at both ends; sliding: the integral of xi exp(-i kappa xi) from the onset
+        # to the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2 between them
+        adhering = STATIC * (L - onset) / L
+        made = np.outer(fixed[:, 0], adhering) - (2.0 * SLIDING / L) * fixed[:, 1:]
+        factors = np.array(
+            [
+                (SLIDING - STATIC) * (L - onset**2 / L),
+                -adhering - 2.0 * SLIDING / L * onset,
+                np.full(onset.size, 2.0 * SLIDING / L),
+            ]
+        )
+        place = self.moving.shape[1] // 2 - FINER * (len(fixed) // 2) - onset / self.step_m
+        first = np.floor(place).astype(np.int64)
+        moved_waves(self.moving, FINER, first, place - first, factors, made)
+        return made
 
 
 @dataclass(frozen=True)
