@@ -20,12 +20,12 @@ from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edge
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
     FINE,
-    FOLLOWED,
     NO_FORM,
     SEARCHED,
     SPEED_UNKNOWN,
     TOO_SMALL,
     WORST_SPEED,
+    FoundOnsets,
     SlipOnset,
     Tractions,
     TractionWaves,
@@ -51,6 +51,9 @@ GAIN_EVERY = 2 * FINE
 #: the low-pass needs this many samples per period of its cut-off; above, samples are averaged;
 #: twice as many take twice as long
 PLAIN_OVERSAMPLING = 10.0
+#: onsets that start from others are given up if more than this share is unlike; what is then looked
+#: for everywhere takes five times as long
+FOLLOWING = 0.7
 #: rows whose plain edges are worked on at once
 ROWS = 256
 
@@ -94,7 +97,7 @@ class Forms:
             reference.knots(float(speed_m_s.min()), float(speed_m_s.max()))
         )
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
-        self._half_window_m, self._form_error = learnt.half_window_m, form_error(learnt)
+        self._half_window_m, self.form_error = learnt.half_window_m, form_error(learnt)
         self._waves: dict[int, TractionWaves] = {}
         self._tractions: dict[tuple[int, int], Tractions] = {}
 
@@ -117,7 +120,6 @@ class Forms:
                 tables.grids[number],
                 self._waves[number].table(every),
                 float(tables.half_length_m[number]),
-                self._form_error,
             )
         return self._tractions[key]
 
@@ -287,17 +289,21 @@ def find_onsets(look: Look, work: Measured) -> None:
     """Slip onsets of the rows of `work` that are driven.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
-    theirs, as the fit without traction tells it, and are looked for everywhere if theirs is unlike.
+    theirs, as the fit without traction tells it; of those that are unlike theirs again some are
+    looked for everywhere and the others start from these, and so on.
     """
     if work.usual is None:
         return
-    rows = np.flatnonzero(work.driven)
-    asked = _spread(rows, SEARCHED)
-    known, starts = _searched(look, work, asked, work.usual.scatter)
-    rest = np.setdiff1d(rows, asked, assume_unique=True)
-    if known.size:
-        rest = _followed(look, work, rest, known, starts, work.usual.scatter)
-    _searched(look, work, rest, work.usual.scatter)
+    scatter, rest = work.usual.scatter, np.flatnonzero(work.driven)
+    while rest.size:
+        asked = _spread(rest, SEARCHED)
+        known, starts = _searched(look, work, asked, scatter)
+        rest = np.setdiff1d(rest, asked, assume_unique=True)
+        other = _followed(look, work, rest, known, starts, scatter) if known.size else rest
+        if other.size > FOLLOWING * rest.size:  # these are not alike
+            _searched(look, work, other, scatter)
+            return
+        rest = other
 
 
 def _spread(rows: IntArray, most: int) -> IntArray:
@@ -318,34 +324,36 @@ def _searched(
 
     Their rows (k,), and the starts, (k,) of FOLLOWED.
     """
-    further = look.roughly // look.averaged
-    known, starts = [rows[:0]], [np.empty(0, FOLLOWED)]
+    further, parts = look.roughly // look.averaged, []
     for windows, _, sigma, knot in look.alike(rows):
         tractions = look.forms.traction(knot)
         for times, part in _alike(windows, further):
             shift, motion = _form_shift(look, work, part, knot), part.motion(*look.motions)
             found = tractions.onsets(part, motion, part.reduced(times), shift, sigma, scatter)
-            work.slip.put(part.row, tractions.told(found, scatter))
-            worth, start = tractions.worth_following(found, shift, scatter)
-            known.append(part.row[worth])
-            starts.append(start[worth])
-    return np.concatenate(known), np.concatenate(starts)
+            parts.append(FoundOnsets(part.row, found, tractions.half_lengths_m(part), shift))
+    onsets = FoundOnsets.joined(parts)
+    told = onsets.told(look.forms.form_error, scatter)
+    work.slip.put(onsets.row, told)
+    worth, starts = onsets.starts(told, scatter)
+    return onsets.row[worth], starts[worth]
 
 
 def _followed(
     look: Look, work: Measured, rows: IntArray, known: IntArray, starts: Records, scatter: float
 ) -> IntArray:
     """Fill the onsets of `rows` that are like those of the rows `known`; the other rows."""
-    other = [rows[:0]]
+    length, parts = work.fits.length_m, []
     for windows, motion, sigma, knot in look.alike(rows):
-        tractions, length = look.forms.traction(knot), work.fits.length_m
+        tractions = look.forms.traction(knot)
         nearest = np.argmin(np.abs(length[windows.row][:, None] - length[known]), axis=1)
         shift = _form_shift(look, work, windows, knot)
         found = tractions.followed(windows, motion, shift, starts[nearest], sigma, scatter)
-        alike = np.isfinite(found["best"])
-        work.slip.put(windows.row[alike], tractions.told(found[alike], scatter))
-        other.append(windows.row[~alike])
-    return np.sort(np.concatenate(other))
+        parts.append(FoundOnsets(windows.row, found, tractions.half_lengths_m(windows), shift))
+    onsets = FoundOnsets.joined(parts)
+    alike = np.isfinite(onsets.found["best"])
+    kept = onsets.take(alike)
+    work.slip.put(kept.row, kept.told(look.forms.form_error, scatter))
+    return np.sort(onsets.row[~alike])
 
 
 def _free(look: Look, rows: IntArray) -> IntArray:

@@ -239,14 +239,17 @@ class Tractions:
     """What slip onsets are looked for with at one speed.
 
     `table` (g, 8) and `grid` (one GRID) of the form, `waves` (g, c) of the traction, half of the
-    form's length; `form_error` of an onset as a share of that.
+    form's length.
     """
 
     table: FloatArray
     grid: Record
     waves: FloatArray
     half_length_m: float
-    form_error: float = 0.0
+
+    def half_lengths_m(self, windows: PatchWindows) -> FloatArray:
+        """That of the form for each row of `windows`, (n,)."""
+        return np.full(len(windows.row), self.half_length_m)
 
     def gains(self, windows: PatchWindows, motion: Records, sigma: float) -> FloatArray:
         """Squared sigmas of misfit that a small traction removes from the fit of each row.
@@ -335,30 +338,59 @@ class Tractions:
         found["rival"][alike] = np.inf
         return found
 
-    def worth_following(
-        self, found: Records, shift_m: FloatArray, scatter: float
-    ) -> tuple[NDArray[np.bool_], Records]:
-        """Which of the onsets that were `found` others may start from, (n,), and the starts.
-
-        Onsets that are told, and stand alone far more clearly than is asked for.
-        """
-        scale = _scale(found, scatter)
-        starts = np.empty(found.size, FOLLOWED)
-        starts["onset"] = found["best"]
-        starts["moved"] = (found["shift"] - shift_m) / self.half_length_m
-        with np.errstate(invalid="ignore"):
-            alone = found["rival"] - found["chi2"] > SURELY * ALONE * scale
-        return alone & (self.told(found, scatter).reason == ""), starts
-
     @property
     def step_m(self) -> float:
         """From one onset that is tried to the next."""
         onsets = onset_grid(self.half_length_m)
         return float(onsets[1] - onsets[0])
 
-    def told(self, found: Records, scatter: float) -> SlipOnset:
-        """Onsets with their errors, or why not, of what was `found` (n,)."""
-        L, onsets, step = self.half_length_m, onset_grid(self.half_length_m), self.step_m
+
+@dataclass(frozen=True)
+class FoundOnsets:
+    """What was found of the onsets of some rows, (n,) each.
+
+    `row`: ordinals of the passages; `found` of ONSET; `half_length_m` of each one's form;
+    `shift_m`: where its fit without traction puts the form beside its own place.
+    """
+
+    row: IntArray
+    found: Records
+    half_length_m: FloatArray
+    shift_m: FloatArray
+
+    @classmethod
+    def joined(cls, parts: list[FoundOnsets]) -> FoundOnsets:
+        """Those of all `parts`, one after the other."""
+        empty = cls(np.empty(0, np.int64), np.empty(0, ONSET), np.empty(0), np.empty(0))
+        columns = (
+            np.concatenate([getattr(part, f.name) for part in (empty, *parts)]) for f in fields(cls)
+        )
+        return cls(*columns)
+
+    def take(self, which: NDArray[np.bool_]) -> FoundOnsets:
+        """The rows `which` (mask)."""
+        return FoundOnsets(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def starts(self, told: SlipOnset, scatter: float) -> tuple[NDArray[np.bool_], Records]:
+        """Which of the onsets, as `told`, others may start from, (n,), and the starts.
+
+        They stand alone far more clearly than is asked for.
+        """
+        starts = np.empty(self.row.size, FOLLOWED)
+        starts["onset"] = self.found["best"]
+        starts["moved"] = (self.found["shift"] - self.shift_m) / self.half_length_m
+        with np.errstate(invalid="ignore"):
+            lead = self.found["rival"] - self.found["chi2"]
+            alone = lead > SURELY * ALONE * _scale(self.found, scatter)
+        return alone & (told.reason == ""), starts
+
+    def told(self, form_error: float, scatter: float) -> SlipOnset:
+        """Onsets with their errors, or why not.
+
+        `form_error` of an onset as a share of the half length, `scatter` of the log (`Usual`).
+        """
+        found, L, onsets = self.found, self.half_length_m, onset_grid(1.0)
+        step = (onsets[1] - onsets[0]) * L
         best, middle, rival = (found[n] for n in ("best", "middle", "rival"))
         a, b, c = found["chi2_before"], found["chi2_middle"], found["chi2_after"]
         shorter, longer = found["length_before"], found["length_after"]
@@ -366,13 +398,13 @@ class Tractions:
         scale, known = _scale(found, scatter), np.isfinite(best)
         bend = np.maximum(a - 2.0 * b + c, 1e-300)
         onset = (
-            onsets[np.where(known, middle, 0.0).astype(int)]
+            onsets[np.where(known, middle, 0.0).astype(int)] * L
             + np.clip(0.5 * (a - c) / bend, -0.5, 0.5) * step
         )
         own = STEEPER * step * np.sqrt(2.0 * scale / bend)
         # what is left beyond noise is a misfit of form or traction
         missed = np.sqrt(1.0 + ALIKE * np.maximum(1.0 - 1.0 / scale, 0.0))
-        error = np.hypot(own * missed, np.hypot(LEAST_ERROR, self.form_error) * L)
+        error = np.hypot(own * missed, np.hypot(LEAST_ERROR, form_error) * L)
         reason = np.full(best.size, "", object)
         reason[rival - left < ALONE * scale] = NOT_ALONE
         reason[(own > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
