@@ -298,15 +298,27 @@ def follow_rows(
 ) -> None:  # fmt: skip
     """Fills `found` (n,) of ONSET as `onset_rows` does, from where each row's solution should be.
 
-    The form is put where `shift_m` (n,) says, with onsets about number `onset` (n,), and then
-    `turns` times where the solution moves it. A rival is not looked for: NaN.
+    The form is put where `shift_m` (n,) says, with the onset of number `onset` (n,), and then
+    `turns` times where the solution moves it, with onsets about that one. A rival is not looked
+    for: NaN.
     """
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    near_told, best = np.empty(2 * fine + 1, TRIED), np.empty(FITTED + 1)
+    alone, near_told, best = (
+        np.empty(1, TRIED),
+        np.empty(2 * fine + 1, TRIED),
+        np.empty(FITTED + 1),
+    )
     for row in range(values.shape[0]):
         used, first, top, shift = _moved_on(
-            values[row], motion[row], table, grid, int(onset[row]), shift_m[row], turns, waves,
-            sigma, odd_sd, trust_m, near_told, best, columns, place,
+            values[row], motion[row], table, grid, int(onset[row]), shift_m[row], 1, waves, sigma,
+            odd_sd, trust_m, alone, best, columns, place,
+        )  # fmt: skip
+        if used <= FITTED:
+            continue
+        shift += _own_shift(best, trust_m)
+        used, first, top, shift = _moved_on(
+            values[row], motion[row], table, grid, int(onset[row]), shift, turns, waves, sigma,
+            odd_sd, trust_m, near_told, best, columns, place,
         )  # fmt: skip
         _put(used, first, top, shift, near_told, best, found[row])
 

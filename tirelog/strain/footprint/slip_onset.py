@@ -321,7 +321,7 @@ class Tractions:
             like["onset"].astype(np.int64),
             start,
             trust_m,
-            LAST_TURNS,
+            LAST_TURNS - 1,
             sigma,
             JOINT_ODD_SD,
             found,
