@@ -116,7 +116,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
         separator, decimal = _separator(sample, timed, given)
-        cells = Cells(clean, separator, timed)
+        cells = LineCells(clean, separator, timed)
         first = (
             _first_row(full, cells, decimal, tail)
             if given.header_rows is None
@@ -252,7 +252,7 @@ def split_cells(line: str, separator: str, timed: bool = False) -> list[str]:
     return [cell.strip().strip('"') for cell in cells]
 
 
-class Cells(dict[int, list[str]]):
+class LineCells(dict[int, list[str]]):
     """The cells of lines by their numbers, cut when they are asked for.
 
     alike  the lines with each digit as a 0: rows of numbers are mostly like a row before
@@ -327,7 +327,7 @@ def _is_row(cells: list[str], decimal: str, like: str, plain: set[str]) -> bool:
     )
 
 
-def _first_row(full: list[int], cells: Cells, decimal: str, most: int) -> int | None:
+def _first_row(full: list[int], cells: LineCells, decimal: str, most: int) -> int | None:
     """Index of the first line from which on nearly all lines look like rows."""
     tail = full[-most:]
     like = Counter(_kind(cells[i][0], decimal) for i in tail[len(tail) // 4 :]).most_common(1)[0][0]

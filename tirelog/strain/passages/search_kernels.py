@@ -215,9 +215,9 @@ def fill_lost(values: NDArray[np.float32]) -> bool:
         if before < 0:
             values[:i] = values[i]
         elif i > before + 1:
-            first, step = float(values[before]), (values[i] - float(values[before])) / (i - before)
+            first, last = float(values[before]), float(values[i])
             for k in range(before + 1, i):
-                values[k] = first + step * (k - before)
+                values[k] = first + (last - first) / (i - before) * (k - before)
         before = i
     if before >= 0:
         values[before + 1 :] = values[before]
