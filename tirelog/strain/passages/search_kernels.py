@@ -215,7 +215,7 @@ def fill_lost(values: NDArray[np.float32]) -> bool:
         if before < 0:
             values[:i] = values[i]
         elif i > before + 1:
-            first, last = float(values[before]), float(values[i])
+            first, last = np.float64(values[before]), np.float64(values[i])
             for k in range(before + 1, i):
                 values[k] = first + (last - first) / (i - before) * (k - before)
         before = i
