@@ -27,6 +27,8 @@ MODES = 1024
 GRID = 3 * MODES
 #: The grid's angles: GRID points from 0, shape (GRID,); the second half stands for negative angles.
 STEP = 2.0 * np.pi / GRID
+#: Waveforms that are laid out at once: they stay in the processor's cache. Twice as many leave it.
+BLOCK = 96
 _HARMONIC = np.arange(MODES, dtype=np.float64)
 _BLOCK = 32
 
@@ -113,9 +115,22 @@ class Angles:
     def _rows(values: Any, rows: slice) -> Any:
         return values if values.shape[0] == 1 else values[rows]
 
-    def evaluate(self, coefficients: ComplexArray) -> FloatArray:
-        """Values (n or 1, m) of waveforms given by coefficients (n or 1, K)."""
+    def evaluate(self, coefficients: ComplexArray, shares: FloatArray | None = None) -> FloatArray:
+        """Values (n or 1, m) of waveforms given by coefficients (n or 1, K).
+
+        With `shares` (n, k) each is so much of the k that are given.
+        """
         grid = to_grid(coefficients)
+        if shares is None or grid.shape[0] == 1:
+            return self._between(grid)
+        parts = []
+        for start in range(0, shares.shape[0], BLOCK):
+            rows = slice(start, start + BLOCK)
+            parts.append(self.take(rows)._between(shares[rows] @ grid))
+        return np.concatenate(parts)
+
+    def _between(self, grid: FloatArray) -> FloatArray:
+        """Values (n or 1, m) of waveforms on the grid (n or 1, GRID)."""
         total = self._weights[0] * _gather(grid, self._index[0])
         for weight, index in zip(self._weights[1:], self._index[1:]):
             total += weight * _gather(grid, index)

@@ -20,9 +20,10 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Drive
+from tirelog.physics.model.few_speeds import COUNTS, few_speeds, told_by
 from tirelog.physics.model.laws import scalar
 from tirelog.physics.model.stages import Active, Task, hub_forces, loaded_site, waveform
-from tirelog.physics.spectral import MODES, Angles
+from tirelog.physics.spectral import BLOCK, MODES, Angles
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from tirelog.physics.model.entry import ModelEffect
     from tirelog.physics.parameters import Parameter
 
-#: Revolutions computed at once: their modes stay in the processor's cache.
-BLOCK = 96
 #: Step of a central difference over a parameter's size; the stages are smooth, the error is its
 #: square. With twice as much it is four times as large, and rounding half as large.
 _STEP = 2e-5
@@ -61,7 +60,7 @@ class Predicting:
     def predict(
         self,
         conditions: Conditions,
-        phi_rad: FloatArray | None = None,
+        phi_rad: FloatArray | Angles | None = None,
         *,
         surface: str = "outer",
         phi_variance: FloatArray | None = None,
@@ -74,29 +73,30 @@ class Predicting:
         An observable of one number per revolution gives (n, 1).
 
         phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
-        times it. `values` replaces values by full name without a check of bounds. `observable` may
-        also be displacement [m], inward, tangential_displacement [m] (NaN of a beam), strain_slope
-        [1/m], strain_curvature [1/m^2], contact_pressure [N/m] (its modes carry the load exactly
-        and ripple by some parts in a thousand beside its kinks), shear_traction [N/m], positive in
-        braking, or frame_acceleration [m/s^2], gravity and the vehicle's acceleration in what a
-        radial accelerometer reads. `modes` leaves out the waves shorter than the circumference
-        over that number (P3's n_mode). surface 'outer' (groove, minimum in the patch) or 'inner'
-        (liner, maximum). ModelError: speed at or above the critical one, load not above zero, patch
-        longer than the circumference, a condition that an effect needs is not known.
+        times it; or `Angles` of both, made once for many predictions. `values` replaces values by
+        full name without a check of bounds. `observable` may also be displacement [m], inward,
+        tangential_displacement [m] (NaN of a beam), strain_slope [1/m], strain_curvature [1/m^2],
+        contact_pressure [N/m] (its modes carry the load exactly and ripple by some parts in a
+        thousand beside its kinks), shear_traction [N/m], positive in braking, or frame_acceleration
+        [m/s^2], gravity and the vehicle's acceleration in what a radial accelerometer reads.
+        `modes` leaves out the waves shorter than the circumference over that number (P3's n_mode).
+        surface 'outer' (groove, minimum in the patch) or 'inner' (liner, maximum). ModelError:
+        speed at or above the critical one, load not above zero, patch longer than the
+        circumference, a condition that an effect needs is not known.
         """
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
         angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
         result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
-        for rows, task in self._tasks(conditions, flat):
+        for rows, task, shares in self._parts(conditions, flat, observable, surface):
             part = None if angles is None else angles.take(rows)
-            result[rows] = _predicted(task, observable, surface, part, modes)
+            result[rows] = _predicted(task, observable, surface, part, modes, shares)
         return result
 
     def linearised(
         self,
         conditions: Conditions,
-        phi_rad: FloatArray | None,
+        phi_rad: FloatArray | Angles | None,
         names: Sequence[str],
         *,
         surface: str = "outer",
@@ -118,11 +118,11 @@ class Predicting:
             1 if angles is None else angles.phi_rad.shape[1],
         )
         base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
-        for rows, task in self._tasks(conditions, flat, also=names):
+        for rows, task, shares in self._parts(conditions, flat, observable, surface, also=names):
             part = None if angles is None else angles.take(rows)
-            base[rows] = _predicted(task, observable, surface, part)
+            base[rows] = _predicted(task, observable, surface, part, shares=shares)
             for i, name in enumerate(names):
-                slopes[i, rows] = model._slope(task, flat, name, observable, surface, part)
+                slopes[i, rows] = model._slope(task, flat, name, observable, surface, part, shares)
         return base, slopes
 
     def _slope(
@@ -133,6 +133,7 @@ class Predicting:
         observable: str,
         surface: str,
         angles: Angles | None,
+        shares: FloatArray | None = None,
     ) -> FloatArray:
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
         ends = []
@@ -148,9 +149,13 @@ class Predicting:
         )
         added_up, added_down = (_added(end, observable, angles) for end in ends)
         level = (level_up - level_down + added_up - added_down) / (2.0 * step)
-        return angles.evaluate((up - down) / (2.0 * step)) + level
+        return angles.evaluate((up - down) / (2.0 * step), shares) + _of_rows(level, shares)
 
-    def _angles(self, phi_rad: FloatArray | None, phi_variance: FloatArray | None) -> Angles:
+    def _angles(
+        self, phi_rad: FloatArray | Angles | None, phi_variance: FloatArray | None
+    ) -> Angles:
+        if isinstance(phi_rad, Angles):
+            return phi_rad
         if phi_rad is None:
             raise ModelError(
                 f"a waveform ({self.observable}) needs angles",
@@ -168,10 +173,46 @@ class Predicting:
             a for a in active if a.effect.is_on(a.values, steady_carcass(self.carcass))
         )
 
+    def _parts(
+        self,
+        conditions: Conditions,
+        flat: Mapping[str, float],
+        observable: str,
+        surface: str,
+        also: Sequence[str] = (),
+    ) -> Iterator[tuple[slice, Task, FloatArray | None]]:
+        """`_tasks`, or all rows in one task of few speeds, and the shares that rows have of them.
+
+        That is if they tell the rows' strain; None for a task of the rows themselves.
+        """
+        for count in COUNTS if observable == "strain" and len(conditions) >= 2 * COUNTS[0] else ():
+            task = self._task(conditions, flat, also)
+            on = {a.effect.id for a in task.active} | {name.split(".")[0] for name in also}
+            acting = [e.effect for e in self.effects if e.id in on]
+            few = few_speeds(task.drive, acting, count)
+            if few is None:
+                break
+            task = replace(task, drive=few[0])
+            modes, _ = waveform(task, observable, _lever(task, surface))
+            if told_by(modes):
+                yield slice(0, len(conditions)), task, few[1]
+                return
+        for rows, task in self._tasks(conditions, flat, also):
+            yield rows, task, None
+
     def _tasks(
         self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()
     ) -> Iterator[tuple[slice, Task]]:
-        """(rows, task) block by block.
+        """(rows, task) block by block.  ModelError as of `_task`."""
+        task = self._task(conditions, flat, also)
+        for start in range(0, len(conditions), BLOCK):
+            rows = slice(start, min(start + BLOCK, len(conditions)))
+            yield rows, replace(task, drive=task.drive.take(rows), memo={})
+
+    def _task(
+        self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()
+    ) -> Task:
+        """The task of all rows.
 
         ModelError if an effect that is on, or has a parameter in `also`, lacks a condition.
         """
@@ -191,20 +232,14 @@ class Predicting:
                 allowed="every revolution needs one",
                 do="leave it out of the stack",
             )
-        drive = Drive.of(conditions)
-        for start in range(0, len(conditions), BLOCK):
-            rows = slice(start, min(start + BLOCK, len(conditions)))
-            yield (
-                rows,
-                Task(
-                    steady_carcass(self.carcass),
-                    self.contact == "flat_road",
-                    base,
-                    active,
-                    drive.take(rows),
-                    point=self.contact == "point",
-                ),
-            )
+        return Task(
+            steady_carcass(self.carcass),
+            self.contact == "flat_road",
+            base,
+            active,
+            Drive.of(conditions),
+            point=self.contact == "point",
+        )
 
     def half_length_m(self, conditions: Conditions) -> FloatArray:
         """L of the patch, shape (n,), after the effects on the load."""
@@ -248,18 +283,33 @@ def _lever(task: Task, surface: str) -> float:
 
 
 def _predicted(
-    task: Task, observable: str, surface: str, angles: Angles | None, highest: int | None = None
+    task: Task,
+    observable: str,
+    surface: str,
+    angles: Angles | None,
+    highest: int | None = None,
+    shares: FloatArray | None = None,
 ) -> FloatArray | float:
     """What the sensor reads in one block: the waveform and what is added to it.
 
-    `highest` is the mode that is the last of a waveform; None: all.
+    `highest` is the mode that is the last of a waveform; None: all. `shares` (n, k): the rows are
+    so much of what the task computes.
     """
     if angles is None:
         return scalar(task, observable, _lever(task, surface))
     modes, level = waveform(task, observable, _lever(task, surface))
     if highest is not None:
         modes = np.where(np.arange(MODES) <= highest, modes, 0.0)
-    return angles.evaluate(modes) + (level + _added(task, observable, angles))
+    level = level + _added(task, observable, angles)
+    return angles.evaluate(modes, shares) + _of_rows(level, shares)
+
+
+def _of_rows(level: FloatArray | float, shares: FloatArray | None) -> FloatArray | float:
+    """What a task of few speeds adds (k or 1, 1), of each row (n or 1, 1)."""
+    if shares is None or np.ndim(level) == 0 or np.shape(level)[0] == 1:
+        return level
+    of_rows: FloatArray = shares @ level
+    return of_rows
 
 
 def _added(task: Task, observable: str, angles: Angles) -> FloatArray | float:
