@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from tirelog.errors import ModelError
 from tirelog.inference.cells.of_numbers import alikeness, scatter_of_numbers
 from tirelog.inference.cells.pieces import Pieces, pieces_of
 from tirelog.inference.cells.shared import SharedEffects
+from tirelog.physics.spectral import Angles
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 ComplexArray = NDArray[np.complex128]
@@ -176,14 +178,10 @@ class Cells:
         """`random`, with zeros for what is taken out anyway."""
         return np.where(np.isin(_RANDOM, self.free), 0.0, self.random)
 
-    @property
+    @cached_property
     def angles(self) -> dict[str, Any]:
-        """Where a model is asked to predict: the arguments of `Model.predict`."""
-        return (
-            {"phi_rad": self.phi, "phi_variance": self.phi_variance}
-            if self.phi.shape[1] > 1
-            else {"phi_rad": None}
-        )
+        """Where a model is asked to predict: the argument of `Model.predict`."""
+        return {"phi_rad": Angles(self.phi, self.phi_variance) if self.phi.shape[1] > 1 else None}
 
     @property
     def manoeuvres(self) -> int:

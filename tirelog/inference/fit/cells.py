@@ -126,6 +126,7 @@ class Problem:
     def __init__(self, cells: Cells, white: Whitener) -> None:
         self.cells, self.white = cells, white
         self.offsets = Offsets.of(cells, white)
+        self._last: tuple[tuple[Cells, Model, dict[str, float]], FloatArray] | None = None
 
     def centre(self, model: Model, values: Mapping[str, float]) -> None:
         """Moves the cells' angles to the model's patch centre.
@@ -142,7 +143,14 @@ class Problem:
         return self.offsets.without(self.white(self.cells.values - prediction))
 
     def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
-        return predicted(model, self.cells, values=values)
+        """The prediction (C, m); a point that was tried is not computed again to go on from."""
+        if self._last is not None:
+            (cells, of, at), prediction = self._last
+            if cells is self.cells and of is model and at == values:
+                return prediction
+        prediction = predicted(model, self.cells, values=values)
+        self._last = (self.cells, model, dict(values)), prediction
+        return prediction
 
     def linearised(
         self, model: Model, names: Sequence[str], values: Mapping[str, float]
