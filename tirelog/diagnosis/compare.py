@@ -505,7 +505,8 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     if model.beside:
         model = model_of(model, stack.observable, base.cells.member)
     predicted = (
-        model.predict(stack.conditions, surface=stack.surface, **angles) + base.fit.beside[cell]
+        model.predict(stack.conditions, surface=stack.surface, each=True, **angles)
+        + base.fit.beside[cell]
     )
     left = np.where(
         np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan

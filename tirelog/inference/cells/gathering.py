@@ -1,18 +1,17 @@
-"""The pieces of all logs under one limit, `MOST_PIECES`.
+"""The pieces of all logs under two limits: `LOG_PIECES` of each log, `MOST_PIECES` of all.
 
-What works on them takes the same memory however long and many the logs are.
+What works on them takes the same time and memory however long and many the logs are.
 
-    Stacks of one log, each in its turn in memory --pieces_of--> their pieces under each other
-    more than `MOST_PIECES` of them: manoeuvres of one regime, a few neighbours together --groups-->
-        pieces of one group in one band of speed --> one Piece: joined as revolutions are in
-                                                     `pieces` (coefficients out, the rest averaged)
+    Stacks of one log, each in its turn in memory
+    more than `LOG_PIECES` of them: manoeuvres, evenly over the speeds of each regime
+        --pieces_of--> their pieces under each other
     the pieces of several logs, more than `MOST_PIECES` together
         --share_out--> each log's share of them, evenly over its speeds
 
-Within a log no revolution is left out: each counts in its piece's mean, noise and coefficients, and
-`cell` knows its piece. To all that follows a group is one manoeuvre: replicates are fewer, and no
-more correlated than manoeuvres are. Of many logs pieces are left out instead, since gathering them
-further would make one manoeuvre of what repeats. `notes` of the pieces say both.
+Manoeuvres are left out whole: they are what repeats, and what stays of them scatters as it did. To
+average several as one instead would take the scatter between them for the model's error: with loads
+that scatter by 1 %, three as one raised reduced chi-square from 1.0 to 2.0. `notes` of the pieces
+say what was left out; `cell` knows of each revolution its piece, or the one nearest in speed.
 
 `diagnose` of logs does both steps at once; a campaign's workers do the first and its models the
 second, with the same numbers.
@@ -20,29 +19,28 @@ second, with the same numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import Conditions, Stack
+from tirelog.data.recording import Stack
 from tirelog.inference.cells.pieces import (
-    BAND_M_S,
     Pieces,
     assign_pieces,
     concatenated_pieces,
-    one_waveform,
     pieces_of,
 )
 from tirelog.inference.stacks.cut import ANGLES
 from tirelog.inference.stacks.spooled import Stacks, outlines
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: pieces that all logs together may have (an hour of mixed driving), in `diagnose` as in campaigns:
-#: a diagnosis takes 0.35 MB for each beside 240 MB, so it stays below 1 GB, and twice as many would
-#: take 1.5 GB. Gathering costs what error bars rest on: with loads that scatter by 1 %, three
-#: manoeuvres as one raised reduced chi-square from 1.0 to 2.0
+#: pieces of one log (eight minutes of mixed driving): forty manoeuvres tell by sign flips what a
+#: verdict asks for, and what it calls too small to matter does not shrink with more of them.
+#: Twice as many take twice the time, and tell strengths to 0.7 of their errors
+LOG_PIECES = 120
+#: pieces that all logs together may have, in `diagnose` as in campaigns: a diagnosis takes 0.35 MB
+#: for each beside 240 MB, so it stays below 1 GB, and twice as many would take 1.5 GB
 MOST_PIECES = 1800
 #: pieces that a log gives at least; if there are so many logs that they have no room, only some of
 #: the logs, evenly; with twice as many, half as many logs have a part
@@ -55,10 +53,11 @@ def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
     Each log is gathered by itself; several share the room.
     """
     outline = outlines(stacks)
+    of_log = room(outline[0].phi_rad.size, min(most, LOG_PIECES))
     most = room(outline[0].phi_rad.size, most)
     parts: list[Pieces] = []
     for places in _places_of_logs(outline):
-        part = _pieces((stacks[i] for i in places), [outline[i] for i in places], most)
+        part = _pieces(stacks, places, outline, of_log)
         first = parts[-1].manoeuvre.max() + 1 if parts else 0
         parts.append(
             replace(part, manoeuvre=np.unique(part.manoeuvre, return_inverse=True)[1] + first)
@@ -142,12 +141,10 @@ def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
     return gathered
 
 
-def pieces_of_all(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
-    """The pieces of stacks that are numbered through.
-
-    They are `most` or fewer if manoeuvres can be gathered so far.
-    """
-    pieces = _pieces(stacks, outlines(stacks), most)
+def pieces_of_all(stacks: Sequence[Stack], most: int = LOG_PIECES) -> Pieces:
+    """The pieces of stacks that are numbered through, about `most` of each log at most."""
+    outline = outlines(stacks)
+    pieces = _pieces(stacks, range(len(stacks)), outline, room(outline[0].phi_rad.size, most))
     return replace(pieces, notes=(*_notes(stacks), *pieces.notes))
 
 
@@ -155,146 +152,86 @@ def _notes(stacks: Sequence[Stack]) -> tuple[str, ...]:
     return stacks.notes if isinstance(stacks, Stacks) else ()
 
 
-def _pieces(stacks: Iterable[Stack], outline: Sequence[Stack], most: int) -> Pieces:
-    """`pieces_of_all` of stacks as they come; `outline` the same without waveforms."""
-    groups = _groups(outline, most)
+def _pieces(
+    stacks: Sequence[Stack], places: Sequence[int], outline: Sequence[Stack], most: int
+) -> Pieces:
+    """`pieces_of_all` of the stacks at `places`; `outline` all stacks without waveforms.
+
+    Those of which no manoeuvre is used are not read.
+    """
+    own = [outline[i] for i in places]
+    manoeuvre = np.concatenate([stack.manoeuvre for stack in own])
+    kept, some = _kept_manoeuvres(own, manoeuvre, most)
     parts: list[Pieces] = []
-    for stack in stacks:
-        parts.append(pieces_of(stack))
-        if groups is not None and sum(len(part) for part in parts) > 2 * most:
-            parts = [_gathered(concatenated_pieces(parts), groups)]
+    first = 0
+    cell = np.full(manoeuvre.size, -1)
+    for i in places:
+        used = np.flatnonzero(np.isin(outline[i].manoeuvre, kept))
+        if used.size:
+            stack = stacks[i]
+            part = pieces_of(stack if used.size == len(stack) else stack.take(used))
+            cell[first + used] = part.cell + sum(len(one) for one in parts)
+            parts.append(part)
+        first += len(outline[i])
     pieces = concatenated_pieces(parts)
-    if groups is None:
-        return pieces
-    before = np.unique(np.concatenate([stack.manoeuvre for stack in outline])).size
-    pieces = _gathered(pieces, groups)
-    manoeuvre = groups[pieces.manoeuvre]
-    said = (
-        f"{', '.join(pieces.logs[i] for i in np.unique(pieces.log))}: {before} manoeuvres are "
-        "taken together as "
-        f"{np.unique(manoeuvre).size}, some neighbours of one regime as one; scatter between "
-        "those counts as the model's error"
+    log = np.concatenate([stack.log for stack in own])
+    speed = np.concatenate([stack.conditions.speed_m_s for stack in own])
+    for number in np.unique(log[cell < 0]):
+        rows, there = np.flatnonzero((cell < 0) & (log == number)), pieces.log == number
+        cell[rows] = np.flatnonzero(there)[
+            _nearest_in_speed(speed[rows], pieces.conditions.speed_m_s[there])
+        ]
+    notes = (
+        f"{pieces.logs[number]}: {used} of {of} manoeuvres are used, spread over the speeds of "
+        "each regime; more of a kind are not needed"
+        for number, (used, of) in some.items()
     )
-    return replace(pieces, manoeuvre=manoeuvre, notes=(said,))
+    return replace(pieces, cell=cell, notes=tuple(notes))
 
 
-def _groups(stacks: Sequence[Stack], most: int) -> IntArray | None:
-    """The group of each manoeuvre, by its number.
+def _nearest_in_speed(speed_m_s: FloatArray, among: FloatArray) -> IntArray:
+    """Which of the speeds `among` is nearest to each, (n,)."""
+    order = np.argsort(among, kind="stable")
+    middle = 0.5 * (among[order][1:] + among[order][:-1])
+    nearest: IntArray = order[np.searchsorted(middle, speed_m_s)]
+    return nearest
 
-    None if there are few pieces, or numbers per revolution, which take no room.
+
+def _kept_manoeuvres(
+    outline: Sequence[Stack], manoeuvre: IntArray, most: int
+) -> tuple[IntArray, dict[int, tuple[int, int]]]:
+    """The manoeuvres that are used, ascending; of logs with others: how many, and of how many.
+
+    About `most` pieces of a log, shared out over its regimes; of each regime its manoeuvres evenly
+    by their mean speed.
     """
-    if (
-        stacks[0].phi_rad.size == 1
-        or sum(int(assign_pieces(stack).max()) + 1 for stack in stacks) <= most
-    ):
-        return None
-    manoeuvre, first = np.unique(
-        np.concatenate([stack.manoeuvre for stack in stacks]), return_index=True
-    )
-    log = np.concatenate([stack.log for stack in stacks])[first]
-    regime = np.unique(
-        np.concatenate([stack.regime for stack in stacks])[first], return_inverse=True
-    )[1]
-    band = [_bands(stack.conditions.speed_m_s) for stack in stacks]
-    places = np.unique(
-        np.stack([np.concatenate([stack.manoeuvre for stack in stacks]), np.concatenate(band)]),
-        axis=1,
-    )
-    kind = np.unique(np.stack([log, regime]), axis=1, return_inverse=True)[1].ravel()
-    order = np.zeros(manoeuvre.size, np.int64)  # of a manoeuvre among those of its kind
-    for k in np.unique(kind):
-        order[kind == k] = np.arange((kind == k).sum())
-    groups = np.zeros(int(manoeuvre.max()) + 1, np.int64)
-    for together in range(2, int(order.max()) + 2):
-        label = np.stack([kind, order // together])
-        _, begun, number = np.unique(label, axis=1, return_index=True, return_inverse=True)
-        groups[manoeuvre] = np.argsort(np.argsort(begun))[number.ravel()]  # in the order of driving
-        if np.unique(np.stack([groups[places[0]], places[1]]), axis=1).shape[1] <= most:
-            break
-    return groups
+    log = np.concatenate([stack.log for stack in outline])
+    regime = np.concatenate([stack.regime for stack in outline])
+    speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
+    names, first, which = np.unique(manoeuvre, return_index=True, return_inverse=True)
+    mean = np.bincount(which, speed) / np.bincount(which)
+    pieces = np.zeros(names.size, np.int64)
+    for stack in outline:
+        own = np.unique(np.stack([stack.manoeuvre, assign_pieces(stack)]), axis=1)[0]
+        pieces += np.bincount(np.searchsorted(names, own), minlength=names.size)
+    kept, used = np.ones(names.size, bool), dict[int, tuple[int, int]]()
+    for number in np.unique(log):
+        of_log = np.flatnonzero(log[first] == number)
+        if pieces[of_log].sum() <= most:
+            continue
+        kinds = [of_log[regime[first][of_log] == kind] for kind in np.unique(regime[first][of_log])]
+        shares = share_out([int(pieces[kind].sum()) for kind in kinds], most)
+        for kind, share in zip(kinds, shares, strict=True):
+            kept[kind] = False
+            kept[_spread(kind[np.argsort(mean[kind], kind="stable")], pieces, share)] = True
+        used[int(number)] = int(kept[of_log].sum()), of_log.size
+    return names[kept], used
 
 
-def _bands(speed_m_s: FloatArray) -> IntArray:
-    return np.floor(speed_m_s / BAND_M_S).astype(np.int64)
-
-
-def _gathered(pieces: Pieces, groups: IntArray) -> Pieces:
-    """Pieces of one group in one band of speed as one; it has the manoeuvre of its first."""
-    keys = np.stack([groups[pieces.manoeuvre], _bands(pieces.conditions.speed_m_s)])
-    number = np.unique(keys, axis=1, return_inverse=True)[1].ravel()
-    coefficients = np.split(pieces.coefficients, np.cumsum(pieces.number)[:-1])
-    made = [
-        _together(pieces, np.flatnonzero(number == k), coefficients)
-        for k in range(int(number.max()) + 1)
-    ]
-    return replace(concatenated_pieces(made), cell=number[pieces.cell])
-
-
-def _together(pieces: Pieces, rows: IntArray, coefficients: Sequence[FloatArray]) -> Pieces:
-    """The pieces `rows` as one, without the cells of its revolutions."""
-    if rows.size == 1:
-        return pieces.take(rows)
-    weight = pieces.number[rows]
-    conditions = Conditions(
-        **{
-            name: np.average(getattr(pieces.conditions, name)[rows], weights=weight)[None]
-            for name in Conditions.__dataclass_fields__
-        }
-    )
-    about = (pieces.conditions.speed_m_s[rows] - conditions.speed_m_s)[:, None]
-    count = pieces.count[rows]
-    share = count / np.maximum(count.sum(axis=0), 1e-12)
-    mean, square = pieces.speed_mean[rows], pieces.speed_square[rows]
-    part = one_waveform(
-        pieces.mean[rows],
-        pieces.phi[rows],
-        pieces.variance[rows],
-        count,
-        pieces.conditions.speed_m_s[rows],
-        weight,
-    )
-    apart = np.where(count > 0, pieces.phi[rows] - part.phi, 0.0)
-    between = _without_trend(part.coefficients, pieces.conditions.speed_m_s[rows])
-    changed: dict[str, Any] = {
-        "residual_ss": part.residual_ss + pieces.residual_ss[rows].sum(axis=0),
-        "freedom": part.freedom + pieces.freedom[rows].sum(axis=0),
-        "still": (share * pieces.still[rows]).sum(axis=0),
-        "speed_mean": (share * (mean + about)).sum(axis=0),
-        "speed_square": (share * (square + 2.0 * about * mean + about**2)).sum(axis=0),
-        "speed_angle": (share * (pieces.speed_angle[rows] + (mean + about) * apart)).sum(axis=0),
-    }
-    names = ("mean", "phi", "variance", "count", "random", "shift", "scatter")
-    whole = {name: getattr(part, name) for name in names} | changed
-    one = pieces.take(rows[:1])
-    return replace(
-        one,
-        number=weight.sum(keepdims=True),
-        coefficients=np.concatenate(
-            [
-                _scattered(coefficients[row]) + moved
-                for row, moved in zip(rows, between, strict=True)
-            ]
-        ),
-        conditions=conditions,
-        **{name: value[None] for name, value in whole.items()},
-    )
-
-
-def _without_trend(x: FloatArray, along: FloatArray) -> FloatArray:
-    """x (k, 3) about its line along (k,), of so few about its mean."""
-    k = along.size
-    design = np.stack([np.ones(k), along - along.mean()], axis=1)[:, : 2 if k >= 4 else 1]
-    left: FloatArray = x - design @ np.linalg.lstsq(design, x, rcond=None)[0]
-    return left
-
-
-def _scattered(coefficients: FloatArray) -> FloatArray:
-    """The coefficients of a piece's revolutions about their trend.
-
-    The trend is in the order of driving, as `cells` takes their scatter; the size counts what the
-    trend took. Beside those of other manoeuvres the trend would be taken for scatter.
-    """
-    k = len(coefficients)
-    left = _without_trend(coefficients, np.arange(float(k)))
-    scaled: FloatArray = left * np.sqrt(k / max(k - (2 if k >= 4 else 1), 1))
-    return scaled
+def _spread(of_kind: IntArray, pieces: IntArray, most: int) -> IntArray:
+    """Evenly some of the manoeuvres `of_kind`, with `most` pieces together, or one of them."""
+    for count in range(of_kind.size, 1, -1):
+        place = ((np.arange(count) + 0.5) / count * of_kind.size).astype(np.int64)
+        if pieces[of_kind[place]].sum() <= most:
+            return of_kind[place]
+    return of_kind[of_kind.size // 2 : of_kind.size // 2 + 1]

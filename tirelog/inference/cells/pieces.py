@@ -271,14 +271,14 @@ class _Part:
     still: ComplexArray
 
 
-def _knots(count: FloatArray, weight: IntArray | None) -> int | None:
+def _knots(count: FloatArray) -> int | None:
     """How many knots the curve of revolutions with `count` (k, m) samples may have; None: any.
 
     Fewer than the samples of one of them, if these leave bins without a sample: then revolutions
     whose samples lock to fixed angles fill bins of their own between those of others, and a curve
     that bends from bin to bin follows whatever the ones have more of than the others.
     """
-    samples = float(np.median(count.sum(axis=1) / (1 if weight is None else weight)))
+    samples = float(np.median(count.sum(axis=1)))
     return None if samples >= count.shape[1] else knots_of(samples)
 
 
@@ -364,7 +364,6 @@ def one_waveform(
     variance: FloatArray,
     count: NDArray[Any],
     speed: FloatArray,
-    weight: IntArray | None = None,
     step: float = 0.0,
     step_from: float = 0.0,
 ) -> _Part:
@@ -372,12 +371,11 @@ def one_waveform(
 
     From bin means, mean angles, variances and counts (k, m) and speeds (k,).
 
-    The same of k pieces: `weight` (k,) are their revolutions then. The coefficients of all
-    revolutions together are zero in the mean. Their values are whole steps from `step_from`, if the
-    `step` is not 0.
+    The coefficients of all revolutions together are zero in the mean. Their values are whole steps
+    from `step_from`, if the `step` is not 0.
     """
     count = np.where(np.isfinite(values), count, 0).astype(float)
-    knots = _knots(count, weight)
+    knots = _knots(count)
     corrected = values
     for _ in range(_ROUNDS):
         mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
@@ -389,7 +387,7 @@ def one_waveform(
         right = np.einsum("kmi,km->ki", columns, excess * count)
         gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(4)
         coefficients = np.linalg.solve(gram, right[..., None])[..., 0]
-        coefficients -= np.average(coefficients, axis=0, weights=weight)
+        coefficients -= coefficients.mean(axis=0)
         taken = np.einsum("kmi,ki->km", columns, coefficients)
         corrected = np.where(count > 0, values - taken, np.nan)
     mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
@@ -405,7 +403,7 @@ def one_waveform(
             step,
         )
     own = _columns(curve, np.where(total > 0, angle, 0.0))
-    about = (speed - np.average(speed, weights=weight))[:, None]
+    about = (speed - speed.mean())[:, None]
     share = count / np.maximum(total, 1e-12)
     return _Part(
         mean,

@@ -67,6 +67,7 @@ class Predicting:
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
         modes: int | None = None,
+        each: bool = False,
     ) -> FloatArray:
         """What the sensor reads, shape (n, m): revolutions x angles.
 
@@ -80,15 +81,16 @@ class Predicting:
         thousand beside its kinks), shear_traction [N/m], positive in braking, or frame_acceleration
         [m/s^2], gravity and the vehicle's acceleration in what a radial accelerometer reads.
         `modes` leaves out the waves shorter than the circumference over that number (P3's n_mode).
-        surface 'outer' (groove, minimum in the patch) or 'inner' (liner, maximum). ModelError:
-        speed at or above the critical one, load not above zero, patch longer than the
-        circumference, a condition that an effect needs is not known.
+        `each`: every row by itself, to the bit what it is without those beside it. surface 'outer'
+        (groove, minimum in the patch) or 'inner' (liner, maximum). ModelError: speed at or above
+        the critical one, load not above zero, patch longer than the circumference, a condition that
+        an effect needs is not known.
         """
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
         angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
         result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
-        for rows, task, shares in self._parts(conditions, flat, observable, surface):
+        for rows, task, shares in self._parts(conditions, flat, observable, surface, each=each):
             part = None if angles is None else angles.take(rows)
             result[rows] = _predicted(task, observable, surface, part, modes, shares)
         return result
@@ -180,12 +182,14 @@ class Predicting:
         observable: str,
         surface: str,
         also: Sequence[str] = (),
+        each: bool = False,
     ) -> Iterator[tuple[slice, Task, FloatArray | None]]:
         """`_tasks`, or all rows in one task of few speeds, and the shares that rows have of them.
 
         That is if they tell the rows' strain; None for a task of the rows themselves.
         """
-        for count in COUNTS if observable == "strain" and len(conditions) >= 2 * COUNTS[0] else ():
+        apart = each or observable != "strain" or len(conditions) < 2 * COUNTS[0]
+        for count in () if apart else COUNTS:
             task = self._task(conditions, flat, also)
             on = {a.effect.id for a in task.active} | {name.split(".")[0] for name in also}
             acting = [e.effect for e in self.effects if e.id in on]
