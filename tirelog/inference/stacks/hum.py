@@ -12,8 +12,10 @@ whole stretch, and no effect of the tire is taken out with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,18 +96,19 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
     spread_s = np.sqrt(np.nan_to_num(stack.phi_variance)) / speed[:, None]
     time_s = np.where(np.isfinite(time_s), time_s, np.nanmin(time_s))
     lines: list[Line] = []
+    pairs = _Pairs(values, time_s, spread_s, first)
     for supply in SUPPLIES_HZ:
         for multiple in range(1, MULTIPLES + 1):
             # the third and fourth come with the first or the second
             if multiple > 2 and not any(_is_multiple(line, supply) for line in lines):
                 break
-            pairs = _Pairs(values, time_s, spread_s, first)
             found = pairs.line(multiple * supply, multiple * OFF_HZ)
             if found is not None:
                 without, line = pairs.taken_out(found)
                 if line.amplitude >= _LEAST * pairs.scatter:
                     values = without
                     lines.append(line)
+                    pairs = _Pairs(values, time_s, spread_s, first)
     return values, lines
 
 
@@ -135,6 +138,7 @@ class _Pairs:
         # a flank's bin that has lost a sample tells where the others lie, and nothing of a line
         near = np.abs(rise) * np.sqrt(weight) < _FAR
         self.weight = np.where(self.there & near, weight, 0.0)
+        self.weighted = self.weight * rise
         #: of one bin of one revolution, in the middle over the angles
         self.scatter = float(least) / np.sqrt(2.0)
         self.rise = rise
@@ -142,27 +146,55 @@ class _Pairs:
 
     def wave(self, frequency: float) -> NDArray[np.complex128]:
         """A line of unit amplitude as its mean over each bin's samples, (n, m)."""
-        turn = 2.0 * np.pi * frequency
-        return np.asarray(np.exp(1j * turn * self.time_s - 0.5 * (turn * self.spread_s) ** 2))
+        return self.blurred(self.turning(frequency), frequency)
 
-    def change(self, wave: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def turning(self, frequency: float) -> NDArray[np.complex128]:
+        """A line of unit amplitude at each bin's mean time, (n, m)."""
+        return np.asarray(np.exp(2j * np.pi * frequency * self.time_s))
+
+    @cached_property
+    def hertz(self) -> NDArray[np.complex128]:
+        """A line of 1 Hz: by it a line becomes that of the next hertz, for a tenth of the time."""
+        return self.turning(1.0)
+
+    def blurred(self, turning: NDArray[np.complex128], frequency: float) -> NDArray[np.complex128]:
+        """What is left of a line (n, m) in the mean over each bin's samples."""
+        return np.asarray(turning * np.exp(-0.5 * (2.0 * np.pi * frequency * self.spread_s) ** 2))
+
+    def change(self, wave: NDArray[Any]) -> NDArray[Any]:
         """From each revolution to the next, (k, m)."""
         return np.asarray(wave[self.first + 1] - wave[self.first])
 
-    def power(self, middle: float, half: float, step: float) -> Iterator[tuple[float, float]]:
-        """(frequency, power over its own expectation without a line) around a frequency."""
-        wave = self.change(self.wave(middle))
-        along = (self.weight * self.rise * wave.conj()).sum(axis=1)
-        size = float((self.weight * np.abs(wave) ** 2).sum())
-        for off in np.arange(-half, half, step):
-            amplitude = (along * np.exp(-2j * np.pi * off * self.at)).sum()
-            yield middle + float(off), float(np.abs(amplitude) ** 2) / size
+    def power(
+        self, turning: NDArray[np.complex128], middle: float, half: float, step: float
+    ) -> FloatArray:
+        """(frequency, power over its own expectation without a line) around a frequency, (k, 2).
+
+        `turning` (n, m): a line of the frequency in the middle.
+        """
+        change = self.change(self.blurred(turning, middle))
+        cosine, sine = np.ascontiguousarray(change.real), np.ascontiguousarray(change.imag)
+        along = np.einsum("km,km->k", self.weighted, cosine) - 1j * np.einsum(
+            "km,km->k", self.weighted, sine
+        )
+        size = float(np.vdot(self.weight * cosine, cosine) + np.vdot(self.weight * sine, sine))
+        off = np.arange(-half, half, step)
+        # every so many steps, and the steps between: a product for each instead of a power for each
+        few = int(np.ceil(np.sqrt(off.size)))
+        coarse = np.exp(-2j * np.pi * off[::few, None] * self.at) * along
+        fine = np.exp(-2j * np.pi * (step * np.arange(few))[:, None] * self.at)
+        amplitude = (coarse @ fine.T).ravel()[: off.size]
+        return np.stack([middle + off, np.abs(amplitude) ** 2 / size], axis=1)
 
     def line(self, frequency: float, off: float) -> float | None:
         """The frequency of a line near `frequency`; None if nothing stands out there."""
         step = 0.25 / float(np.ptp(self.at))
-        places = np.arange(frequency - _AROUND_HZ, frequency + _AROUND_HZ, 1.0) + 0.5
-        found = np.array([p for middle in places for p in self.power(float(middle), 0.5, step)])
+        middles = np.arange(frequency - _AROUND_HZ, frequency + _AROUND_HZ, 1.0) + 0.5
+        turning, parts = self.turning(float(middles[0])), []
+        for middle in middles:
+            parts.append(self.power(turning, float(middle), 0.5, step))
+            turning = turning * self.hertz
+        found = np.concatenate(parts)
         near = np.abs(found[:, 0] - frequency) <= off
         if not near.any():
             return None
