@@ -584,11 +584,16 @@ def hardened(task: Task) -> ComplexArray:
     load, r = load_on_carcass(task), response(task)
     if not np.any(r.cubic):
         return load
-    # what was found last for these rows differs by a step of a fit: a third of the turns
-    left, task.memo["hardened"] = hardened_load(
-        load, r.displacement, r.cubic, task.memo.get("hardened")
-    )
-    return left
+
+    def balanced() -> ComplexArray:
+        # what was found last for these rows differs by a step of a fit: half of the turns
+        left, task.memo["balance"] = hardened_load(
+            load, r.displacement, r.cubic, task.memo.get("balance")
+        )
+        return left
+
+    key = _load_key(task, *PRESSURE_HOOKS), task.key(STRUCTURE_NAMES, "structure")
+    return task.once("hardened", key, balanced)
 
 
 def bending(task: Task) -> ComplexArray:
