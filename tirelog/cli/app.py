@@ -118,7 +118,10 @@ def _inputs(given: dict[str, Any], outputs: tuple[str, ...]) -> Iterator[Path | 
 
 
 def _kept(callback: Callable[..., Any]) -> Callable[..., Any]:
-    """A command that knows its inputs before it starts."""
+    """A command that knows its inputs before it starts.
+
+    typer calls it with what it has made of the command line: paths are paths.
+    """
 
     @wraps(callback)
     def keeping(**given: Any) -> Any:
@@ -128,13 +131,15 @@ def _kept(callback: Callable[..., Any]) -> Callable[..., Any]:
     return keeping
 
 
-def _keep_all(parsed: Any) -> Any:
-    """The command, and those below it, so that none writes on its inputs."""
-    for below in getattr(parsed, "commands", {}).values():
-        _keep_all(below)
-    if parsed.callback is not None and not hasattr(parsed, "commands"):
-        parsed.callback = _kept(parsed.callback)
-    return parsed
+def _keep_all(commands: typer.Typer) -> typer.Typer:
+    """The commands, and those below them, so that none writes on its inputs."""
+    for known in commands.registered_commands:
+        if known.callback is not None and not hasattr(known.callback, "__wrapped__"):
+            known.callback = _kept(known.callback)
+    for group in commands.registered_groups:
+        if group.typer_instance is not None:
+            _keep_all(group.typer_instance)
+    return commands
 
 
 def command(asked: str = "") -> Any:
@@ -161,6 +166,6 @@ def command(asked: str = "") -> Any:
             app.add_typer(target, name=name, cls=Whole)
         else:
             app.command(name)(target)
-    parsed = _keep_all(typer.main.get_command(app))
+    parsed = typer.main.get_command(_keep_all(app))
     dress(parsed)
     return parsed
