@@ -573,12 +573,11 @@ def _(rng: np.random.Generator) -> Arguments:
         ],
         "moved_waves": [
             (
-                rng.normal(size=(3, 200)),
-                4,
+                rng.normal(size=(4, 3, 50)),
                 np.array([0, 3, 17]),
                 np.array([0.0, 0.25, 0.9]),
                 rng.normal(size=(3, 3)),
-                np.zeros((40, 3)),
+                np.zeros((3, 40)),
             )
         ],
     }

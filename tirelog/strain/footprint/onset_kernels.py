@@ -325,20 +325,25 @@ def follow_rows(
 
 @compiled
 def moved_waves(
-    waves: FloatArray, finer: int, first: IntArray, share: FloatArray, factors: FloatArray,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Adds to `out` (g, c) the `waves` (w, f), moved along the tread for each of the c onsets.
+    phases: FloatArray, first: IntArray, share: FloatArray, factors: FloatArray, out: FloatArray
+) -> None:
+    """Adds to `out` (c, g) the waves, moved along the tread for each of the c onsets.
 
-    A grid step of `out` is `finer` steps of the waves. Column t takes the waves from place
-    `first[t]` + `share[t]` on, straight between places, times `factors` (w, c).
+    `phases` (f, w, n): every f-th point of the w waves from the first, second, ... on, so that a
+    grid step of `out` is a step of each. Row t takes the waves from place `first[t]` + `share[t]`
+    of all their points on, straight between these, times `factors` (w, c).
     """
-    for k in range(out.shape[0]):
-        for t in range(out.shape[1]):
-            at, behind = first[t] + k * finer, share[t]
-            for w in range(waves.shape[0]):
-                value = waves[w, at] * (1.0 - behind) + waves[w, at + 1] * behind
-                out[k, t] += factors[w, t] * value
+    finer = phases.shape[0]
+    for t in range(out.shape[0]):
+        row, begin, phase = out[t], first[t] // finer, first[t] % finer
+        after = begin + (phase + 1) // finer
+        for w in range(phases.shape[1]):
+            # slices, so that neighbours are worked on at once
+            here = phases[phase, w, begin : begin + row.size]
+            there = phases[(phase + 1) % finer, w, after : after + row.size]
+            a, b = factors[w, t] * (1.0 - share[t]), factors[w, t] * share[t]
+            for k in range(row.size):
+                row[k] += a * here[k] + b * there[k]
 
 
 @compiled

@@ -151,12 +151,14 @@ class TractionWaves:
 
     The load of a traction is made of powers of xi that begin at the entry edge or at the onset, and
     of the point load there. So few waves, moved along the tread, make those of all onsets: `fixed`
-    (g, 2) of the edges on the grid of the form's table, `moving` (3, G) of the onset on one FINER
-    times as fine, `step_m` apart; half of the form's length.
+    (g, 2) of the edges on the grid of the form's table, those of the onset on one FINER times as
+    fine, whose points are `step_m` apart: `phases` (FINER, 3, G), every FINER-th of them from each
+    of the first ones on, `spare` zeros behind the last; half of the form's length.
     """
 
     fixed: FloatArray
-    moving: FloatArray
+    phases: FloatArray
+    spare: int
     step_m: float
     half_length_m: float
 
@@ -180,7 +182,10 @@ class TractionWaves:
             1.02 * half_window_m + L,
             FINER,
         )
-        return cls(fixed, np.ascontiguousarray(moving.T), float(xi[1] - xi[0]), L)
+        spare = -len(moving) % FINER
+        padded = np.concatenate([moving.T, np.zeros((moving.shape[1], spare))], axis=1)
+        phases = np.ascontiguousarray(padded.reshape(len(padded), -1, FINER).transpose(2, 0, 1))
+        return cls(fixed, phases, spare, float(xi[1] - xi[0]), L)
 
     def table(self, every: int = 1) -> FloatArray:
         """Waves (g, c) of tractions on the grid of the form's table, a column per onset.
@@ -192,7 +197,7 @@ class TractionWaves:
         # adhering: steps at both ends; sliding: the integral of xi exp(-i kappa xi) from the onset
         # to the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2 between them
         adhering = STATIC * (L - onset) / L
-        made = np.outer(fixed[:, 0], adhering) - (2.0 * SLIDING / L) * fixed[:, 1:]
+        made = adhering[:, None] * fixed[:, 0] - (2.0 * SLIDING / L) * fixed[:, 1]
         factors = np.array(
             [
                 (SLIDING - STATIC) * (L - onset**2 / L),
@@ -200,10 +205,11 @@ class TractionWaves:
                 np.full(onset.size, 2.0 * SLIDING / L),
             ]
         )
-        place = self.moving.shape[1] // 2 - FINER * (len(fixed) // 2) - onset / self.step_m
+        reach = self.phases.shape[2] * FINER - self.spare
+        place = reach // 2 - FINER * (len(fixed) // 2) - onset / self.step_m
         first = np.floor(place).astype(np.int64)
-        moved_waves(self.moving, FINER, first, place - first, factors, made)
-        return made
+        moved_waves(self.phases, first, place - first, factors, made)
+        return np.ascontiguousarray(made.T)
 
 
 @dataclass(frozen=True)
