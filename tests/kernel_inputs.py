@@ -259,13 +259,6 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("data.scaled")
-def _(rng: np.random.Generator) -> Arguments:
-    raw = rng.integers(-(2**31) + 1, 2**31 - 1, 50).astype(np.int32)
-    raw[[3, 17]] = -(1 << 31)
-    return {"scaled_counts": [(raw, 1e-4, 1549.0, -(1 << 31), np.zeros(50))]}
-
-
 @inputs_of("runs.stamp_kernels")
 def _(rng: np.random.Generator) -> Arguments:
     k = np.cumsum(rng.integers(1, 3, 40))

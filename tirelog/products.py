@@ -31,8 +31,7 @@ from pkgutil import resolve_name
 from threading import Condition
 from typing import TYPE_CHECKING, Any
 
-from tirelog.data.recording import Channel, Recording
-from tirelog.data.scaled import Scaled
+from tirelog.data.recording import Channel, Recording, Scaled
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable

@@ -7,8 +7,7 @@ from dataclasses import is_dataclass, replace
 import numpy as np
 import pytest
 
-from tirelog.data.recording import Channel, TimeAxis
-from tirelog.data.scaled import Scaled
+from tirelog.data.recording import Channel, Scaled, TimeAxis
 from tirelog.runs import in_memory as module
 from tirelog.runs.in_memory import in_memory, released
 

@@ -120,6 +120,35 @@ class TimeAxis:
 
 
 @dataclass(frozen=True)
+class Scaled:
+    """Samples as they are stored, brought to SI when they are read.
+
+    raw x scale + offset, NaN if raw is `lost` (None: never).
+
+    `raw(start, stop)` gives the stored numbers; counts of int32 take half of the memory of what
+    they become. `at_hand` if they are stored as they are, so that reading them again costs little.
+    """
+
+    raw: Callable[[int, int], NDArray[Any]]
+    scale: float
+    offset: float
+    lost: int | None = None
+    at_hand: bool = False
+
+    def __call__(self, start: int, stop: int) -> FloatArray:
+        raw = self.raw(start, stop)
+        values = raw.astype(np.float64)
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # a cell of 1e308 leaves the range of floats, as its channel's unit may
+            values *= self.scale
+            values += self.offset
+        if self.lost is not None:
+            values[raw == self.lost] = np.nan
+        return values
+
+
+@dataclass(frozen=True)
 class Channel:
     """One recorded channel in SI.
 

@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Channel
-from tirelog.data.scaled import Scaled
+from tirelog.data.recording import Channel, Scaled
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -30,8 +30,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from tirelog.data.recording import Channel, Recording, TimeAxis
-from tirelog.data.scaled import Scaled
+from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock

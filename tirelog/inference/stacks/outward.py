@@ -19,8 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.data.recording import Channel, Stack
-from tirelog.data.scaled import Scaled
+from tirelog.data.recording import Channel, Scaled, Stack
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import patch_sign
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
