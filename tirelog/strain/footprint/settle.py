@@ -76,6 +76,8 @@ def settle(
     `like`: that of another grating of the log, to start from: it has the same drive, so what was
     settled there about passages that speed up and slow down holds here.
     """
+    if not len(passages):
+        return None
     steady = np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2
     start = None if like is None else like.learnt
     learnt, clearer = None, None
