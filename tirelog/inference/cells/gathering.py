@@ -35,10 +35,10 @@ from tirelog.inference.stacks.cut import ANGLES
 from tirelog.inference.stacks.spooled import Stacks, outlines
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: pieces of one log (six minutes of mixed driving): its forty manoeuvres tell by sign flips what a
+#: pieces of one log (ten minutes of mixed driving): its sixty manoeuvres tell by sign flips what a
 #: verdict asks for, and what it calls too small to matter does not shrink with more of them.
-#: Twice as many take twice the time, and tell strengths to 0.7 of their errors
-LOG_PIECES = 96
+#: Twice as many take up to twice the time, and tell strengths to 0.7 of their errors
+LOG_PIECES = 160
 #: pieces that all logs together may have, in `diagnose` as in campaigns: a diagnosis takes 0.35 MB
 #: for each beside 240 MB, so it stays below 1 GB, and twice as many would take 1.5 GB
 MOST_PIECES = 1800
@@ -183,7 +183,7 @@ def _pieces(
         ]
     notes = (
         f"{pieces.logs[number]}: {used} of {of} manoeuvres are used, spread over the speeds of "
-        "each regime; more of a kind are not needed"
+        "each regime; errors are those of what is used"
         for number, (used, of) in some.items()
     )
     return replace(pieces, cell=cell, notes=tuple(notes))

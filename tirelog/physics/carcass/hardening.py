@@ -3,7 +3,7 @@
     w <- w + (1 + 3 s H [w0^2 .])^-1 (H (p - s w^3) - w)
 
 Rows (conditions) differ little, so the slope is that of one of them, w0, for all or for a group of
-neighbours: a tenth of the error is left by a step. It couples the longest waves of w alone; the
+neighbours: a step leaves a tenth of the error or less. It couples the longest waves of w alone; the
 shorter ones, which H makes small, have its diagonal. w falls off as n^-6: an eighth of the modes
 carries it to 1e-7.
 """

@@ -586,7 +586,7 @@ def hardened(task: Task) -> ComplexArray:
         return load
 
     def balanced() -> ComplexArray:
-        # what was found last for these rows differs by a step of a fit: half of the turns
+        # what was found last for these rows differs by a step of a fit: a quarter fewer turns
         left, task.memo["balance"] = hardened_load(
             load, r.displacement, r.cubic, task.memo.get("balance")
         )
