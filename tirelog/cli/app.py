@@ -82,6 +82,8 @@ def _callback(
     """
 
 
+#: marks a command that keeps its inputs: groups are asked for more than once in a process
+_KEEPS = "keeps_inputs"
 #: options that name what a command writes; every other path, and every log, is an input
 OUTPUTS = ("output", "plot", "save", "calibrate", "figures")
 
@@ -128,13 +130,14 @@ def _kept(callback: Callable[..., Any]) -> Callable[..., Any]:
         _keep_inputs(given)
         return callback(**given)
 
+    setattr(keeping, _KEEPS, True)
     return keeping
 
 
 def _keep_all(commands: typer.Typer) -> typer.Typer:
     """The commands, and those below them, so that none writes on its inputs."""
     for known in commands.registered_commands:
-        if known.callback is not None and not hasattr(known.callback, "__wrapped__"):
+        if known.callback is not None and not hasattr(known.callback, _KEEPS):
             known.callback = _kept(known.callback)
     for group in commands.registered_groups:
         if group.typer_instance is not None:

@@ -31,16 +31,16 @@ def residual_steps(k: IntArray, stamps: FloatArray, period_s: float, steps: Floa
 
 @compiled
 def residuals(k: IntArray, stamps: FloatArray, period_s: float, out: FloatArray) -> float:
-    """Fills `out` (n,) [s] with the residuals against a clock; the largest step between two.
+    """Fills `out` (n,) [s] with the residuals against a clock; the largest step between two [s].
 
-    NaN if a step is.
+    NaN if one of them is.
     """
     most = 0.0
     for i in range(k.size):
         out[i] = stamps[i] - period_s * k[i]
         if i > 0:
             step = abs(out[i] - out[i - 1])
-            most = step if not step <= most else most
+            most = step if step > most or step != step else most
     return most
 
 
