@@ -186,6 +186,18 @@ def test_manoeuvres_of_a_long_log_are_used_whole_and_of_every_regime_and_speed(m
     assert bool(pieces.notes) == (most < 40)
 
 
+@pytest.mark.parametrize("wet", [(6, 7), (0, 20, 39)])
+def test_the_few_wet_manoeuvres_of_a_dry_log_are_used(wet):
+    """Evenly over the speeds alone, a quarter of the manoeuvres would be."""
+    made = driven(3, m=64)
+    depth = np.where(np.isin(made.manoeuvre, wet), 2.0, 0.0)
+    made = replace(made, conditions=replace(made.conditions, water_depth_mm=depth))
+    pieces = pieces_of_all([made], 10)
+    used = np.unique(pieces.manoeuvre[pieces.conditions.water_depth_mm > 1.0])
+    assert used.size == len(wet)
+    assert 6 <= len(pieces) <= 14
+
+
 def test_a_revolution_of_an_unused_manoeuvre_has_the_piece_nearest_in_speed_of_its_log():
     stacks = two_driven_logs()
     one, pieces = joined(stacks), pieces_of_all(stacks, 24)

@@ -3,7 +3,8 @@
 What works on them takes the same time and memory however long and many the logs are.
 
     Stacks of one log, each in its turn in memory
-    more than `LOG_PIECES` of them: manoeuvres, evenly over the speeds of each regime
+    more than `LOG_PIECES` of them: manoeuvres, evenly over the speeds of each regime, and of
+        conditions that few of them have
         --pieces_of--> their pieces under each other
     the pieces of several logs, more than `MOST_PIECES` together
         --share_out--> each log's share of them, evenly over its speeds
@@ -23,8 +24,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tirelog.data.recording import Stack
+from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.cells.pieces import (
     Pieces,
     assign_pieces,
@@ -39,6 +41,9 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: verdict asks for, and what it calls too small to matter does not shrink with more of them.
 #: Twice as many take up to twice the time, and tell strengths to 0.7 of their errors
 LOG_PIECES = 160
+#: a side of a condition's range with less than this share of the manoeuvres has a share of its own;
+#: twice as much shares out halves, which are used alike without
+RARE = 0.25
 #: pieces that all logs together may have, in `diagnose` as in campaigns: a diagnosis takes 0.35 MB
 #: for each beside 240 MB, so it stays below 1 GB, and twice as many would take 1.5 GB
 MOST_PIECES = 1800
@@ -202,14 +207,24 @@ def _kept_manoeuvres(
 ) -> tuple[IntArray, dict[int, tuple[int, int]]]:
     """The manoeuvres that are used, ascending; of logs with others: how many, and of how many.
 
-    About `most` pieces of a log, shared out over its regimes; of each regime its manoeuvres evenly
-    by their mean speed.
+    About `most` pieces of a log, shared out over its regimes, and in these over manoeuvres under
+    conditions that few others have; of each kind its manoeuvres evenly by their mean speed.
     """
     log = np.concatenate([stack.log for stack in outline])
     regime = np.concatenate([stack.regime for stack in outline])
     speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
     names, first, which = np.unique(manoeuvre, return_index=True, return_inverse=True)
-    mean = np.bincount(which, speed) / np.bincount(which)
+
+    def mean_of(x: FloatArray) -> FloatArray:
+        mean: FloatArray = np.bincount(which, x) / np.bincount(which)
+        return mean
+
+    mean = mean_of(speed)
+    conditions = [
+        np.concatenate([getattr(stack.conditions, name) for stack in outline])
+        for name in Conditions.__dataclass_fields__
+        if name not in ("speed_m_s", "acceleration_m_s2")  # these make the regimes
+    ]
     pieces = np.zeros(names.size, np.int64)
     for stack in outline:
         own = np.unique(np.stack([stack.manoeuvre, assign_pieces(stack)]), axis=1)[0]
@@ -219,13 +234,31 @@ def _kept_manoeuvres(
         of_log = np.flatnonzero(log[first] == number)
         if pieces[of_log].sum() <= most:
             continue
-        kinds = [of_log[regime[first][of_log] == kind] for kind in np.unique(regime[first][of_log])]
+        rare = np.array([_rare(mean_of(x)[of_log]) for x in conditions])
+        regimes = np.unique(regime[first][of_log], return_inverse=True)[1]
+        label = np.unique(np.vstack([regimes, rare]), axis=1, return_inverse=True)[1].ravel()
+        kinds = [of_log[label == kind] for kind in np.unique(label)]
         shares = share_out([int(pieces[kind].sum()) for kind in kinds], most)
         for kind, share in zip(kinds, shares, strict=True):
             kept[kind] = False
             kept[_spread(kind[np.argsort(mean[kind], kind="stable")], pieces, share)] = True
         used[int(number)] = int(kept[of_log].sum()), of_log.size
     return names[kept], used
+
+
+def _rare(mean: FloatArray) -> NDArray[np.bool_]:
+    """Manoeuvres (n,) on the side of a condition's range that few are on; none if it is not known.
+
+    A wet lap in a dry hour tells what the dry ones cannot.
+    """
+    known: NDArray[np.bool_] = np.isfinite(mean)
+    if not known.any():
+        return known
+    high: NDArray[np.bool_] = known & (mean > 0.5 * (mean[known].min() + mean[known].max()))
+    for side in (high, known & ~high):
+        if np.count_nonzero(side) < RARE * np.count_nonzero(known):
+            return side
+    return np.zeros(mean.size, np.bool_)
 
 
 def _spread(of_kind: IntArray, pieces: IntArray, most: int) -> IntArray:
