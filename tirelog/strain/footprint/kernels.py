@@ -45,7 +45,7 @@ class ClassSums(NamedTuple):
     """What the rows of one class of speed say of the s columns that all passages share.
 
     normal, right  (s, s), (s,): normal equations, over sigma^2
-    length_by      (s,): how far the length's column goes with them
+    own_by         (s, OWN): mean of how far a passage's own solution, in heights, goes with them
     own            (n, OWN): each row's own solution, 0 if it has too few samples
     chi2, used     (n,): its squared residual over sigma^2, samples used
     left, counts   (cells,): sums of residuals over heights by place in the window, and how many
@@ -53,7 +53,7 @@ class ClassSums(NamedTuple):
 
     normal: FloatArray
     right: FloatArray
-    length_by: FloatArray
+    own_by: FloatArray
     own: FloatArray
     chi2: FloatArray
     used: FloatArray
@@ -301,7 +301,7 @@ def class_sums(
     wide = table.shape[1] + 1
     shared = wide - OWN
     count = values.shape[0]
-    normal, right, length_by = np.zeros((shared, shared)), np.zeros(shared), np.zeros(shared)
+    normal, right, own_by = np.zeros((shared, shared)), np.zeros(shared), np.zeros((shared, OWN))
     rows, chi2, samples = np.zeros((count, OWN)), np.zeros(count), np.zeros(count)
     left, counts = np.zeros(cells), np.zeros(cells)
     columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
@@ -327,7 +327,8 @@ def class_sums(
             rows[row, i] = own[i]
         for s in range(shared):
             apply_inverse(inverse, gram[OWN + s], cross[s])
-            length_by[s] -= cross[s, LENGTH]
+            for i in range(OWN):
+                own_by[s, i] -= cross[s, i] / count
         for s in range(shared):
             for t in range(shared + 1):
                 other = OWN + t if t < shared else wide
@@ -347,4 +348,4 @@ def class_sums(
             cell = min(int((xi + grid["half_window_m"]) * per_cell), cells - 1)
             left[cell] += residual / own[HEIGHT]
             counts[cell] += 1.0
-    return ClassSums(normal, right, length_by, rows, chi2, samples, left, counts)
+    return ClassSums(normal, right, own_by, rows, chi2, samples, left, counts)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily
 from tirelog.strain.footprint.reference import Average, Reference, average, fit_averages
-from tirelog.strain.footprint.refine import Sample, refine_edges
+from tirelog.strain.footprint.refine import BELIEVED, Sample, refine_edges
 from tirelog.strain.footprint.windows import gather_windows, joined_windows
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
@@ -44,6 +44,9 @@ LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up; twice as much
 #: keeps starts that have three times the misfit, which a search from the beginning may undercut
 LIKE_MISFIT = 1.5
+#: as `refine.BELIEVED`, for the member that fitted that grating worse, of which little more than
+#: its misfit is used; twice as much believes misfits that are off by a tenth
+OTHER_BELIEVED = 0.1
 #: largest relative error of the speed of a passage that is learnt from, if there are such; twice
 #: as much learns from passages whose length on the tread is off by twice as much
 SURE_SPEED = 0.001
@@ -323,8 +326,8 @@ def learn_reference(
         None
         if like is None
         else tuple(
-            refine_edges(_at(one, samples), samples, passages.noise, window)
-            for one in (like.reference, like.other)
+            refine_edges(_at(one, samples), samples, passages.noise, window, believed)
+            for one, believed in ((like.reference, BELIEVED), (like.other, OTHER_BELIEVED))
         )
     )
     if (

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeShape
 from tirelog.strain.footprint.fit import shape_table
-from tirelog.strain.footprint.kernels import HEIGHT, OWN, SHIFT, class_sums
+from tirelog.strain.footprint.kernels import HEIGHT, LENGTH, OWN, SHIFT, class_sums
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray, Records
@@ -31,12 +31,18 @@ ROUNDS = 6
 #: stop when the next step promises less than this of the whole chi-square, or the last changed it
 #: by less than this share; twice as much of either ends a round earlier
 GOOD_ENOUGH, SMALL = 1.0, 1e-3
+#: a step that promises no more than this share of chi-square is taken and believed: nobody looks at
+#: what it leaves, which goes with its square; twice as much ends a round earlier in some logs
+BELIEVED = 5e-3
 #: shared columns of a class (bending length, tension, tread), and the place of tension among the
 #: columns of its table
 SHARED, TENSION = 3, 6
 #: weak knowledge of the shared parameters about their start: bending length (relative), tension,
 #: inertia x squared top speed, tread
 PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
+#: a step moves the shared parameters, as of PRIOR_SD, by no more than this; twice as much lets a
+#: wrong form throw them twice as far
+MOST_STEP = np.array([0.3, 2.0, 2.0, 1.5])
 #: weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
 #: move them twice as far
 ODD_SD = 0.5
@@ -71,14 +77,14 @@ class Sample:
 class _Step:
     """What one class of speed says of the shared columns and of its passages.
 
-    Normal matrix and right side of the shared columns (3, 3), (3,), the mean fall of a passage's
-    length with them (3,), the passages' own solutions (n, 6), chi2 and degrees of freedom of each
-    (n,), and what is left, by cell.
+    Normal matrix and right side of the shared columns (3, 3), (3,), how a passage's own numbers go
+    with them in the mean (3, 6), the passages' own solutions (n, 6), chi2 and degrees of freedom
+    of each (n,), and what is left, by cell.
     """
 
     normal: FloatArray
     right: FloatArray
-    length_by: FloatArray
+    own_by: FloatArray
     own: FloatArray
     chi2: FloatArray
     free: FloatArray
@@ -107,7 +113,7 @@ def _class_step(
     return _Step(
         normal=sums.normal,
         right=sums.right,
-        length_by=sums.length_by / len(sums.own),
+        own_by=sums.own_by,
         own=sums.own,
         chi2=sums.chi2,
         free=np.maximum(sums.used - OWN, 1.0),
@@ -125,20 +131,25 @@ def _tire_columns(reference: Reference, number: int) -> FloatArray:
     return np.array([[ell, 0.0, 0.0, 0.0], [0.0, 1.0, -relative, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Reference:
-    """The reference after a step of the shared parameters.
+def _moved(
+    reference: Reference, step: FloatArray, steps: list[_Step], factor: float = 1.0
+) -> Reference:
+    """The reference after `factor` times a step of the shared parameters.
 
-    Each class' length, damping and tilt are at the median of its passages.
+    Each class' length, damping and tilt go as far towards the median of its passages, where these
+    are after the step.
     """
     values, shifts = (
         np.array([shape.array() for shape in reference.shapes]),
         reference.shifts_m.copy(),
     )
     for number, one in enumerate(steps):
-        values[number, [1, 2, 3]] += _tire_columns(reference, number) @ step
+        shared = _tire_columns(reference, number) @ step
+        values[number, [1, 2, 3]] += factor * shared
         own = one.own[one.own[:, HEIGHT] != 0.0]
         if len(own):
-            shift, length, damping, tilt = np.median(own[:, SHIFT:] / own[:, [HEIGHT]], axis=0)
+            middle = np.median(own[:, SHIFT:] / own[:, [HEIGHT]], axis=0)
+            shift, length, damping, tilt = factor * (middle + shared @ one.own_by[:, SHIFT:])
             most = 0.2 * values[number, 0]
             shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
             values[number, [0, 4, 5]] += np.clip(
@@ -149,7 +160,7 @@ def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Refere
         reference,
         shapes=shapes,
         shifts_m=shifts,
-        inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2,
+        inertia=reference.inertia + factor * step[2] / reference.speed_m_s[-1] ** 2,
     )
 
 
@@ -158,16 +169,17 @@ def refine_edges(
     samples: list[Sample],
     noise: float,
     half_window_m: float,
-    rounds: int = ROUNDS,
+    believed: float = BELIEVED,
 ) -> Reference:
     """`reference` (one shape per sample, ascending speed) fitted to the samples.
 
-    `noise`: standard deviation of one sample of the log.
+    `noise`: standard deviation of one sample of the log; `believed`: share of chi-square, as
+    BELIEVED.
     """
     factor = 1.0
     best: tuple[float, Reference, list[_Step], FloatArray] | None = None
     trial, samples, last = reference, list(samples), np.inf
-    for number in range(rounds):
+    for number in range(ROUNDS):
         steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
         if number == 0:
             samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
@@ -182,15 +194,19 @@ def refine_edges(
                 right += columns.T @ step.right
             best, factor, last = (misfit, trial, steps, normal), 1.0, np.inf
             shift = np.linalg.solve(normal, right)
-            if gain < SMALL or float(shift @ right) < GOOD_ENOUGH * max(misfit, 1.0):
+            promised = float(shift @ right)
+            if gain < SMALL or promised < GOOD_ENOUGH * max(misfit, 1.0):
+                break
+            free = float(sum(s.free.sum() for s in steps))
+            if promised < believed * misfit * free and (np.abs(shift) < MOST_STEP).all():
+                best = misfit - promised / free, _moved(trial, shift, steps), steps, normal
                 break
         elif misfit < (1.0 + SMALL) * best[0] or misfit > (1.0 - SMALL) * last:
             break  # nothing to gain, or not by shorter steps: these do no better than the longer
         else:
             factor, last = 0.3 * factor, misfit
         _, base, base_steps, _ = best
-        limit = np.array([0.3, 2.0, 2.0, 1.5])
-        trial = _moved(base, np.clip(factor * shift, -limit, limit), base_steps)
+        trial = _moved(base, np.clip(shift, -MOST_STEP, MOST_STEP), base_steps, factor)
     assert best is not None
     misfit, found, steps, normal = best
     return _finished(found, steps, normal, misfit, half_window_m)
@@ -228,7 +244,7 @@ def _finished(
     covariance = np.linalg.inv(normal) * max(misfit, 1.0)
     errors = []
     for number, step in enumerate(steps):
-        by = step.length_by @ _tire_columns(reference, number)
+        by = step.own_by[:, LENGTH] @ _tire_columns(reference, number)
         errors.append(2.0 * float(np.sqrt(max(float(by @ covariance @ by), 0.0))))
     centres: FloatArray = (np.arange(float(CELLS)) + 0.5) * (
         2.0 * half_window_m / CELLS
