@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily
 from tirelog.strain.footprint.reference import Average, Reference, average, fit_averages
-from tirelog.strain.footprint.refine import BELIEVED, Sample, refine_edges
+from tirelog.strain.footprint.refine import Sample, refine_edges
 from tirelog.strain.footprint.windows import gather_windows, joined_windows
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
@@ -44,9 +44,6 @@ LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up; twice as much
 #: keeps starts that have three times the misfit, which a search from the beginning may undercut
 LIKE_MISFIT = 1.5
-#: as `refine.BELIEVED`, for the member that fitted that grating worse, of which little more than
-#: its misfit is used; twice as much believes misfits that are off by a tenth
-OTHER_BELIEVED = 0.1
 #: largest relative error of the speed of a passage that is learnt from, if there are such; twice
 #: as much learns from passages whose length on the tread is off by twice as much
 SURE_SPEED = 0.001
@@ -280,11 +277,21 @@ def _from_averages(
         passages.radius_m,
         rough_m,
     )
-    straight = refine_edges(start, samples, passages.noise, half_window_m)
+    straight, samples = refine_edges(start, samples, passages.noise, half_window_m)
     ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
-    return straight, refine_edges(
-        replace(straight, family=ring), samples, passages.noise, half_window_m
-    )
+    closed, _ = refine_edges(replace(straight, family=ring), samples, passages.noise, half_window_m)
+    return straight, closed
+
+
+def _from_another(
+    samples: list[Sample], passages: Passages, half_window_m: float, like: Learnt
+) -> tuple[Reference, Reference] | None:
+    """Both members, from what another grating has taught; None if they fit much worse here."""
+    noise = passages.noise
+    best, samples = refine_edges(_at(like.reference, samples), samples, noise, half_window_m)
+    other, _ = refine_edges(_at(like.other, samples), samples, noise, half_window_m)
+    far = min(best.misfit, other.misfit) > LIKE_MISFIT * max(like.reference.misfit, 1.0)
+    return None if far else (best, other)
 
 
 def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
@@ -322,19 +329,8 @@ def learn_reference(
     rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
     window = min(WINDOW * rough, 2.9 * passages.radius_m)
     samples = _samples(channel, passages, rows, classes, window, block_samples)
-    both = (
-        None
-        if like is None
-        else tuple(
-            refine_edges(_at(one, samples), samples, passages.noise, window, believed)
-            for one, believed in ((like.reference, BELIEVED), (like.other, OTHER_BELIEVED))
-        )
-    )
-    if (
-        both is None
-        or like is None
-        or min(one.misfit for one in both) > LIKE_MISFIT * max(like.reference.misfit, 1.0)
-    ):
+    both = None if like is None else _from_another(samples, passages, window, like)
+    if both is None:
         both = _from_averages(samples, passages, window, rough)
     best, other = _better_first(both)
     if not best.misfit > 0.0:  # no passage with more samples than unknowns

@@ -28,12 +28,16 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: rounds of refining, at most; twice as many only help a refinement that has not settled by then
 ROUNDS = 6
-#: stop when the next step promises less than this of the whole chi-square, or the last changed it
-#: by less than this share; twice as much of either ends a round earlier
-GOOD_ENOUGH, SMALL = 1.0, 1e-3
-#: a step that promises no more than this share of chi-square is taken and believed: nobody looks at
-#: what it leaves, which goes with its square; twice as much ends a round earlier in some logs
-BELIEVED = 5e-3
+#: stop when a step has changed chi-square by less than this share; half as much goes on for some
+#: rounds with forms that are those of no tire, and nowhere else
+SMALL = 0.01
+#: a step that promises no more than this share of chi-square, and after which the form is NEAR, is
+#: taken and believed: nobody looks at what it leaves, which goes with its square; twice as much
+#: ends a round earlier in some logs
+BELIEVED = 0.1
+#: forms that are near each other: lengths and shifts in half lengths, bending lengths, tension and
+#: tread, damping and tilt; twice as much leaves four times as much unseen
+NEAR_LENGTH, NEAR = 0.002, np.array([0.02, 0.1, 0.1, 0.01, 0.01])
 #: shared columns of a class (bending length, tension, tread), and the place of tension among the
 #: columns of its table
 SHARED, TENSION = 3, 6
@@ -164,25 +168,31 @@ def _moved(
     )
 
 
+def _near(one: Reference, other: Reference) -> bool:
+    """Whether two forms at the same speeds differ by no more than NEAR."""
+    here, there = (np.array([shape.array() for shape in form.shapes]) for form in (one, other))
+    lengths, change = here[:, 0], np.abs(there - here)
+    change[:, 1] /= here[:, 1]
+    moved = np.maximum(change[:, 0], np.abs(other.shifts_m - one.shifts_m))
+    return bool((moved < NEAR_LENGTH * lengths).all() and (change[:, 1:] < NEAR).all())
+
+
 def refine_edges(
     reference: Reference,
     samples: list[Sample],
     noise: float,
     half_window_m: float,
-    believed: float = BELIEVED,
-) -> Reference:
-    """`reference` (one shape per sample, ascending speed) fitted to the samples.
+) -> tuple[Reference, list[Sample]]:
+    """`reference` (one shape per sample, ascending speed) fitted to the samples; those that belong.
 
-    `noise`: standard deviation of one sample of the log; `believed`: share of chi-square, as
-    BELIEVED.
+    `noise`: standard deviation of one sample of the log.
     """
     factor = 1.0
     best: tuple[float, Reference, list[_Step], FloatArray] | None = None
     trial, samples, last = reference, list(samples), np.inf
-    for number in range(ROUNDS):
+    for _ in range(ROUNDS):
         steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
-        if number == 0:
-            samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
+        samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
         misfit = float(sum(s.chi2.sum() for s in steps) / sum(s.free.sum() for s in steps))
         if best is None or misfit < best[0]:
             gain = np.inf if best is None else best[0] / misfit - 1.0
@@ -194,12 +204,12 @@ def refine_edges(
                 right += columns.T @ step.right
             best, factor, last = (misfit, trial, steps, normal), 1.0, np.inf
             shift = np.linalg.solve(normal, right)
-            promised = float(shift @ right)
-            if gain < SMALL or promised < GOOD_ENOUGH * max(misfit, 1.0):
+            promised = float(shift @ right) / float(sum(s.free.sum() for s in steps))
+            moved = _moved(trial, np.clip(shift, -MOST_STEP, MOST_STEP), steps)
+            if promised < BELIEVED * misfit and _near(trial, moved):
+                best = misfit - promised, moved, steps, normal
                 break
-            free = float(sum(s.free.sum() for s in steps))
-            if promised < believed * misfit * free and (np.abs(shift) < MOST_STEP).all():
-                best = misfit - promised / free, _moved(trial, shift, steps), steps, normal
+            if gain < SMALL:
                 break
         elif misfit < (1.0 + SMALL) * best[0] or misfit > (1.0 - SMALL) * last:
             break  # nothing to gain, or not by shorter steps: these do no better than the longer
@@ -209,7 +219,7 @@ def refine_edges(
         trial = _moved(base, np.clip(shift, -MOST_STEP, MOST_STEP), base_steps, factor)
     assert best is not None
     misfit, found, steps, normal = best
-    return _finished(found, steps, normal, misfit, half_window_m)
+    return _finished(found, steps, normal, misfit, half_window_m), samples
 
 
 def _without_foreign(
