@@ -69,12 +69,11 @@ def _(rng: np.random.Generator) -> Arguments:
     windows[1], windows[2, :9] = np.nan, np.nan
     cutoff = np.array([20.0, 45.0, 3e3, 0.1])
     spectra = rng.normal(size=(4, 36)) + 1j * rng.normal(size=(4, 36))
-    factor = 2j * np.pi * np.arange(36.0)
+    shaped, noise = np.zeros((2, 4, 36), complex), np.zeros((4, 2))
     return {
         "gain": [(12.5, 40.0), (0.0, 40.0), (1e4, 0.1)],
         "closed": [(windows,), (rng.normal(size=(1, 7)),)],
-        "_shaped": [(spectra, factor, 7.5, cutoff)],
-        "noise_gains": [(64, 500.0, cutoff)],
+        "_derived": [(spectra, 7.5, cutoff, 70 + k, 2 - k, shaped, noise) for k in range(2)],
     }
 
 

@@ -1,7 +1,7 @@
 """Low-passed time derivatives of windows around the passages, by their spectra.
 
     windows (n, m) --lost samples bridged, ends brought to zero, FFT--> spectra (n, m // 2 + 1)
-                   --gain x (2 pi i f)^k, zero-padded inverse--> derivatives (n, m x upsample)
+                   --gain x (2 pi i f)^k, zero-padded inverse--> derivatives (2, n, m x upsample)
 
 A row's result depends on its own samples only.
 """
@@ -60,18 +60,32 @@ def closed(windows: FloatArray) -> FloatArray:
 
 
 @compiled
-def _shaped(
-    spectra: ComplexArray, factor: ComplexArray, step_Hz: float, cutoff_Hz: FloatArray
-) -> ComplexArray:
-    """`spectra` (n, f) times the low-pass of each row, `cutoff_Hz` (n,), and `factor` (f,).
+def _derived(
+    spectra: ComplexArray, step_Hz: float, cutoff_Hz: FloatArray, count: int, upsample: int,
+    out: ComplexArray, noise: FloatArray,
+) -> None:  # fmt: skip
+    """Fills `out` (2, n, f): spectra of the first and second derivative of low-passed rows.
 
-    Frequencies are `step_Hz` apart.
+    `spectra` (n, f) of `count` samples, frequencies `step_Hz` apart, `cutoff_Hz` (n,). Also filled:
+    `noise` (n, 2), as `derivatives` tells it. In one pass, as the low-pass is what takes long.
     """
-    out = np.empty_like(spectra)
+    last = spectra.shape[1] - 1
     for row in range(spectra.shape[0]):
-        for k in range(factor.size):
-            out[row, k] = spectra[row, k] * factor[k] * gain(k * step_Hz, cutoff_Hz[row])
-    return out
+        second = third = 0.0
+        for k in range(last + 1):
+            turning = 2.0 * np.pi * k * step_Hz
+            passed = gain(k * step_Hz, cutoff_Hz[row])
+            square = turning**2
+            power = (passed * square) ** 2
+            second += power
+            third += power * square
+            one = passed * upsample * turning * spectra[row, k]
+            out[0, row, k] = complex(-one.imag, one.real)
+            out[1, row, k] = -turning * one
+        if count % 2 == 0:  # the highest frequency has no phase, and two halves between samples
+            out[0, row, last] = 0.0
+            out[1, row, last] *= 0.5 if upsample > 1 else 1.0
+        noise[row, 0], noise[row, 1] = np.sqrt(2.0 / count * second), np.sqrt(2.0 / count * third)
 
 
 def window_spectra(windows: FloatArray) -> ComplexArray:
@@ -79,42 +93,26 @@ def window_spectra(windows: FloatArray) -> ComplexArray:
     return np.fft.rfft(closed(windows), axis=1)
 
 
-def derivative(
-    spectra: ComplexArray,
-    rate_Hz: float,
-    cutoff_Hz: FloatArray,
-    order: int,
-    count: int,
-    upsample: int,
+def derivatives(
+    spectra: ComplexArray, rate_Hz: float, cutoff_Hz: FloatArray, count: int, upsample: int
+) -> tuple[FloatArray, FloatArray]:
+    """First and second time derivative of rows, low-passed at `cutoff_Hz` (n,); what noise does.
+
+    Of rows of `count` samples with `spectra`, at `upsample` x `count` points, (2, n, m); standard
+    deviations (n, 2) of the second and of the third derivative, for noise of one per sample.
+    """
+    shaped = np.empty((2, *spectra.shape), np.complex128)
+    noise = np.empty((len(spectra), 2))
+    _derived(spectra, rate_Hz / count, cutoff_Hz, count, upsample, shaped, noise)
+    return np.fft.irfft(shaped, n=count * upsample, axis=2), noise
+
+
+def lowpassed(
+    spectra: ComplexArray, rate_Hz: float, cutoff_Hz: FloatArray, count: int, upsample: int
 ) -> FloatArray:
-    """The `order`-th time derivative of rows, low-passed at `cutoff_Hz` (n,).
-
-    Of rows of `count` samples with `spectra`, at `upsample` x `count` points.
-    """
-    factor: ComplexArray = (2j * np.pi * np.fft.rfftfreq(count, 1.0 / rate_Hz)).astype(
-        np.complex128
-    ) ** order * upsample
+    """The rows of `spectra` low-passed, (n, m), arguments as of `derivatives`."""
+    ratio = np.fft.rfftfreq(count, 1.0 / rate_Hz) / cutoff_Hz[:, None]
+    shaped = spectra * (upsample / (1.0 + ratio ** (2 * ORDER)))
     if count % 2 == 0:
-        factor[-1] = factor[-1].real * (0.5 if upsample > 1 else 1.0)
-    return np.fft.irfft(
-        _shaped(spectra, factor, rate_Hz / count, cutoff_Hz), n=count * upsample, axis=1
-    )
-
-
-@compiled
-def noise_gains(count: int, rate_Hz: float, cutoff_Hz: FloatArray) -> FloatArray:
-    """Standard deviations of the derivatives of low-passed white noise, shape (n, 2).
-
-    Of the second and of the third time derivative, for noise of one per sample in windows of
-    `count` samples.
-    """
-    out = np.zeros((cutoff_Hz.size, 2))
-    for row in range(cutoff_Hz.size):
-        for k in range(count // 2 + 1):
-            square = (2.0 * np.pi * k * rate_Hz / count) ** 2
-            power = (gain(k * rate_Hz / count, cutoff_Hz[row]) * square) ** 2
-            out[row, 0] += power
-            out[row, 1] += power * square
-        for k in range(2):
-            out[row, k] = np.sqrt(2.0 / count * out[row, k])
-    return out
+        shaped[:, -1] *= 0.5 if upsample > 1 else 1.0
+    return np.fft.irfft(shaped, n=count * upsample, axis=1)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.data.recording import Recording
+from tirelog.dsp.derivatives import lowpassed, window_spectra
 from tirelog.errors import UsageError
 from tirelog.plots.style import (
     COLOURS,
@@ -35,7 +36,7 @@ from tirelog.plots.style import (
 )
 from tirelog.plots.tables.turns import TurnsSketch, turns_picture
 from tirelog.products import Part
-from tirelog.strain.footprint.plain_edges import along_tread, lowpassed
+from tirelog.strain.footprint.plain_edges import along_tread
 from tirelog.strain.footprint.table import FootprintOfChannel
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows
 from tirelog.vocabulary.arrays import FloatArray
@@ -260,7 +261,9 @@ def _passage(
         tread = along_tread(
             windows.values, windows.rate_Hz, windows.centre, speed, acceleration, cut, upsample
         )
-        strain = lowpassed(windows.values, windows.rate_Hz, cut, upsample)[0]
+        strain = lowpassed(
+            window_spectra(windows.values), windows.rate_Hz, cut, windows.values.shape[1], upsample
+        )[0]
         panes.append(
             (
                 1e3 * tread.xi_m[0],

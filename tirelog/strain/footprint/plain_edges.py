@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.dsp.derivatives import derivative, noise_gains, window_spectra
+from tirelog.dsp.derivatives import derivatives, window_spectra
 from tirelog.kernels import compiled
 from tirelog.strain.footprint.kernels import motion_of
 from tirelog.vocabulary.arrays import FloatArray, Records
@@ -117,23 +117,14 @@ def along_tread(
 ) -> AlongTread:
     """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
     count, spectra = windows.shape[1], window_spectra(windows)
-    derivatives = np.stack(
-        [derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2)]
-    )
+    in_time, _ = derivatives(spectra, rate_Hz, cutoff_Hz, count, upsample)
     first, second = _along_rows(
-        derivatives, motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2), upsample
+        in_time, motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2), upsample
     )
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
     return AlongTread(
         distance_along(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second
     )
-
-
-def lowpassed(
-    windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2
-) -> FloatArray:
-    """The windows (n, m) low-passed, less the line through their ends: (n, m x upsample)."""
-    return derivative(window_spectra(windows), rate_Hz, cutoff_Hz, 0, windows.shape[1], upsample)
 
 
 def find_edges(
@@ -153,12 +144,11 @@ def find_edges(
     expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
     per sample, 2 unless samples are DENSE.
     """
-    count, spectra = windows.shape[1], window_spectra(windows)
-    first, second = (
-        derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2)
+    (first, second), noises = derivatives(
+        window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
     )
     # an extremum moves by the noise of the next derivative
-    wiggle = noise * noise_gains(count, rate_Hz, cutoff_Hz)
+    wiggle = noise * noises
     motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
     found = np.empty(centre.size, EDGES)
     edge_rows(first, second, motion, SEARCH * half_length_m, wiggle, upsample, found)
