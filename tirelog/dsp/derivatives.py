@@ -104,7 +104,7 @@ def derivatives(
     shaped = np.empty((2, *spectra.shape), np.complex128)
     noise = np.empty((len(spectra), 2))
     _derived(spectra, rate_Hz / count, cutoff_Hz, count, upsample, shaped, noise)
-    return np.fft.irfft(shaped, n=count * upsample, axis=2), noise
+    return tuple(np.fft.irfft(one, n=count * upsample, axis=1) for one in shaped), noise
 
 
 def lowpassed(
