@@ -26,6 +26,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
 from threading import Condition
@@ -263,6 +264,9 @@ def _by_processes(
     """As `_by_threads`, without what the rows were found in."""
     from tirelog.apart import apart
 
+    for module in _OF_CHANNELS:  # loaded once, before the processes part
+        import_module(module)
+
     def make(number: int, wire: Wire | Here) -> _Made:
         made = _make(recording, number, *channels[number], wanted, _FormsApart(wire))
         return replace(made, parts=[replace(part, found=None) for part in made.parts])
@@ -281,6 +285,16 @@ def _all_passages(
         channels = [in_memory(channels[0])]  # gone through once more by whoever takes it
     with ThreadPoolExecutor(workers) as pool:
         return channels, list(pool.map(partial(passages_of, recording), channels))
+
+
+#: what the tables of strain channels are made with, beside what is loaded already
+_OF_CHANNELS = (
+    "tirelog.runs.in_memory",
+    "tirelog.strain.dissipation_table",
+    "tirelog.strain.footprint.table",
+    "tirelog.strain.passages.surface",
+    "tirelog.strain.speed",
+)
 
 
 class _Forms:
@@ -363,20 +377,23 @@ def _make(
         only_passages = found is not None and set(wanted) == {"speed"}
         channel = stored if only_passages else in_memory(stored)
         passages = passages_of(recording, channel) if found is None else found
-        settled = (
-            forms.settle(number, channel, passages)
-            if "footprint" in wanted and not passages.doubt
-            else None
-        )
+        work = Work(recording, channel, passages, None)
+        # before a form is asked for, which may take others' time
+        parts = {name: _part(name, work, wanted) for name in wanted if name != "footprint"}
+        if "footprint" in wanted and not passages.doubt:
+            work = replace(work, settled=forms.settle(number, channel, passages))
     finally:
         forms.tell(number, None)
-    work = Work(recording, channel, passages, settled)
-    parts = []
-    for name, options in wanted.items():
-        of_channel = MAKERS[name].of_channel
-        if of_channel is not None:
-            parts.append(of_channel(work, options))
-    return _Made(parts, len(passages) > 0)
+    if "footprint" in wanted:
+        parts["footprint"] = _part("footprint", work, wanted)
+    made = [part for part in map(parts.get, wanted) if part is not None]
+    return _Made(made, len(passages) > 0)
+
+
+def _part(name: str, work: Work, wanted: Mapping[str, Options]) -> Part | None:
+    """Rows of the table `name` of one channel; None if no channel alone has any."""
+    of_channel = MAKERS[name].of_channel
+    return None if of_channel is None else of_channel(work, wanted[name])
 
 
 # ---- the tables

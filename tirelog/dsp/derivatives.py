@@ -1,7 +1,7 @@
 """Low-passed time derivatives of windows around the passages, by their spectra.
 
     windows (n, m) --lost samples bridged, ends brought to zero, FFT--> spectra (n, m // 2 + 1)
-                   --gain x (2 pi i f)^k, zero-padded inverse--> derivatives (2, n, m x upsample)
+                   --gain x (2 pi i f)^k, zero-padded inverse--> both derivatives (n, m x upsample)
 
 A row's result depends on its own samples only.
 """
@@ -95,16 +95,17 @@ def window_spectra(windows: FloatArray) -> ComplexArray:
 
 def derivatives(
     spectra: ComplexArray, rate_Hz: float, cutoff_Hz: FloatArray, count: int, upsample: int
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """First and second time derivative of rows, low-passed at `cutoff_Hz` (n,); what noise does.
 
-    Of rows of `count` samples with `spectra`, at `upsample` x `count` points, (2, n, m); standard
+    Of rows of `count` samples with `spectra`, at `upsample` x `count` points, (n, m) each; standard
     deviations (n, 2) of the second and of the third derivative, for noise of one per sample.
     """
     shaped = np.empty((2, *spectra.shape), np.complex128)
     noise = np.empty((len(spectra), 2))
     _derived(spectra, rate_Hz / count, cutoff_Hz, count, upsample, shaped, noise)
-    return tuple(np.fft.irfft(one, n=count * upsample, axis=1) for one in shaped), noise
+    first, second = (np.fft.irfft(one, n=count * upsample, axis=1) for one in shaped)
+    return first, second, noise
 
 
 def lowpassed(

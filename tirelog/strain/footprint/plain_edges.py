@@ -117,9 +117,9 @@ def along_tread(
 ) -> AlongTread:
     """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
     count, spectra = windows.shape[1], window_spectra(windows)
-    in_time, _ = derivatives(spectra, rate_Hz, cutoff_Hz, count, upsample)
+    in_time = derivatives(spectra, rate_Hz, cutoff_Hz, count, upsample)[:2]
     first, second = _along_rows(
-        in_time, motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2), upsample
+        np.stack(in_time), motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2), upsample
     )
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
     return AlongTread(
@@ -144,7 +144,7 @@ def find_edges(
     expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
     per sample, 2 unless samples are DENSE.
     """
-    (first, second), noises = derivatives(
+    first, second, noises = derivatives(
         window_spectra(windows), rate_Hz, cutoff_Hz, windows.shape[1], upsample
     )
     # an extremum moves by the noise of the next derivative
