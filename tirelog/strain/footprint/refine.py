@@ -28,9 +28,10 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: rounds of refining, at most; twice as many only help a refinement that has not settled by then
 ROUNDS = 6
-#: stop when a step has changed chi-square by less than this share; half as much goes on for some
-#: rounds with forms that are those of no tire, and nowhere else
-SMALL = 0.01
+#: stay when the next step promises less than this of the whole chi-square, and stop when one has
+#: changed it by less than this share; half of the latter goes on for some rounds with forms that
+#: are those of no tire, and nowhere else
+GOOD_ENOUGH, SMALL = 1.0, 0.01
 #: a step that promises no more than this share of chi-square, and after which the form is NEAR, is
 #: taken and believed: nobody looks at what it leaves, which goes with its square; twice as much
 #: ends a round earlier in some logs
@@ -94,6 +95,15 @@ class _Step:
     free: FloatArray
     left: FloatArray
 
+    @property
+    def middle(self) -> FloatArray:
+        """Medians of the passages' shifts, lengths [m], damping, tilt beside the form's, (4,)."""
+        known = self.own[self.own[:, HEIGHT] != 0.0]
+        if not len(known):
+            return np.zeros(OWN - SHIFT)
+        middle: FloatArray = np.median(known[:, SHIFT:] / known[:, [HEIGHT]], axis=0)
+        return middle
+
 
 def _class_step(
     reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
@@ -150,15 +160,12 @@ def _moved(
     for number, one in enumerate(steps):
         shared = _tire_columns(reference, number) @ step
         values[number, [1, 2, 3]] += factor * shared
-        own = one.own[one.own[:, HEIGHT] != 0.0]
-        if len(own):
-            middle = np.median(own[:, SHIFT:] / own[:, [HEIGHT]], axis=0)
-            shift, length, damping, tilt = factor * (middle + shared @ one.own_by[:, SHIFT:])
-            most = 0.2 * values[number, 0]
-            shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
-            values[number, [0, 4, 5]] += np.clip(
-                (length, damping, tilt), (-most, -0.2, -0.2), (most, 0.2, 0.2)
-            )
+        shift, length, damping, tilt = factor * (one.middle + shared @ one.own_by[:, SHIFT:])
+        most = 0.2 * values[number, 0]
+        shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
+        values[number, [0, 4, 5]] += np.clip(
+            (length, damping, tilt), (-most, -0.2, -0.2), (most, 0.2, 0.2)
+        )
     shapes = tuple(EdgeShape.of(row) for row in np.clip(values, LOWEST, HIGHEST))
     return replace(
         reference,
@@ -168,8 +175,16 @@ def _moved(
     )
 
 
+def _in_place(reference: Reference, steps: list[_Step]) -> bool:
+    """Whether each class' form lies where its passages do."""
+    return all(
+        np.abs(step.middle[:2]).max() < NEAR_LENGTH * shape.half_length_m
+        for shape, step in zip(reference.shapes, steps, strict=True)
+    )
+
+
 def _near(one: Reference, other: Reference) -> bool:
-    """Whether two forms at the same speeds differ by no more than NEAR."""
+    """Whether two forms at the same speeds are NEAR each other."""
     here, there = (np.array([shape.array() for shape in form.shapes]) for form in (one, other))
     lengths, change = here[:, 0], np.abs(there - here)
     change[:, 1] /= here[:, 1]
@@ -204,12 +219,14 @@ def refine_edges(
                 right += columns.T @ step.right
             best, factor, last = (misfit, trial, steps, normal), 1.0, np.inf
             shift = np.linalg.solve(normal, right)
-            promised = float(shift @ right) / float(sum(s.free.sum() for s in steps))
+            promised, free = float(shift @ right), float(sum(s.free.sum() for s in steps))
             moved = _moved(trial, np.clip(shift, -MOST_STEP, MOST_STEP), steps)
-            if promised < BELIEVED * misfit and _near(trial, moved):
-                best = misfit - promised, moved, steps, normal
+            if gain < SMALL or (
+                promised < GOOD_ENOUGH * max(misfit, 1.0) and _in_place(trial, steps)
+            ):
                 break
-            if gain < SMALL:
+            if promised < BELIEVED * misfit * free and _near(trial, moved):
+                best = misfit - promised / free, moved, steps, normal
                 break
         elif misfit < (1.0 + SMALL) * best[0] or misfit > (1.0 - SMALL) * last:
             break  # nothing to gain, or not by shorter steps: these do no better than the longer
