@@ -1,5 +1,6 @@
 """Text to the strain tables on every log of the family, beside the plain script and the same script
-reading with polars; cost per passage, gain of the second core, share of the search for slip onsets.
+reading with polars; cost per passage, gain of the second core (the same command kept on one, with
+one worker), share of the search for slip onsets.
 
 TIRELOG_BENCH_MINUTES sets the length of the logs (default 2, when starting up is most of it; 10 and
 60 are those of the goals), TIRELOG_BENCH_TURNS how often all take turns (default 3; medians of CPU
@@ -83,7 +84,7 @@ def _one(case: Case, folder: Path, minutes: float, turns: int) -> tuple[float, .
     costs: dict[str, list[Cost]] = {name: [] for name in commands}
     for _ in range(turns):  # in turns: what else the machine does meets all of them
         for name, command in commands.items():
-            costs[name].append(cost(command))
+            costs[name].append(cost(command, one_core=name == "one"))
     log.unlink()
     told = {name: median(some) for name, some in costs.items()}
     plain, mine = told["pandas"], told["tirelog"]

@@ -24,14 +24,16 @@ class Cost:
         return f"{self.wall_s:7.2f} s wall  {self.cpu_s:7.2f} s cpu  {self.peak_MB:6.0f} MB"
 
 
-def cost(command: list[str]) -> Cost:
-    """Run `command` with its output thrown away; it has to succeed."""
+def cost(command: list[str], *, one_core: bool = False) -> Cost:
+    """Run `command` with its output thrown away; it has to succeed. `one_core` keeps it on one."""
     # modules are kept compiled, as on a user's machine, whatever the shell of the benchmark says
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     begun = time.perf_counter()
     process = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=kept
     )
+    if one_core:  # before it has begun any thread or process, which follow it
+        os.sched_setaffinity(process.pid, {min(os.sched_getaffinity(0))})
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:

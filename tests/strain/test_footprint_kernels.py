@@ -156,11 +156,13 @@ def test_what_passages_share_is_what_one_large_solution_says():
     values, motion = windows(12, 902, table)
     sums = class_sums(values, moving(motion), table, GRIDS[0], -1e-4, 6, SIGMA, ODD_SD, 40)
     normal, right, cells = np.zeros((3, 3)), np.zeros(3), np.zeros((2, 40))
+    own_by = np.zeros((3, 6))
     for row in range(12):
         columns, known, xi, _ = design(values[row], motion[row], table, -1e-4, 6)
         own, shared = columns[:, :6], columns[:, 6:9]
         projected = np.linalg.inv(own.T @ own + known_oddness(columns, known, ODD_SD)) @ own.T
         solution = projected @ known
+        own_by -= (projected @ shared).T / 12
         normal += solution[0] ** 2 * shared.T @ (shared - own @ projected @ shared) / SIGMA**2
         right += solution[0] * shared.T @ (known - own @ solution) / SIGMA**2
         np.testing.assert_allclose(sums.own[row], solution, rtol=1e-7, atol=1e-10)
@@ -173,6 +175,7 @@ def test_what_passages_share_is_what_one_large_solution_says():
         )
     np.testing.assert_allclose(sums.normal, normal, rtol=1e-6)
     np.testing.assert_allclose(sums.right, right, rtol=1e-6)
+    np.testing.assert_allclose(sums.own_by, own_by, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose([sums.left, sums.counts], cells, atol=1e-9)
 
 

@@ -5,6 +5,8 @@ Seeds from 1000: none was used for tuning.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -12,6 +14,7 @@ from scipy.interpolate import CubicSpline
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
+from tirelog.strain.footprint.learn import learn_reference
 from tirelog.strain.footprint.plain_edges import find_edges
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import Quality, good, having
@@ -234,3 +237,31 @@ def test_a_tire_s_form_is_never_unclear(drive, radius_m, truth):
         made = drive([0, 15], [8, 18], seed=1481, pulse=truth, noise_pm=noise_pm, **CALM)
         quality = footprint(made.channel, find_passages(made.channel, radius_m)).quality
         assert good(quality).mean() > 0.95
+
+
+def test_a_form_is_the_same_from_wherever_it_starts(drive, radius_m):
+    """From another grating's, 4 % longer with a stiffer tread, as from averages."""
+    made = drive([0, 20], [9, 18], pulse=Ring(0.02, 8.0e6), seed=1460, **CALM)
+    passages = find_passages(made.channel, radius_m)
+    learnt = learn_reference(made.channel, passages)
+    far = replace(learnt, reference=_elsewhere(learnt.reference), other=_elsewhere(learnt.other))
+    again = learn_reference(made.channel, passages, like=far)
+    for one, other in ((learnt.reference, again.reference), (learnt.other, again.other)):
+        assert one.family == other.family
+        assert other.misfit == pytest.approx(one.misfit, rel=2e-3)
+        for shape, again_shape, se_m in zip(one.shapes, other.shapes, one.length_se_m, strict=True):
+            assert 2 * abs(again_shape.half_length_m - shape.half_length_m) < se_m
+
+
+def _elsewhere(form):
+    """The form with others of its numbers at each speed."""
+    shapes = [
+        replace(
+            shape,
+            half_length_m=1.04 * shape.half_length_m,
+            bending_length_m=1.1 * shape.bending_length_m,
+            tread=shape.tread + 0.8,
+        )
+        for shape in form.shapes
+    ]
+    return replace(form, shapes=tuple(shapes), shifts_m=form.shifts_m + 0.002)
