@@ -5,7 +5,7 @@ Which passages it is learnt from, their averages by speed, and what is known of 
 Passages
     --clean ones, preferably at steady speed, by classes of speed, in clusters-->
     a few hundred windows
-    --scaled by each passage's height, cells along xi--> averages --form--> a start
+    --those of a middle speed: scaled by their heights, cells along xi--> average --form--> a start
          --the samples themselves--> Learnt
 """
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily
-from tirelog.strain.footprint.reference import Average, Reference, average, fit_averages
+from tirelog.strain.footprint.reference import Average, Reference, average, fit_average
 from tirelog.strain.footprint.refine import Sample, refine_edges
 from tirelog.strain.footprint.windows import gather_windows, joined_windows
 from tirelog.strain.passages.find import Passages
@@ -265,15 +265,18 @@ def _at(reference: Reference, samples: list[Sample]) -> Reference:
     )
 
 
-def _from_averages(
+def _from_an_average(
     samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float
 ) -> tuple[Reference, Reference]:
     """Both members of the family without anything known of them.
 
-    The closed ring starts from the straight line's result.
+    They start from passages of a middle speed; the closed ring from the straight line's result.
     """
-    start = fit_averages(
-        [_average(sample, passages, half_window_m) for sample in samples],
+    third = len(samples) // 3
+    most = max(samples[third : len(samples) - third], key=lambda sample: sample.windows.values.size)
+    start = fit_average(
+        _average(most, passages, half_window_m),
+        np.array([sample.speed_m_s for sample in samples]),
         passages.radius_m,
         rough_m,
     )
@@ -331,7 +334,7 @@ def learn_reference(
     samples = _samples(channel, passages, rows, classes, window, block_samples)
     both = None if like is None else _from_another(samples, passages, window, like)
     if both is None:
-        both = _from_averages(samples, passages, window, rough)
+        both = _from_an_average(samples, passages, window, rough)
     best, other = _better_first(both)
     if not best.misfit > 0.0:  # no passage with more samples than unknowns
         return None

@@ -1,16 +1,9 @@
-"""The form of this log's passages, first from averages.
+"""The form of this log's passages, first from an average of some.
 
-At several speeds, fitted with the physical family at once.
-
-    some passages of each speed, scaled by the template's height
-        --cells along xi--> Average, one a speed
-    Averages
-        --damped Gauss-Newton, what is the tire's own shared, length and height free per speed-->
-        Reference, a start
-    (`refine` then goes back to the samples)
-
-Shared: bending length, tread, tilt, and tension and damping as they follow the speed (tension -
-inertia v^2: P1 (3); damping d0 + d1 v).
+some passages of one speed, scaled by the template's height
+    --cells along xi--> Average
+    --damped Gauss-Newton with the physical family--> Reference, a start for all speeds
+(`refine` then goes back to the samples)
 """
 
 from __future__ import annotations
@@ -31,21 +24,20 @@ ITERATIONS = 25
 #: a start is good enough if the next step gains less of the squared misfit; `refine` does the
 #: rest; twice as much leaves up to that much more for it
 GOOD_ENOUGH = 1.0
-#: averages that a start looks at; twice as many take twice as long
-MOST_AVERAGES = 4
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0
 #: forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its logarithm)
 #: change by no more than this, at so many speeds at most; twice as coarse, half as many forms are
 #: tabled, and more lies between them
 TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
-#: parameters that all speeds share: bending length, tension at rest, inertia (tension per squared
-#: scaled speed), tread, tilt, d0, d1
-SHARED = 7
-#: weak knowledge of them: mean and standard deviation of a normal prior (bending length over the
-#: starting length)
-_PRIOR_MEAN = np.array([0.7, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-_PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0, 0.5, 0.3, 0.3])
+#: what is weakly known of a start: mean and standard deviation of normal priors of its first
+#: parameters, the bending length over a rough half length, tension, tread, damping, tilt; behind
+#: them come the half length, height, offset and shift
+_PRIOR_MEAN = np.array([0.7, 1.0, 1.0, 0.0, 0.0])
+_PRIOR_SD = np.array([2.0, 30.0, 30.0, 0.4, 0.5])
+_KNOWN, _LENGTH, _SCALED = 5, 5, slice(6, 8)
+#: starts: tread, and half length over the rough one
+_STARTS = ((0.1, 1.0), (2.5, 0.85))
 
 
 @dataclass(frozen=True)
@@ -181,112 +173,74 @@ def average(
 
 
 class _Problem:
-    """Residuals and derivatives of all averages for a vector of parameters.
+    """Residuals and derivatives of an average for a vector of parameters (_PRIOR_MEAN)."""
 
-    Parameters: SHARED, then (length, height, offset, shift) per average.
-    """
-
-    def __init__(self, family: EdgeFamily, averages: list[Average], start_length_m: float) -> None:
-        self.family, self.averages, self.scale = family, averages, start_length_m
-        self.top_speed = max(a.speed_m_s for a in averages)
+    def __init__(self, family: EdgeFamily, average: Average, scale_m: float) -> None:
+        self.family, self.average, self.scale_m = family, average, scale_m
         # the mean over a cell's samples bends by half of their variance: cos(kappa x) -> cos(kappa
         # x) (1 - kappa^2 spread / 2)
-        self.bases = [
-            family.basis(a.xi_m) * (1.0 - 0.5 * np.multiply.outer(a.spread_m2, family.kappa_1_m**2))
-            for a in averages
-        ]
-        self.roots = [np.sqrt(a.weight) for a in averages]
-
-    def shape(self, theta: FloatArray, number: int) -> EdgeShape:
-        """The form at the speed of average `number`."""
-        relative = self.averages[number].speed_m_s / self.top_speed
-        ell, tension, inertia, tread, tilt, d0, d1 = theta[:SHARED]
-        values = np.array(
-            [
-                theta[SHARED + 4 * number],
-                ell * self.scale,
-                tension - inertia * relative**2,
-                tread,
-                d0 + d1 * relative,
-                tilt,
-            ]
+        self.basis = family.basis(average.xi_m) * (
+            1.0 - 0.5 * np.multiply.outer(average.spread_m2, family.kappa_1_m**2)
         )
+        self.root = np.sqrt(average.weight)
+
+    def shape(self, theta: FloatArray) -> EdgeShape:
+        """The form."""
+        values = np.array([theta[_LENGTH], theta[0] * self.scale_m, *theta[1:_KNOWN]])
         return EdgeShape.of(np.clip(values, LOWEST, HIGHEST))
 
-    def evaluate(self, theta: FloatArray, number: int) -> FloatArray:
-        """The average `number` as the form predicts it, shape (cells,)."""
-        _, height, offset, shift = theta[SHARED + 4 * number : SHARED + 4 * number + 4]
-        spectrum = self.family.spectrum(self.shape(theta, number)) * np.exp(
-            -1j * self.family.kappa_1_m * shift
+    def evaluate(self, theta: FloatArray) -> FloatArray:
+        """The average as the form predicts it, (cells,)."""
+        height, offset, shift = theta[_LENGTH + 1 :]
+        turn = np.exp(-1j * self.family.kappa_1_m * shift)
+        waveform: FloatArray = (
+            height * (self.basis @ (self.family.spectrum(self.shape(theta)) * turn)).real + offset
         )
-        waveform: FloatArray = height * (self.bases[number] @ spectrum).real + offset
         return waveform
 
     def settled(self, theta: FloatArray) -> FloatArray:
-        """`theta` with the height and offset at each speed that fit best.
+        """`theta` with the height and offset that fit best.
 
         They are linear, and leaving them to the steps bends the valley.
         """
         theta = theta.copy()
-        for number, (one, root) in enumerate(zip(self.averages, self.roots, strict=True)):
-            at = slice(SHARED + 4 * number + 1, SHARED + 4 * number + 3)
-            theta[at] = 1.0, 0.0
-            design = (
-                np.column_stack([self.evaluate(theta, number), np.ones_like(one.values)])
-                * root[:, None]
-            )
-            theta[at] = np.linalg.solve(design.T @ design, design.T @ (one.values * root))
+        theta[_SCALED] = 1.0, 0.0
+        wave = self.evaluate(theta)
+        design = np.column_stack([wave, np.ones_like(wave)]) * self.root[:, None]
+        theta[_SCALED] = np.linalg.solve(
+            design.T @ design, design.T @ (self.average.values * self.root)
+        )
         return theta
 
     def residuals(self, theta: FloatArray) -> FloatArray:
-        parts = [
-            root * (a.values - self.evaluate(theta, i))
-            for i, (a, root) in enumerate(zip(self.averages, self.roots, strict=True))
-        ]
-        return np.concatenate([*parts, (_PRIOR_MEAN - theta[:SHARED]) / _PRIOR_SD])
+        """Weighted residual, and that of what is known, (cells + 5,)."""
+        left = self.root * (self.average.values - self.evaluate(theta))
+        return np.concatenate([left, (_PRIOR_MEAN - theta[:_KNOWN]) / _PRIOR_SD])
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
-        """Derivatives of the weighted prediction, shape (rows, parameters)."""
-        blocks = []
-        for number, (average_, root) in enumerate(zip(self.averages, self.roots, strict=True)):
-            relative = average_.speed_m_s / self.top_speed
-            _, height, _, shift = theta[SHARED + 4 * number : SHARED + 4 * number + 4]
-            spectra = self.family.jacobian(self.shape(theta, number))
-            turn = np.exp(-1j * self.family.kappa_1_m * shift)
-            columns = (
-                np.column_stack([spectra, -1j * self.family.kappa_1_m * spectra[:, 0]])
-                * turn[:, None]
-            )
-            waves = (self.bases[number] @ columns).real
-            wave, length, ell, tension, tread, damping, tilt, slope = waves.T
-            block = np.zeros((root.size, theta.size))
-            block[:, :SHARED] = height * np.column_stack(
-                [
-                    ell * self.scale,
-                    tension,
-                    -(relative**2) * tension,
-                    tread,
-                    tilt,
-                    damping,
-                    relative * damping,
-                ]
-            )
-            block[:, SHARED + 4 * number : SHARED + 4 * number + 4] = np.column_stack(
-                [height * length, wave, np.ones_like(wave), height * slope]
-            )
-            blocks.append(block * root[:, None])
-        prior = np.zeros((SHARED, theta.size))
-        prior[:, :SHARED] = np.diag(1.0 / _PRIOR_SD)
-        return np.vstack([*blocks, prior])
+        """Derivatives of the weighted prediction, (cells + 5, parameters)."""
+        height, _, shift = theta[_LENGTH + 1 :]
+        spectra, turning = self.family.jacobian(self.shape(theta)), 1j * self.family.kappa_1_m
+        columns = np.column_stack([spectra, -turning * spectra[:, 0]])
+        waves = (self.basis @ (columns * np.exp(-turning * shift)[:, None])).real
+        wave, length, ell, tension, tread, damping, tilt, slope = waves.T
+        block = np.column_stack(
+            [
+                *(height * wave for wave in (ell * self.scale_m, tension, tread, damping, tilt)),
+                *(height * length, wave, np.ones_like(wave), height * slope),
+            ]
+        )
+        known = np.zeros((_KNOWN, theta.size))
+        known[:, :_KNOWN] = np.diag(1.0 / _PRIOR_SD)
+        return np.vstack([block * self.root[:, None], known])
 
 
-def _bounded(theta: FloatArray, scale: float) -> FloatArray:
+def _bounded(theta: FloatArray, scale_m: float) -> FloatArray:
     """`theta` within what the family allows."""
     theta = theta.copy()
-    theta[0] = np.clip(theta[0], LOWEST[1] / scale, HIGHEST[1] / scale)
-    theta[1] = np.clip(theta[1], LOWEST[2], HIGHEST[2])
-    theta[3] = np.clip(theta[3], LOWEST[3], HIGHEST[3])
-    theta[SHARED::4] = np.clip(theta[SHARED::4], LOWEST[0], HIGHEST[0])
+    theta[0] = np.clip(theta[0], LOWEST[1] / scale_m, HIGHEST[1] / scale_m)
+    theta[1:3] = np.clip(theta[1:3], LOWEST[2:4], HIGHEST[2:4])
+    theta[_LENGTH] = np.clip(theta[_LENGTH], LOWEST[0], HIGHEST[0])
     return theta
 
 
@@ -300,7 +254,7 @@ def _descend(problem: _Problem, theta: FloatArray) -> tuple[FloatArray, float]:
         step = np.linalg.solve(
             normal + damping * np.diag(np.diag(normal) + 1e-12 * np.trace(normal)), gradient
         )
-        trial = problem.settled(_bounded(theta + step, problem.scale))
+        trial = problem.settled(_bounded(theta + step, problem.scale_m))
         new = problem.residuals(trial)
         new_cost = float(new @ new)
         if new_cost < cost:
@@ -316,59 +270,29 @@ def _descend(problem: _Problem, theta: FloatArray) -> tuple[FloatArray, float]:
     return theta, cost
 
 
-def _start(averages: list[Average], length_m: float, tread: float) -> FloatArray:
-    """Parameters to start from: every speed alike, height from the averages' range."""
-    theta = [0.75, 0.3 if tread < 1 else 3.0, 0.1, tread, 0.0, 0.0, 0.0]
-    for one in averages:
-        known = one.values[one.weight > 0]
-        theta += [length_m, float(np.ptp(known)), float(np.median(known)), 0.0]
-    return np.array(theta)
+def fit_average(
+    average: Average, speed_m_s: FloatArray, radius_m: float, start_length_m: float
+) -> Reference:
+    """The family (its straight member) fitted to an average; alike at all of `speed_m_s` (k,).
 
-
-def _best(
-    family: EdgeFamily, averages: list[Average], length_m: float
-) -> tuple[_Problem, FloatArray]:
-    """The problem of all averages, and the parameters that solve it.
-
-    The best of several starts on the average with the most samples, then all averages from there.
-    """
-    richest = int(np.argmax([a.weight.sum() for a in averages]))
-    single = _Problem(family, [averages[richest]], length_m)
-    found = []
-    for tread, factor in ((0.1, 1.0), (2.5, 0.85)):
-        theta = _start([averages[richest]], length_m * factor, tread)
-        found.append(_descend(single, single.settled(theta)))
-    theta_one, _ = min(found, key=lambda result: result[1])
-    if len(averages) == 1:
-        return single, theta_one
-    problem = _Problem(family, averages, length_m)
-    theta = np.concatenate([theta_one[:SHARED], np.tile(theta_one[SHARED:], len(averages))])
-    # the single fit's inertia and damping hold at its own speed: spread them over the common scale
-    theta[1], theta[2] = theta_one[1] - theta_one[2], 0.0
-    theta[5], theta[6] = theta_one[5] + theta_one[6], 0.0
-    return problem, _descend(problem, theta)[0]
-
-
-def fit_averages(averages: list[Average], radius_m: float, start_length_m: float) -> Reference:
-    """The family (its straight member) fitted to some of the `averages`.
-
-    These are of ascending speed; `start_length_m` is a rough half length.
+    The best of several starts; `start_length_m` is a rough half length.
     """
     family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m))
-    some = [
-        averages[k] for k in np.unique(np.linspace(0, len(averages) - 1, MOST_AVERAGES).astype(int))
-    ]
-    problem, theta = _best(family, some, start_length_m)
-    shapes = tuple(problem.shape(theta, i) for i in range(len(some)))
-    speed = np.array([a.speed_m_s for a in some])
-    heights, shifts = theta[SHARED + 1 :: 4], theta[SHARED + 3 :: 4]
-    found = Reference(
+    problem = _Problem(family, average, start_length_m)
+    height = float(np.ptp(average.values[average.weight > 0]))
+    found = []
+    for tread, factor in _STARTS:
+        tension, length_m = 0.3 if tread < 1 else 3.0, start_length_m * factor
+        start = np.array([0.75, tension, tread, 0.0, 0.0, length_m, height, 0.0, 0.0])
+        found.append(_descend(problem, problem.settled(start)))
+    theta, _ = min(found, key=lambda result: result[1])
+    alike = np.ones(speed_m_s.size)
+    return Reference(
         family,
-        speed,
-        shapes,
-        shifts,
-        float(theta[2]) / problem.top_speed**2,
-        heights,
-        np.zeros(speed.size),
+        speed_m_s,
+        (problem.shape(theta),) * speed_m_s.size,
+        theta[-1] * alike,
+        0.0,
+        theta[_LENGTH + 1] * alike,
+        0.0 * alike,
     )
-    return found.at_speeds(np.array([a.speed_m_s for a in averages]))

@@ -48,6 +48,9 @@ PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
 #: a step moves the shared parameters, as of PRIOR_SD, by no more than this; twice as much lets a
 #: wrong form throw them twice as far
 MOST_STEP = np.array([0.3, 2.0, 2.0, 1.5])
+#: share of a step that is taken where the whole of it does harm; twice as much does more harm,
+#: half as much gains less, with forms that are those of no tire
+SHORTER = 0.3
 #: weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
 #: move them twice as far
 ODD_SD = 0.5
@@ -204,7 +207,7 @@ def refine_edges(
     """
     factor = 1.0
     best: tuple[float, Reference, list[_Step], FloatArray] | None = None
-    trial, samples, last = reference, list(samples), np.inf
+    trial, samples = reference, list(samples)
     for _ in range(ROUNDS):
         steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
         samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
@@ -217,7 +220,7 @@ def refine_edges(
                 columns = _tire_columns(trial, k)
                 normal += columns.T @ step.normal @ columns
                 right += columns.T @ step.right
-            best, factor, last = (misfit, trial, steps, normal), 1.0, np.inf
+            best, factor = (misfit, trial, steps, normal), 1.0
             shift = np.linalg.solve(normal, right)
             promised, free = float(shift @ right), float(sum(s.free.sum() for s in steps))
             moved = _moved(trial, np.clip(shift, -MOST_STEP, MOST_STEP), steps)
@@ -228,10 +231,10 @@ def refine_edges(
             if promised < BELIEVED * misfit * free and _near(trial, moved):
                 best = misfit - promised / free, moved, steps, normal
                 break
-        elif misfit < (1.0 + SMALL) * best[0] or misfit > (1.0 - SMALL) * last:
-            break  # nothing to gain, or not by shorter steps: these do no better than the longer
+        elif misfit < (1.0 + SMALL) * best[0] or factor < 1.0:
+            break  # nothing to gain, or not by a shorter step either
         else:
-            factor, last = 0.3 * factor, misfit
+            factor = SHORTER
         _, base, base_steps, _ = best
         trial = _moved(base, np.clip(shift, -MOST_STEP, MOST_STEP), base_steps, factor)
     assert best is not None
