@@ -5,7 +5,7 @@ Which passages it is learnt from, their averages by speed, and what is known of 
 Passages
     --clean ones, preferably at steady speed, by classes of speed, in clusters-->
     a few hundred windows
-    --those of a middle speed: scaled by their heights, cells along xi--> average --form--> a start
+    --those of one speed: scaled by their heights, cells along xi--> average --form--> a start
          --the samples themselves--> Learnt
 """
 
@@ -270,12 +270,14 @@ def _from_an_average(
 ) -> tuple[Reference, Reference]:
     """Both members of the family without anything known of them.
 
-    They start from passages of a middle speed; the closed ring from the straight line's result.
+    They start from the class of speed of which most roll freely, of these a middle one; the closed
+    ring from the straight line's result.
     """
-    third = len(samples) // 3
-    most = max(samples[third : len(samples) - third], key=lambda sample: sample.windows.values.size)
+    free = [np.sum(np.abs(s.motion["acceleration_m_s2"]) < FREE_ROLLING_M_S2) for s in samples]
+    middle = 0.5 * (len(samples) - 1)
+    first = max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))
     start = fit_average(
-        _average(most, passages, half_window_m),
+        _average(samples[first], passages, half_window_m),
         np.array([sample.speed_m_s for sample in samples]),
         passages.radius_m,
         rough_m,

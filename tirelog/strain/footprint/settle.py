@@ -39,6 +39,9 @@ DRIVEN_SHARE = 0.03
 #: passages alone, and the share of it that this one may leave to be taken; twice the first leaves
 #: forms that put onsets 3 to 5 mm off; twice the second takes one as good, of fewer passages
 MISSES, CLEARER = 0.15, 0.5
+#: with a misfit above this a form is no start for another; twice as much starts from forms that
+#: have gone astray, half as much learns from the beginning what would have been near
+NO_START = 10.0
 #: times that a form is learnt anew without passages that turn out driven: the second time sees
 #: what the first one's form has hidden; the loop ends by itself if no more turn out driven; twice
 #: as many take longer if they do
@@ -91,7 +94,8 @@ def settle(
         missed = learnt.reference.misfit - 1.0
         clearer = None if like is None else like.clearer
         if missed > MISSES and clearer is None and _enough(steady):
-            freely = learn_reference(channel, passages, block_samples, learnt, ~steady)
+            begin = learnt if missed < NO_START else None
+            freely = learn_reference(channel, passages, block_samples, begin, ~steady)
             clearer = freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed
             if clearer and freely is not None:
                 learnt = freely
