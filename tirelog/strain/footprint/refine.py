@@ -48,9 +48,6 @@ PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
 #: a step moves the shared parameters, as of PRIOR_SD, by no more than this; twice as much lets a
 #: wrong form throw them twice as far
 MOST_STEP = np.array([0.3, 2.0, 2.0, 1.5])
-#: share of a step that is taken where the whole of it does harm; twice as much does more harm,
-#: half as much gains less, with forms that are those of no tire
-SHORTER = 0.3
 #: weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
 #: move them twice as far
 ODD_SD = 0.5
@@ -148,13 +145,11 @@ def _tire_columns(reference: Reference, number: int) -> FloatArray:
     return np.array([[ell, 0.0, 0.0, 0.0], [0.0, 1.0, -relative, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-def _moved(
-    reference: Reference, step: FloatArray, steps: list[_Step], factor: float = 1.0
-) -> Reference:
-    """The reference after `factor` times a step of the shared parameters.
+def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Reference:
+    """The reference after a step of the shared parameters.
 
-    Each class' length, damping and tilt go as far towards the median of its passages, where these
-    are after the step.
+    Each class' length, damping and tilt go to the median of its passages, where these are after
+    the step.
     """
     values, shifts = (
         np.array([shape.array() for shape in reference.shapes]),
@@ -162,8 +157,8 @@ def _moved(
     )
     for number, one in enumerate(steps):
         shared = _tire_columns(reference, number) @ step
-        values[number, [1, 2, 3]] += factor * shared
-        shift, length, damping, tilt = factor * (one.middle + shared @ one.own_by[:, SHIFT:])
+        values[number, [1, 2, 3]] += shared
+        shift, length, damping, tilt = one.middle + shared @ one.own_by[:, SHIFT:]
         most = 0.2 * values[number, 0]
         shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
         values[number, [0, 4, 5]] += np.clip(
@@ -174,7 +169,7 @@ def _moved(
         reference,
         shapes=shapes,
         shifts_m=shifts,
-        inertia=reference.inertia + factor * step[2] / reference.speed_m_s[-1] ** 2,
+        inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2,
     )
 
 
@@ -205,38 +200,31 @@ def refine_edges(
 
     `noise`: standard deviation of one sample of the log.
     """
-    factor = 1.0
     best: tuple[float, Reference, list[_Step], FloatArray] | None = None
     trial, samples = reference, list(samples)
     for _ in range(ROUNDS):
         steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
         samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
-        misfit = float(sum(s.chi2.sum() for s in steps) / sum(s.free.sum() for s in steps))
-        if best is None or misfit < best[0]:
-            gain = np.inf if best is None else best[0] / misfit - 1.0
-            normal = np.diag(PRIOR_SD**-2.0)
-            right = np.zeros(4)
-            for k, step in enumerate(steps):
-                columns = _tire_columns(trial, k)
-                normal += columns.T @ step.normal @ columns
-                right += columns.T @ step.right
-            best, factor = (misfit, trial, steps, normal), 1.0
-            shift = np.linalg.solve(normal, right)
-            promised, free = float(shift @ right), float(sum(s.free.sum() for s in steps))
-            moved = _moved(trial, np.clip(shift, -MOST_STEP, MOST_STEP), steps)
-            if gain < SMALL or (
-                promised < GOOD_ENOUGH * max(misfit, 1.0) and _in_place(trial, steps)
-            ):
-                break
-            if promised < BELIEVED * misfit * free and _near(trial, moved):
-                best = misfit - promised / free, moved, steps, normal
-                break
-        elif misfit < (1.0 + SMALL) * best[0] or factor < 1.0:
-            break  # nothing to gain, or not by a shorter step either
-        else:
-            factor = SHORTER
-        _, base, base_steps, _ = best
-        trial = _moved(base, np.clip(shift, -MOST_STEP, MOST_STEP), base_steps, factor)
+        free = float(sum(s.free.sum() for s in steps))
+        misfit = float(sum(s.chi2.sum() for s in steps)) / free
+        if best is not None and misfit >= best[0]:
+            break  # where a whole step does harm, shorter ones gain next to nothing
+        gain = np.inf if best is None else best[0] / misfit - 1.0
+        normal, right = np.diag(PRIOR_SD**-2.0), np.zeros(4)
+        for k, step in enumerate(steps):
+            columns = _tire_columns(trial, k)
+            normal += columns.T @ step.normal @ columns
+            right += columns.T @ step.right
+        best = misfit, trial, steps, normal
+        shift = np.linalg.solve(normal, right)
+        promised = float(shift @ right)
+        if gain < SMALL or (promised < GOOD_ENOUGH * max(misfit, 1.0) and _in_place(trial, steps)):
+            break
+        moved = _moved(trial, np.clip(shift, -MOST_STEP, MOST_STEP), steps)
+        if promised < BELIEVED * misfit * free and _near(trial, moved):
+            best = misfit - promised / free, moved, steps, normal
+            break
+        trial = moved
     assert best is not None
     misfit, found, steps, normal = best
     return _finished(found, steps, normal, misfit, half_window_m), samples
