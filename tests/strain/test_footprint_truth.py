@@ -109,6 +109,20 @@ def test_standard_errors_cover(drive, radius_m):
     assert np.mean(inside) == pytest.approx(0.68, abs=0.05)
 
 
+@pytest.mark.parametrize(("speed", "noise_pm"), [(8.0, 4.0), (14.0, 0.8), (20.0, 4.0)])
+def test_a_wheel_that_always_pulls_is_within_its_errors(drive, radius_m, speed, noise_pm):
+    """No passage rolls freely, so the form has the slip in it and lengths are 4 % short."""
+    truth = Beam(slip=0.12, speeds=(speed, speed))
+    found, length = measure(
+        drive, radius_m, truth, [0, 20], [speed, speed], seed=1443, noise_pm=noise_pm
+    )
+    error = found.length_m - length
+    assert abs(np.nanmedian(error)) > 0.02 * length
+    known = np.isfinite(error)
+    total = np.hypot(found.length_se_m, found.form_se_m)
+    assert np.mean(np.abs(error[known]) < 1.96 * total[known]) > 0.95
+
+
 @pytest.mark.parametrize(("speed", "d2"), [(5.0, 1.05), (14.0, 1.15), (24.0, 1.30)])
 def test_the_papers_plain_methods_land_where_they_must(drive, radius_m, speed, d2):
     truth = Beam(half_length_m=0.05, speeds=(speed, speed))

@@ -88,7 +88,7 @@ _ALL = [
         "length_form_se_m",
         "m",
         "float",
-        "the error's share for the form: the carcass is not known; one sign in all rows",
+        "the error's share for the form, which misses the carcass: one sign in all rows",
         2e-6,
         1e-1,
     ),
