@@ -219,10 +219,12 @@ class Look:
             work.driven[part.row] = gains > work.usual.gain
 
 
-def look_at_some(look: Look, most: int) -> tuple[IntArray, Measured]:
+def look_at_some(
+    look: Look, most: int, rolls: NDArray[np.bool_] | None = None
+) -> tuple[IntArray, Measured]:
     """Fits of at most so many rows, evenly, what free ones of them leave, and which are driven.
 
-    The rows, and what was measured of them.
+    The rows, and what was measured of them. `rolls` (n,): those known to roll freely.
     """
     work = Measured.empty(len(look.passages))
     rows, kept = _spread(look.rows, most), []
@@ -230,7 +232,8 @@ def look_at_some(look: Look, most: int) -> tuple[IntArray, Measured]:
         for averaged, part in _alike(windows, look.averaged):
             reduced = part.reduced(averaged)
             kept.append((reduced, _fit(look, reduced, work)))
-    free = _free(look, rows[~look.vague[rows] & np.isfinite(work.fits.length_m[rows])])
+    known = rows[~look.vague[rows] & np.isfinite(work.fits.length_m[rows])]
+    free = _free(look, known) if rolls is None else known[rolls[known]]
     if not free.size:
         return rows, work
     gains = []

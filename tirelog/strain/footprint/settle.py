@@ -27,7 +27,7 @@ from tirelog.strain.footprint.measure import Forms, Look, Measured, look_at_some
 from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.slip_onset import Usual
 from tirelog.strain.passages.find import Passages
-from tirelog.vocabulary.arrays import IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: passages that are looked at for a traction; half as many leave too few of a class of speed to
 #: learn from where three of four are driven, twice as many take twice as long
@@ -42,6 +42,19 @@ MISSES, CLEARER = 0.15, 0.5
 #: with a misfit above this a form is no start for another; twice as much starts from forms that
 #: have gone astray, half as much learns from the beginning what would have been near
 NO_START = 10.0
+#: passages differ among themselves if what the form misses of each alone is this share of what it
+#: misses of all; half of it asks of forms that miss all alike
+DIFFER = 0.3
+#: then it is learnt of this share of them, which it fits best, and of all with no more than this
+#: chi-square per degree of freedom; twice the share mixes those that pull with those that do not,
+#: half the chi-square leaves out speeds that the first ones do not have
+BEST, LIKELY = 0.2, 4.0
+#: where the form of the first does not hold yet, at other speeds, passages are told by a gap: the
+#: misfit above it is so many times that below; twice as much leaves out speeds
+GAP = 2.0
+#: times that they are chosen, at most, and how many times as many there have to be if the form is
+#: not much clearer; half as many times may leave out speeds that the first ones do not have
+MOST_CHOSEN, MORE = 6, 1.05
 #: times that a form is learnt anew without passages that turn out driven: the second time sees
 #: what the first one's form has hidden; the loop ends by itself if no more turn out driven; twice
 #: as many take longer if they do
@@ -53,13 +66,15 @@ class Settled:
     """A channel's form, and what is known with it.
 
     `usual`: what passages that roll freely leave, None if there are none; `clearer`: whether the
-    form of steady passages alone is clearer, None if that was not asked; `forms`: at the knots of
-    the channel's speeds, None if they are to be made.
+    form of steady passages alone is clearer, None if that was not asked; `chosen`: whether it is
+    that of passages which are alike; `forms`: at the knots of the channel's speeds, None if
+    they are to be made.
     """
 
     learnt: Learnt
     usual: Usual | None = None
     clearer: bool | None = None
+    chosen: bool = False
     forms: Forms | None = None
 
     @property
@@ -100,7 +115,10 @@ def settle(
             if clearer and freely is not None:
                 learnt = freely
     left_out = ~steady if clearer else np.zeros(len(passages), bool)
-    return _undriven(channel, passages, block_samples, learnt, left_out, clearer)
+    settled = _undriven(channel, passages, block_samples, learnt, left_out, clearer)
+    if like is not None and not like.chosen:
+        return settled
+    return _of_alike(channel, passages, block_samples, settled, like) or settled
 
 
 def _enough(steady: NDArray[np.bool_]) -> bool:
@@ -125,7 +143,7 @@ def _undriven(
         if look is None:
             break
         rows, work = look_at_some(look, LOOKED)
-        settled = Settled(learnt, work.usual, clearer, look.forms)
+        settled = Settled(learnt, work.usual, clearer, forms=look.forms)
         new = work.driven & ~left_out
         if again == MOST_LEARNT or not new.any() or not _mixed(learnt, rows, work):
             return settled
@@ -137,6 +155,72 @@ def _undriven(
             return settled
         learnt = freed
     return Settled(learnt, None, clearer)
+
+
+def _of_alike(
+    channel: Channel,
+    passages: Passages,
+    block_samples: int,
+    settled: Settled,
+    like: Settled | None,
+) -> Settled | None:
+    """The form of passages that are alike and that it fits, if it is much clearer.
+
+    So it is where many passages pull at a steady speed: no form fits those that do, and that of all
+    fits none. Begun with those that the form of `settled`, or of `like`, fits best, which may be
+    those that pull: then it still misses them, and is learnt of the others.
+    """
+    learnt, missed = (like or settled).learnt, settled.learnt.reference.misfit - 1.0
+    if missed < MISSES:
+        return None
+    kept, count = np.zeros(len(passages), bool), 0
+    for again in range(MOST_CHOSEN):
+        look = Look.of(channel, passages, learnt, block_samples)
+        if look is None:
+            return None
+        rows, work = look_at_some(look, LOOKED)
+        misfit = np.nan_to_num(work.fits.chi2[rows], nan=np.inf)
+        if not again and like is None and np.median(misfit) - 1.0 < DIFFER * missed:
+            return None
+        best = misfit <= max(np.quantile(misfit, BEST), LIKELY)
+        if again:
+            best |= _below_gap(misfit, look.number[rows])
+        groups = [best, ~best] if again and learnt.reference.misfit > REMARKABLE else [best]
+        start = learnt if learnt.reference.misfit < NO_START else None
+        made = []
+        for group in groups:
+            others = np.ones(len(passages), bool)
+            others[rows[group]] = False
+            if (found := learn_reference(channel, passages, block_samples, start, others)) is None:
+                return None
+            made.append((found.reference.misfit, found, ~others))
+        least, found, those = min(made, key=lambda one: one[0])
+        if again and least > CLEARER * learnt.reference.misfit and those.sum() < MORE * count:
+            break
+        learnt, kept, count = found, those, int(those.sum())
+    if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
+        return None
+    look = Look.of(channel, passages, learnt, block_samples)
+    if look is None:
+        return None
+    _, work = look_at_some(look, LOOKED, kept)
+    return Settled(learnt, work.usual, settled.clearer, True, look.forms)
+
+
+def _below_gap(misfit: FloatArray, group: IntArray) -> NDArray[np.bool_]:
+    """Which of the rows (n,) are below a gap among the misfits of their `group`.
+
+    The widest one, if it is as wide as GAP and has a tenth of the group on either side.
+    """
+    below = np.zeros(misfit.size, bool)
+    for number in np.unique(group):
+        own = np.flatnonzero((group == number) & np.isfinite(misfit))
+        own = own[np.argsort(misfit[own])]
+        few = own.size // 10 + 1
+        steps = misfit[own[few:-few]] / misfit[own[few - 1 : -few - 1]]
+        if steps.size and steps.max() > GAP:
+            below[own[: few + int(np.argmax(steps))]] = True
+    return below
 
 
 def _mixed(learnt: Learnt, rows: IntArray, work: Measured) -> bool:
