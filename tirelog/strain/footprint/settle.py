@@ -3,6 +3,7 @@
     passages --> Learnt
         --misses passages? without those that speed up and slow down, if that is clearer-->
         --some of all passages are looked at: driven ones among them? without these-->
+        --still misses them, each in its own way? of those that are alike, and that it fits-->
     Settled, from which the next grating of the log starts
 
 What a traction does to the form is larger than what the form is asked for. Only some passages are
