@@ -698,6 +698,19 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
+# ---- inference
+
+
+@inputs_of("inference.stacks.hum_kernel")
+def _(rng: np.random.Generator) -> Arguments:
+    turning = np.exp(1j * rng.normal(size=(6, 9)))
+    left, first = rng.uniform(size=(6, 9)), np.array([0, 1, 3, 4])
+    weighted, weight = rng.normal(size=(4, 9)), rng.uniform(size=(4, 9))
+    return {
+        "along_rises": [(turning, left, first, weighted, weight, np.zeros(4, np.complex128))],
+    }
+
+
 # ---- tires in motion
 
 

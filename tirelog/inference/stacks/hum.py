@@ -93,10 +93,10 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
     if first.size < _FEWEST or np.nanmax(time_s) - np.nanmin(time_s) < _SHORTEST_S:
         return values, []
     speed = np.maximum(stack.conditions.speed_m_s, 1e-3) / stack.radius_m
-    spread_s = np.sqrt(np.nan_to_num(stack.phi_variance)) / speed[:, None]
+    square_s2 = np.nan_to_num(stack.phi_variance) / speed[:, None] ** 2
     time_s = np.where(np.isfinite(time_s), time_s, np.nanmin(time_s))
     lines: list[Line] = []
-    pairs = _Pairs(values, time_s, spread_s, first)
+    pairs = _Pairs(values, time_s, square_s2, first)
     for supply in SUPPLIES_HZ:
         for multiple in range(1, MULTIPLES + 1):
             # the third and fourth come with the first or the second
@@ -108,7 +108,7 @@ def without_hum(stack: Stack, time_s: FloatArray) -> tuple[FloatArray, list[Line
                 if line.amplitude >= _LEAST * pairs.scatter:
                     values = without
                     lines.append(line)
-                    pairs = _Pairs(values, time_s, spread_s, first)
+                    pairs = _Pairs(values, time_s, square_s2, first)
     return values, lines
 
 
@@ -123,10 +123,10 @@ class _Pairs:
         self,
         values: FloatArray,
         time_s: FloatArray,
-        spread_s: FloatArray,
+        square_s2: FloatArray,
         first: NDArray[np.intp],
     ) -> None:
-        self.values, self.time_s, self.spread_s, self.first = values, time_s, spread_s, first
+        self.values, self.time_s, self.square_s2, self.first = values, time_s, square_s2, first
         rise = values[first + 1] - values[first]
         self.there = np.isfinite(rise)
         rise = np.where(self.there, rise, 0.0)
@@ -146,7 +146,7 @@ class _Pairs:
 
     def wave(self, frequency: float) -> NDArray[np.complex128]:
         """A line of unit amplitude as its mean over each bin's samples, (n, m)."""
-        return self.blurred(self.turning(frequency), frequency)
+        return self.turning(frequency) * self.left(frequency)
 
     def turning(self, frequency: float) -> NDArray[np.complex128]:
         """A line of unit amplitude at each bin's mean time, (n, m)."""
@@ -157,9 +157,9 @@ class _Pairs:
         """A line of 1 Hz: by it a line becomes that of the next hertz, for a tenth of the time."""
         return self.turning(1.0)
 
-    def blurred(self, turning: NDArray[np.complex128], frequency: float) -> NDArray[np.complex128]:
-        """What is left of a line (n, m) in the mean over each bin's samples."""
-        return np.asarray(turning * np.exp(-0.5 * (2.0 * np.pi * frequency * self.spread_s) ** 2))
+    def left(self, frequency: float) -> FloatArray:
+        """What is left of a line's size in the mean over each bin's samples, (n, m)."""
+        return np.asarray(np.exp((-2.0 * (np.pi * frequency) ** 2) * self.square_s2))
 
     def change(self, wave: NDArray[Any]) -> NDArray[Any]:
         """From each revolution to the next, (k, m)."""
@@ -172,12 +172,11 @@ class _Pairs:
 
         `turning` (n, m): a line of the frequency in the middle.
         """
-        change = self.change(self.blurred(turning, middle))
-        cosine, sine = np.ascontiguousarray(change.real), np.ascontiguousarray(change.imag)
-        along = np.einsum("km,km->k", self.weighted, cosine) - 1j * np.einsum(
-            "km,km->k", self.weighted, sine
-        )
-        size = float(np.vdot(self.weight * cosine, cosine) + np.vdot(self.weight * sine, sine))
+        from tirelog.inference.stacks.hum_kernel import along_rises
+
+        along = np.empty(self.first.size, np.complex128)
+        left = self.left(middle)
+        size = along_rises(turning, left, self.first, self.weighted, self.weight, along)
         off = np.arange(-half, half, step)
         # every so many steps, and the steps between: a product for each instead of a power for each
         few = int(np.ceil(np.sqrt(off.size)))
