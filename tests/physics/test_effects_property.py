@@ -2,6 +2,7 @@
 conditions, order, load carried.
 """
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -572,3 +573,13 @@ def test_bins_without_a_sample_have_no_value_and_spoil_no_other(acts_on):
     assert np.isnan(holed[2, 5])
     holed[2, 5] = full[2, 5]
     np.testing.assert_array_equal(holed, full)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.id)
+def test_an_effect_of_the_catalogue_is_the_same_in_another_process(effect):
+    """By it predictions know which conditions it reads."""
+    assert pickle.loads(pickle.dumps(effect)) is effect
+    other = replace(effect, mechanism="another")
+    again = pickle.loads(pickle.dumps(other))
+    assert again == other
+    assert again is not effect
