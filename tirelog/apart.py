@@ -1,4 +1,4 @@
-"""The tables' channels, worked on by processes of their own.
+"""What is independent, worked on by processes of their own: the tables' channels, trials of a fit.
 
     channels, in their order
         --a number down each pipe, as soon as its process is free-->
@@ -24,12 +24,12 @@ import pickle
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, suppress
 from multiprocessing.connection import Connection, Pipe, wait
 from typing import Any, TypeVar
 
-from tirelog.runtime import end_with_parent
+from tirelog.runtime import end_with_parent, processes, share_work
 
 Made = TypeVar("Made")
 
@@ -75,7 +75,7 @@ def apart(
     count: int,
     processes: int,
     make: Callable[[int, Wire | Here], Made],
-) -> Iterator[Made]:
+) -> Generator[Made]:
     """`make(number, wire)` for all numbers below `count`, in their order, by `processes`.
 
     What a process has not brought to its end is made in this one.
@@ -159,6 +159,25 @@ def apart(
             _end(process)
 
 
+def shared_out(count: int, make: Callable[[int], Made]) -> Iterator[Made]:
+    """`make(number)` for all numbers below `count`, in their order, by the processes at hand.
+
+    By this one alone if there is no other, or nothing to share. What `make` leaves behind beside
+    its answer goes with its process, so no number may count on what was made of another.
+    """
+    if min(processes(), count) < 2 or not POSSIBLE:
+        yield from map(make, range(count))
+        return
+    with closing(apart(count, processes(), lambda number, wire: (make(number),))) as answers:
+        for (answer,) in answers:
+            yield answer
+
+
+def made_apart(jobs: Sequence[Callable[[], Made]]) -> list[Made]:
+    """What independent jobs come to, in their order, as `shared_out` makes it."""
+    return list(shared_out(len(jobs), lambda number: jobs[number]()))
+
+
 def _first_told(told: dict[int, Any], number: int) -> tuple[bool, Any]:
     """(whether it is known, the first that is not None of the numbers before this one)."""
     for before in range(number):
@@ -184,6 +203,7 @@ def _serve(
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent hears of it
         end_with_parent(os.getppid())
+        share_work(False)
         for other in others:
             other.close()
         while True:

@@ -1,4 +1,7 @@
-"""Settings of the process: threads, allocator, garbage, its end; and who hears of compiling."""
+"""Settings of the process: threads, allocator, garbage, work shared with others, its end.
+
+And who hears of compiling.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +26,9 @@ _TRIM_BYTES, _OWN_MEMORY_BYTES = 1 << 26, 1 << 22
 _SIGNAL_WITH_PARENT = 1
 #: elsewhere the parent is looked for so often [s]
 _LOOK_S = 0.5
+#: processes that share what is independent of each other, if there are as many cores: twice as many
+#: take twice the memory beside that of the command
+_MOST_PROCESSES = 2
 #: containers that are made before garbage is looked for among the new ones: some 10 MB
 _COLLECT_AFTER = 50_000
 
@@ -91,6 +97,25 @@ def leave(status: int) -> NoReturn:
     """
     gc.freeze()
     sys.exit(status)
+
+
+#: processes that share work now
+_PROCESSES = [1]
+
+
+def share_work(wanted: bool = True) -> None:
+    """Have independent work shared by processes, as far as there are cores; or have it alone.
+
+    For a command, which has the machine for itself: what a library or a campaign's worker does
+    stays in one process.
+    """
+    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1
+    _PROCESSES[0] = min(_MOST_PROCESSES, cores) if wanted else 1
+
+
+def processes() -> int:
+    """How many processes share work."""
+    return _PROCESSES[0]
 
 
 def end_with_parent(parent: int) -> None:

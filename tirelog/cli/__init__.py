@@ -101,12 +101,13 @@ def run(arguments: list[str] | None = None) -> int:
 def main() -> None:
     """Entry point of the console script."""
     from tirelog.cli.streams import drop_output, open_streams
-    from tirelog.runtime import few_collections, leave, one_heap, one_thread
+    from tirelog.runtime import few_collections, leave, one_heap, one_thread, share_work
 
     one_thread()  # first of all: a command's inputs are looked at before it begins
     few_collections()
     open_streams()
     one_heap()
+    share_work()
     status = run()
     try:
         sys.stdout.flush()
