@@ -84,15 +84,15 @@ def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, m
 def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(
     one_cruise, model, monkeypatch
 ):
-    from tirelog.diagnosis.candidates import naming
+    from tirelog.diagnosis.candidates import trials
 
-    def refuse(base, few, candidate):
+    def refuse(base, candidate, tried):
         if candidate.id == asked[0]:
             raise ModelError("the fit with it failed")
-        return refit(base, few, candidate)
+        return refit(base, candidate, tried)
 
-    refit = naming.refit_candidate
-    monkeypatch.setattr(naming, "refit_candidate", refuse)
+    refit = trials.refit_candidate
+    monkeypatch.setattr(trials, "refit_candidate", refuse)
     stacks = stacks_from_logs(one_cruise)
     asked = ["nothing"]
     first = diagnose(stacks, model).effects[0].effect

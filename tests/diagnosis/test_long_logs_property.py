@@ -8,8 +8,11 @@ import pytest
 from benchmarks.cases import Case, case
 from tests.diagnosis.test_transient_truth import scenario
 from tests.diagnosis.toy import stack
+from tirelog import runtime
+from tirelog.apart import POSSIBLE
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
+from tirelog.diagnosis.diagnose import diagnose
 from tirelog.inference.cells.gathering import pieces_of_all
 from tirelog.inference.cells.pieces import joined_pieces, pieces_of
 from tirelog.inference.measured import measured
@@ -148,6 +151,26 @@ def test_a_comparison_hardly_knows_of_manoeuvres_that_were_cut(recordings, model
     np.testing.assert_allclose(
         [row["rmse"] for row in rows], [row["rmse"] for row in expected], rtol=0.05
     )
+
+
+@pytest.mark.skipif(not POSSIBLE, reason="no process is forked here")
+def test_a_diagnosis_does_not_know_of_the_processes_that_share_it(recordings, model, monkeypatch):
+    stacks = stacks_from_logs(recordings, most=40)
+    alone = diagnose(stacks, model)
+    assert any(step.contenders for step in alone.found.steps)  # of which each is refitted
+    monkeypatch.setattr(runtime, "_PROCESSES", [2])
+    shared = diagnose(stacks, model)
+    assert shared.to_json() == alone.to_json()
+
+
+def test_reading_what_is_put_aside_moves_no_place_in_the_file():
+    """So that processes may read side by side: what is forked shares the place."""
+    stacks = Stacks(in_memory=0)
+    stacks.add("log", [stack(1), stack(2)])
+    before = stacks._file.tell()
+    for number, seed in ((1, 2), (0, 1)):
+        np.testing.assert_array_equal(stacks[number].values, stack(seed).values)
+        assert stacks._file.tell() == before
 
 
 def driven(seed: int, **more) -> Stack:

@@ -29,8 +29,8 @@ from tirelog.diagnosis.candidates.signatures import (
     all_signatures,
     candidate_effects,
     idle_candidates,
-    with_candidate,
 )
+from tirelog.diagnosis.candidates.trials import refits
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CONTENDER,
@@ -47,23 +47,13 @@ from tirelog.diagnosis.rules import (
     WORSE_SIGMAS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, refit, settled, thinned
-from tirelog.inference.fit.cells import Problem, descend_together, free_names
+from tirelog.inference.base import Base, refit, settled
+from tirelog.inference.fit.cells import Problem
 from tirelog.inference.fit.errors import NULL
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Offsets
 from tirelog.physics.effects import Effect
-from tirelog.physics.model.model import Model
 
-#: starts of a candidate are tried on so many cells, so many steps, before the best is finished on
-#: all cells; the time goes with both
-_TRIAL_CELLS = 24
-_TRIAL_STEPS = 12
-#: starts that end so near the least chi-square, as a share of it, fit alike; of these the one
-#: counts that stays nearest to the values given: EJ, k, y and tension share a scale, and along it a
-#: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
-#: nothing seen
-SAME_CHI2 = 1e-3
 #: share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
 #: strength be told of which a fifth cannot be seen
 _UNDETERMINED = 0.1
@@ -153,58 +143,6 @@ def assess_all(base: Base, extra: Iterable[Effect]) -> tuple[list[Assessed], dic
     return assessed, {**idle_candidates(base.model, extra), **reasons, **invisible}
 
 
-def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
-    """The best refit with the candidate, from its linear strength and from its probe.
-
-    Both are tried on `few` cells and finished on all. ModelError if no start leads below the base:
-    a worse refit is a failed refit.
-    """
-    effect = candidate.signature.effect
-    linear = dict(zip(candidate.signature.strengths, candidate.strengths, strict=True))
-    probes = {
-        p.name: p.probe * (np.sign(linear.get(p.name, 1.0)) or 1.0)
-        for p in effect.parameters
-        if p.name in linear
-    }
-    shape = dict(candidate.signature.shape)
-    problems, found = [Problem(few.cells, few.white)], []
-    models = [base.model]
-    if (
-        base.fit.held and base.given is not None
-    ):  # what drove the base to a bound may be the very effect: begin within, too
-        within = {
-            name: base.given.values[name] for name in base.fit.names if name in base.given.values
-        }
-        models.append(base.model.with_values(within))
-    for model, strengths in ((m, s) for m in models for s in (linear, probes)):
-        try:
-            start = with_candidate(model, effect, {**shape, **strengths}).resolved(
-                base.cells.conditions
-            )
-            names = free_names(start, few.cells)
-            found.append(descend_together(problems, start, names, steps=_TRIAL_STEPS))
-        except ModelError:
-            continue
-    if not found:
-        raise ModelError(f"the fit with {effect.id} failed")
-    least = min(chi2 for _, chi2, _ in found)
-    reached = [model for model, chi2, _ in found if chi2 <= (1.0 + SAME_CHI2) * least]
-    best = refit(base, min(reached, key=lambda model: _moved(base, model)))
-    if best.fit.chi2 > base.fit.chi2:
-        raise ModelError(f"the fit with {effect.id} ended above the fit without it")
-    return best
-
-
-def _moved(base: Base, model: Model) -> float:
-    """How far the base's free parameters are from what the model file gave.
-
-    As shares of the larger of the two values, summed.
-    """
-    given = (base.given or base.model).values
-    pairs = [(given[name], model.values[name]) for name in base.fit.names if name in given]
-    return float(sum(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs))
-
-
 def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
     """The leading candidates refitted, by rising held-out loss; failed ones go to `reasons`."""
     if not assessed:
@@ -212,12 +150,12 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
     leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][
         :MOST_CONTENDERS
     ]
-    tried, few = [], thinned(base, _TRIAL_CELLS)
-    for candidate in leading:
-        try:
-            tried.append(Refitted(candidate, refit_candidate(base, few, candidate)))
-        except ModelError as failed:
-            reasons[candidate.id] = failed.what
+    tried = []
+    for one, found in zip(leading, refits(base, leading), strict=True):
+        if isinstance(found, str):
+            reasons[one.id] = found
+        else:
+            tried.append(Refitted(one, found))
     if not tried:
         return []
     tried = [replace(r, sigmas=strength_sigmas(r.base, r.id)) for r in tried]

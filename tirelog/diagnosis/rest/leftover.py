@@ -16,11 +16,13 @@ removal of the best family.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from tirelog.apart import made_apart
 from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.candidates.assessment import nuisance
 from tirelog.diagnosis.candidates.free_shapes import even_share, hats, hats_on
@@ -175,6 +177,17 @@ def _score(
     )
 
 
+def _scores(
+    base: Base,
+    taken: ProjectedOut,
+    residual: FloatArray,
+    columns: FloatArray,
+    factors: Sequence[FloatArray],
+) -> list[Scores]:
+    """Evidence for each factor x columns, as far as there are processes side by side."""
+    return made_apart([partial(_score, base, taken, residual, columns, f) for f in factors])
+
+
 def describe(base: Base) -> Leftover:
     """The rest that this fit leaves.
 
@@ -186,15 +199,12 @@ def describe(base: Base) -> Leftover:
     taken = nuisance(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
     factors, free = factors_of(base), _shapes(base)
-    scores = [
-        _score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()
-    ]
+    scores = _scores(base, taken, residual, free, [f[:, None, None] for f in factors.values()])
     by_speed = [name for name in factors if name.startswith(SPEED) and cells.phi.shape[1] > 1]
     if by_speed:
         late = _late_shapes(base)
-        scores += [
-            _score(base, taken, residual, late, factors[name][:, None, None]) for name in by_speed
-        ]
+        by = [factors[name][:, None, None] for name in by_speed]
+        scores += _scores(base, taken, residual, late, by)
         del late
     statistic, p = flip_test(scores, cells.manoeuvres)
     best = best_factor(factors, statistic[: len(factors)])
@@ -291,7 +301,8 @@ def _crosses_zero(base: Base) -> bool:
 def _explained_by_exponent(
     base: Base, taken: ProjectedOut, residual: FloatArray, columns: FloatArray, speed: FloatArray
 ) -> list[float]:
-    return [_explained(_score(base, taken, residual, columns, speed**e)) for e in FINE_EXPONENTS]
+    by = [speed**e for e in FINE_EXPONENTS]
+    return [_explained(one) for one in _scores(base, taken, residual, columns, by)]
 
 
 def _one_side(

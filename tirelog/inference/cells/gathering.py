@@ -26,6 +26,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.apart import shared_out
 from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.cells.pieces import (
     Pieces,
@@ -168,16 +169,18 @@ def _pieces(
     manoeuvre = np.concatenate([stack.manoeuvre for stack in own])
     kept, some = _kept_manoeuvres(own, manoeuvre, most)
     parts: list[Pieces] = []
-    first = 0
     cell = np.full(manoeuvre.size, -1)
-    for i in places:
-        used = np.flatnonzero(np.isin(outline[i].manoeuvre, kept))
-        if used.size:
-            stack = stacks[i]
-            part = pieces_of(stack if used.size == len(stack) else stack.take(used))
-            cell[first + used] = part.cell + sum(len(one) for one in parts)
-            parts.append(part)
-        first += len(outline[i])
+    used = [np.flatnonzero(np.isin(outline[i].manoeuvre, kept)) for i in places]
+    read = [k for k, rows in enumerate(used) if rows.size]
+
+    def part_of(number: int) -> Pieces:
+        stack, rows = stacks[places[read[number]]], used[read[number]]
+        return pieces_of(stack if rows.size == len(stack) else stack.take(rows))
+
+    before = np.cumsum([0, *(len(stack) for stack in own)])
+    for k, part in zip(read, shared_out(len(read), part_of), strict=True):
+        cell[before[k] + used[k]] = part.cell + sum(len(one) for one in parts)
+        parts.append(part)
     pieces = concatenated_pieces(parts)
     log = np.concatenate([stack.log for stack in own])
     speed = np.concatenate([stack.conditions.speed_m_s for stack in own])

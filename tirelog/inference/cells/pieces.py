@@ -228,8 +228,8 @@ def pieces_of(stack: Stack) -> Pieces:
     rows_of = [np.flatnonzero(cell == c) for c in range(int(cell.max()) + 1)]
     parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
     first = np.array([rows_of_one[0] for rows_of_one in rows_of])
-    rows: dict[str, Any] = {
-        f.name: np.stack([getattr(part, f.name) for part in parts])
+    rows: dict[str, Any] = {  # in one order, whoever made them: sums go along it
+        f.name: np.ascontiguousarray(np.stack([getattr(part, f.name) for part in parts]))
         for f in fields(_Part)
         if f.name != "coefficients"
     }

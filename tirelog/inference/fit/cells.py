@@ -16,10 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.apart import made_apart
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import lacking, linearised, predicted
@@ -348,13 +350,8 @@ def _promising(
     channels: Sequence[CellsInMetric], names: Sequence[str], candidates: list[Model]
 ) -> list[Model]:
     """The two best of the starts after a few steps on a few cells."""
-    problems = [_few(*channel) for channel in channels]
-    reached = []
-    for start in candidates:
-        try:
-            reached.append(descend_together(problems, start, names, steps=15))
-        except ModelError:
-            continue
+    ends = made_apart([partial(_tried, channels, names, start) for start in candidates])
+    reached = [end for end in ends if end is not None]
     reached.sort(key=lambda result: result[1])
     distinct = [
         r
@@ -362,6 +359,16 @@ def _promising(
         if i == 0 or abs(r[1] - reached[0][1]) > 0.02 * reached[0][1]
     ]
     return [r[0] for r in distinct[:2]] or candidates
+
+
+def _tried(
+    channels: Sequence[CellsInMetric], names: Sequence[str], start: Model
+) -> tuple[Model, float] | None:
+    """Where a start leads on a few cells, and chi-square there; None if it is refused."""
+    try:
+        return descend_together([_few(*one) for one in channels], start, names, steps=15)[:2]
+    except ModelError:
+        return None
 
 
 def _few(cells: Cells, white: Whitener) -> Problem:

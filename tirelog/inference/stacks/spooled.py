@@ -12,6 +12,7 @@ per revolution stays in memory, the waveforms (32 bytes per bin) are put aside.
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 import weakref
@@ -44,8 +45,8 @@ class Stacks(Sequence[Stack]):
         self._room = IN_MEMORY if in_memory is None else in_memory
         self._stacks: list[Stack] = []
         self._places: list[
-            int | None
-        ] = []  # where in the file the waveforms are, None if they are in memory
+            tuple[int, int] | None
+        ] = []  # from where to where in the file the waveforms are, None if they are in memory
         self._file: IO[bytes] | None = None
 
     def add(self, log: str, stretches: Iterable[Stack]) -> None:
@@ -106,8 +107,8 @@ class Stacks(Sequence[Stack]):
                     empty: Any = np.empty((len(self._stacks[i]), 0))
                     self._stacks[i] = replace(self._stacks[i], **dict.fromkeys(_WAVEFORMS, empty))
 
-    def _write(self, stack: Stack) -> int:
-        """The waveforms at the end of the file; where they begin."""
+    def _write(self, stack: Stack) -> tuple[int, int]:
+        """The waveforms at the end of the file; where they begin and end."""
         try:
             if self._file is None:
                 self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
@@ -116,6 +117,7 @@ class Stacks(Sequence[Stack]):
             for name in _WAVEFORMS:
                 np.save(self._file, getattr(stack, name), allow_pickle=False)
             self._file.flush()
+            return place, self._file.tell()
         except OSError as problem:
             raise OutputError(
                 f"the revolutions of long logs cannot be put aside ({problem.strerror or problem})",
@@ -124,12 +126,17 @@ class Stacks(Sequence[Stack]):
                 do="make room or set TMPDIR to another folder",
                 file=tempfile.tempdir or os.environ.get("TMPDIR"),
             ) from problem
-        return place
 
-    def _read(self, place: int) -> dict[str, Any]:
+    def _read(self, place: tuple[int, int]) -> dict[str, Any]:
+        """The waveforms, read without the file's own place: processes may do it side by side."""
         assert self._file is not None
-        self._file.seek(place)
-        return {name: np.load(self._file, allow_pickle=False) for name in _WAVEFORMS}
+        first, stop = place
+        if hasattr(os, "pread"):
+            data = io.BytesIO(os.pread(self._file.fileno(), stop - first, first))
+        else:  # Windows, where no process is forked either
+            self._file.seek(first)
+            data = io.BytesIO(self._file.read(stop - first))
+        return {name: np.load(data, allow_pickle=False) for name in _WAVEFORMS}
 
 
 def _bytes(stack: Stack) -> int:
