@@ -711,6 +711,17 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
+# ---- models
+
+
+@inputs_of("physics.interpolation")
+def _(rng: np.random.Generator) -> Arguments:
+    at = np.array([[0, 1, 9, 10], [11, 0, 5, 10], [3, 11, 0, 0]])  # either end of the round
+    weights = [rng.normal(size=at.shape) for _ in range(4)]
+    weights[0][1, 1] = np.nan
+    return {"interpolated": [(rng.normal(size=(3, 12)), at, *weights, np.empty(at.shape))]}
+
+
 # ---- tires in motion
 
 

@@ -76,7 +76,7 @@ class Angles:
     """
 
     def __init__(self, phi_rad: FloatArray, phi_variance: FloatArray | None = None) -> None:
-        self.phi_rad = np.atleast_2d(np.asarray(phi_rad, dtype=np.float64))
+        self.phi_rad = np.atleast_2d(np.ascontiguousarray(phi_rad, dtype=np.float64))
         self._spread = None if phi_variance is None else np.sqrt(np.atleast_2d(phi_variance))
         position = self.phi_rad / STEP
         floor = np.floor(position)
@@ -131,6 +131,12 @@ class Angles:
 
     def _between(self, grid: FloatArray) -> FloatArray:
         """Values (n or 1, m) of waveforms on the grid (n or 1, GRID)."""
+        if grid.shape[0] > 1 and self._index[1].shape[0] > 1:
+            from tirelog.physics.interpolation import interpolated
+
+            out = np.empty(self._index[1].shape)
+            interpolated(grid, self._index[1], *self._weights, out)
+            return out
         total = self._weights[0] * _gather(grid, self._index[0])
         for weight, index in zip(self._weights[1:], self._index[1:]):
             total += weight * _gather(grid, index)
@@ -138,10 +144,6 @@ class Angles:
 
 
 def _gather(grid: FloatArray, index: NDArray[np.int64]) -> FloatArray:
-    """grid (n or 1, GRID) at index (n or 1, m) -> (n, m)."""
-    if grid.shape[0] == 1:
-        taken: FloatArray = grid[0][index]
-        return taken
-    if index.shape[0] == 1:
-        return grid[:, index[0]]
-    return np.take(grid.reshape(-1), index + GRID * np.arange(grid.shape[0])[:, None])
+    """grid (n or 1, GRID) at index (n or 1, m), either of which is one row -> (n, m)."""
+    taken: FloatArray = grid[0][index] if grid.shape[0] == 1 else grid[:, index[0]]
+    return taken

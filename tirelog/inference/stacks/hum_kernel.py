@@ -1,7 +1,7 @@
 """The sums over neighbouring revolutions that a line of the supply is looked for by.
 
-One pass in place of seven of numpy's over megabytes: without it the hum of an hour's log takes
-twice the time.
+One pass in place of seven of numpy's over megabytes: looking for hum in 350 revolutions takes 39 ms
+of CPU for 67 (23 November 2026, two shared cores, Python 3.11).
 """
 
 from __future__ import annotations
