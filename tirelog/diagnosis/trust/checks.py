@@ -106,7 +106,7 @@ def _statistics(base: Base, used: NDArray[np.bool_]) -> dict[str, Callable[[Floa
         "largest cell": lambda r: float(((r**2).sum(axis=1) / count).max()),
         "lag one over angles": lambda r: float((r[:, 1:] * r[:, :-1]).sum()) / square(r),
         "lag one over cells": lambda r: float((r[before] * r[after]).sum()) / square(r),
-        "kurtosis": lambda r: float((r**4).sum()) * float(used.sum()) / square(r) ** 2,
+        "kurtosis": lambda r: float(np.square(r**2).sum()) * float(used.sum()) / square(r) ** 2,
         "drift": lambda r: float(time @ (r.sum(axis=1) / np.sqrt(count))),
     }
 
