@@ -159,13 +159,19 @@ def apart(
             _end(process)
 
 
-def shared_out(count: int, make: Callable[[int], Made]) -> Iterator[Made]:
+def shares(count: int) -> bool:
+    """Whether so many independent things are shared out over processes."""
+    return min(processes(), count) > 1 and POSSIBLE
+
+
+def shared_out(count: int, make: Callable[[int], Made], allowed: bool = True) -> Iterator[Made]:
     """`make(number)` for all numbers below `count`, in their order, by the processes at hand.
 
-    By this one alone if there is no other, or nothing to share. What `make` leaves behind beside
-    its answer goes with its process, so no number may count on what was made of another.
+    By this one alone if others are not `allowed`, or there is nothing to share. What `make` leaves
+    behind beside its answer goes with its process, so no number may count on what was made of
+    another.
     """
-    if min(processes(), count) < 2 or not POSSIBLE:
+    if not (allowed and shares(count)):
         yield from map(make, range(count))
         return
     with closing(apart(count, processes(), lambda number, wire: (make(number),))) as answers:

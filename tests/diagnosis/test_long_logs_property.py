@@ -1,5 +1,6 @@
 """Property: several stretches, stacks put aside, some manoeuvres of many: the same measurement."""
 
+import os
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,12 +11,13 @@ from tests.diagnosis.test_transient_truth import scenario
 from tests.diagnosis.toy import stack
 from tirelog import runtime
 from tirelog.apart import POSSIBLE
-from tirelog.data.recording import Conditions, Stack
+from tirelog.data.recording import Channel, Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.inference.cells.gathering import pieces_of_all
 from tirelog.inference.cells.pieces import joined_pieces, pieces_of
 from tirelog.inference.measured import measured
+from tirelog.inference.stacks import align
 from tirelog.inference.stacks.cut import _cuts, stacks_from_logs
 from tirelog.inference.stacks.spooled import Stacks, joined
 from tirelog.physics.model.model import Model
@@ -35,6 +37,15 @@ def same(one, other):
             np.testing.assert_array_equal(a, b, f.name)
         else:
             assert a == b, f.name
+
+
+def with_added(recording, values):
+    """The recording with something added to its grating."""
+    source = recording.channels["strain_1"]
+    added = Channel.of_array(
+        source.name, source.kind, source.read() + values, source.axis, surface=source.surface
+    )
+    return replace(recording, channels={source.name: added})
 
 
 def two_logs(in_memory=None):
@@ -161,6 +172,25 @@ def test_a_diagnosis_does_not_know_of_the_processes_that_share_it(recordings, mo
     monkeypatch.setattr(runtime, "_PROCESSES", [2])
     shared = diagnose(stacks, model)
     assert shared.to_json() == alone.to_json()
+
+
+@pytest.mark.skipif(not POSSIBLE, reason="no process is forked here")
+def test_stretches_do_not_know_of_the_processes_that_share_them(recordings, monkeypatch):
+    hum = 2e-5 * np.sin(2.0 * np.pi * 50.0 * recordings[0].channels["strain_1"].axis.time())
+    monkeypatch.setattr("tirelog.inference.stacks.hum._SHORTEST_S", 1.0)
+    humming = [with_added(recordings[0], hum), recordings[1]]
+    alone = stacks_from_logs(humming, most=40)
+    monkeypatch.setattr(runtime, "_PROCESSES", [2])
+    monkeypatch.setattr(align, "_SHARED", 2)
+    forked = []
+    monkeypatch.setattr(os, "fork", lambda fork=os.fork: forked.append(1) or fork())
+    shared = stacks_from_logs(humming, most=40)
+    assert len(forked) > 2 * (2 * len(alone.logs))  # for passages, and for stretches
+    assert len(shared) == len(alone) > 4
+    assert "as hum does" in " ".join(alone.notes)
+    assert shared.notes == alone.notes
+    for one, other in zip(shared, alone, strict=True):
+        same(one, other)
 
 
 def test_reading_what_is_put_aside_moves_no_place_in_the_file():

@@ -117,6 +117,16 @@ def in_memory(channel: Channel) -> Channel:
     return replace(channel, samples=_Held(pieces, stored))
 
 
+def readable_apart(channel: Channel) -> bool:
+    """Whether several processes can read a channel at a time.
+
+    It is in memory, or stored so that no library holds its file's place; its times are counted.
+    """
+    stored = channel.samples
+    at_hand = isinstance(stored, Scaled) and stored.at_hand
+    return (at_hand or isinstance(stored, _Held | _Whole)) and channel.axis.explicit is None
+
+
 def released(channel: Channel) -> Channel:
     """The channel without the memory that `in_memory` took."""
     return (

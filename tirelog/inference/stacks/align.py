@@ -14,8 +14,9 @@ is learnt from absolute position.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.linalg import cho_factor, cho_solve
 
+from tirelog.apart import shared_out
 from tirelog.inference.stacks.samples import Samples, TurnChunk
+from tirelog.runs.in_memory import readable_apart
 from tirelog.vocabulary.arrays import FloatArray
 
 #: angles [rad] that the matched filter looks at, and the template's grid; twice as far looks at
@@ -45,6 +48,9 @@ _STIFFNESS = 1e-7
 #: passages with a fitted front that a course is drawn through; twice as many would leave short runs
 #: with their wrong passages
 FEWEST_FITTED = 4
+#: fewest chunks that processes share: less is done sooner than processes are begun; at twice as
+#: many a log of ten minutes is passed over
+_SHARED = 8
 
 
 @dataclass(frozen=True)
@@ -114,6 +120,12 @@ class TemplateSums:
         self._count += np.bincount(bins, minlength=_TEMPLATE_POINTS)
         self._angle += np.bincount(bins, phi, _TEMPLATE_POINTS)
         self._value += np.bincount(bins, values, _TEMPLATE_POINTS)
+
+    def join(self, other: TemplateSums) -> None:
+        """The samples of other sums too."""
+        self._count += other._count
+        self._angle += other._angle
+        self._value += other._value
 
     def curve(self, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
         """A periodic spline through bin means at the bins' mean angles.
@@ -204,26 +216,44 @@ def front_fit(
     return np.where(bad, np.nan, shift), np.where(bad, np.nan, amplitude)
 
 
+def _sums_of(
+    samples: Samples, angle: PassageAngle, chunks: Sequence[TurnChunk], number: int
+) -> TemplateSums:
+    """The sums of one chunk."""
+    sums = TemplateSums()
+    sums.add(*turned(samples, angle, chunks[number])[1:])
+    return sums
+
+
+def _shifts_of(
+    samples: Samples,
+    angle: PassageAngle,
+    chunks: Sequence[TurnChunk],
+    shape: CubicSpline,
+    number: int,
+) -> FloatArray:
+    """Shifts [rad] of one chunk's revolutions."""
+    chunk = chunks[number]
+    return front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0]
+
+
 def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
     """Passage times (n,) after matched filtering.
 
     A passage whose front cannot be fitted lies between its neighbours.
     """
     chunks = samples.chunks(centre_s, 0, centre_s.size)
+    count = len(chunks)
+    shared = count >= _SHARED and readable_apart(samples.channel)
     knots = knots_for(centre_s, samples.channel.axis.rate_Hz)
     for _ in range(rounds):
         angle = PassageAngle.through(centre_s)
         sums = TemplateSums()
-        for chunk in chunks:
-            _, phi, values = turned(samples, angle, chunk)
-            sums.add(phi, values)
+        for one in shared_out(count, partial(_sums_of, samples, angle, chunks), shared):
+            sums.join(one)
         shape = sums.curve(knots)
-        shift = np.concatenate(
-            [
-                front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0]
-                for chunk in chunks
-            ]
-        )
+        shifts = shared_out(count, partial(_shifts_of, samples, angle, chunks, shape), shared)
+        shift = np.concatenate(list(shifts))
         fitted = np.isfinite(shift)
         shift = np.where(fitted, shift - np.nanmedian(shift) if fitted.any() else 0.0, 0.0)
         centre_s = _between_neighbours(centre_s + shift / angle.speed_rad_s(centre_s), fitted)

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.apart import shared_out, shares
 from tirelog.data.recording import Channel, Recording, Stack
 from tirelog.errors import UsageError
 from tirelog.inference.stacks.align import PassageAngle, refine_passages, turned
@@ -36,7 +37,7 @@ from tirelog.inference.stacks.numbers import scalar_stack
 from tirelog.inference.stacks.outward import outward, with_level
 from tirelog.inference.stacks.samples import Samples, TurnChunk, step_of
 from tirelog.inference.stacks.spooled import Stacks
-from tirelog.runs.in_memory import in_memory
+from tirelog.runs.in_memory import in_memory, readable_apart
 from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
 from tirelog.vocabulary.arrays import FloatArray
@@ -167,12 +168,32 @@ def stretches_of(
             file=recording.log,
         )
     course = _course(recording, channel, observable, runs, passages.noise, angles)
-    for rows in _cuts(course.manoeuvre, most):
-        stack = replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
-        values, lines = without_hum(stack, _times(runs, rows, stack.phi_mean))
+    cuts = list(_cuts(course.manoeuvre, most))
+
+    def raw(number: int) -> Stack:
+        rows = cuts[number]
+        return replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
+
+    def cleared(number: int, stack: Stack) -> tuple[FloatArray, list[Line]]:
+        return without_hum(stack, _times(runs, cuts[number], stack.phi_mean))
+
+    def without_values(number: int) -> tuple[FloatArray | None, list[Line]]:
+        values, lines = cleared(number, raw(number))
+        return (values if lines else None), lines
+
+    # hum takes most of the time, and is seldom there: bins made here too are sooner at hand than
+    # those of another process, 8 MB a stretch
+    elsewhere = (
+        shared_out(len(cuts), without_values)
+        if readable_apart(channel) and shares(len(cuts))
+        else None
+    )
+    for number in range(len(cuts)):
+        stack = raw(number)
+        values, lines = cleared(number, stack) if elsewhere is None else next(elsewhere)
         if heard is not None:
             heard += lines
-        yield replace(stack, values=values)
+        yield stack if values is None else replace(stack, values=values)
 
 
 def _course(
