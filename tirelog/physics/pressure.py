@@ -7,6 +7,8 @@ by 1e-4. C = 2 pi R. P_0 C is the force.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tirelog.physics.spectral import MODES, ComplexArray, powers
@@ -70,7 +72,7 @@ def wedge(
 ) -> ComplexArray:
     """height u exp(1 - u) ahead of the edge: u = (edge - xi) / length > 0."""
     q = np.arange(MODES) / radius_m
-    size = height * length_m * (np.e / (2.0 * np.pi * radius_m))
+    size = height * length_m * (math.e / (2.0 * math.pi * radius_m))
     return size / (1.0 - 1j * q * length_m) ** 2 * powers(-edge_m / radius_m)
 
 
