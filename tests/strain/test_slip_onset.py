@@ -19,6 +19,7 @@ from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Manoeuvre, Sensor
 from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import footprint
+from tirelog.strain.footprint.settle import settle
 from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
@@ -40,9 +41,9 @@ def lopsided(xi_m, speed_m_s):
     )
 
 
-def mixed(drive, radius_m, speed, slip, seed, noise_pm=0.8, free=None, slip_s=8):
-    """A log that rolls freely for 25 s and then with `slip` for 8 s, or so long: footprint, which
-    rows slip, which roll freely, true onset.
+def mixed_log(drive, radius_m, speed, slip, seed, noise_pm=0.8, free=None, slip_s=8):
+    """A log that rolls freely for 25 s and then with `slip` for 8 s, or so long: the channel, when
+    the slip begins, true onset.
     """
     free = free or Beam(speeds=(speed, speed))
     driven = dataclasses.replace(free, slip=slip, _cache={})
@@ -56,14 +57,16 @@ def mixed(drive, radius_m, speed, slip, seed, noise_pm=0.8, free=None, slip_s=8)
     channel = Channel.of_array(
         "s", "strain", values, TimeAxis.uniform(values.size, 2500.0), surface="outer"
     )
-    passages = find_passages(channel, radius_m)
+    return channel, cut / 2500, driven.onset_m
+
+
+def mixed(drive, radius_m, speed, slip, seed, *noise_and_free, **more):
+    """Of such a log: footprint, which rows slip, which roll freely, true onset."""
+    log = mixed_log(drive, radius_m, speed, slip, seed, *noise_and_free, **more)
+    channel, begins_s, onset_m = log
+    passages, turn = find_passages(channel, radius_m), 2 * np.pi * radius_m / speed
     found = footprint(channel, passages)
-    return (
-        found,
-        passages.time_s > cut / 2500 + turn,
-        passages.time_s < cut / 2500 - turn,
-        driven.onset_m,
-    )
+    return found, passages.time_s > begins_s + turn, passages.time_s < begins_s - turn, onset_m
 
 
 @pytest.mark.parametrize(
@@ -234,6 +237,19 @@ def test_most_passages_of_a_log_pull(drive, radius_m, speed):
     error = (found.slip.onset_m - onset)[slips & told]
     assert np.sqrt(np.mean(error**2)) < 0.002
     assert abs(np.nanmedian(found.length_m[rolls]) - 0.11) < 0.0005
+
+
+def test_another_grating_knows_that_most_passages_pull(drive, radius_m):
+    settled = None
+    for seed in (1696, 1697):
+        channel, begins_s, _ = mixed_log(drive, radius_m, 13.0, 0.12, seed, noise_pm=4.0, slip_s=32)
+        passages = find_passages(channel, radius_m)
+        settled = settle(channel, passages, like=settled and settled.light)
+        assert settled.chosen
+        found = footprint(channel, passages, settled=settled)
+        told = np.isfinite(found.slip.onset_m)
+        assert told[passages.time_s > begins_s + 0.5].mean() > 0.8
+        assert not told[passages.time_s < begins_s - 0.5].any()
 
 
 def test_a_form_is_learnt_of_passages_that_roll_freely():
