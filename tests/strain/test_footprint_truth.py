@@ -12,6 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tests.strain.strain_truth import Beam, Ring
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
 from tirelog.strain.footprint.learn import learn_reference
@@ -251,6 +252,31 @@ def test_a_tire_s_form_is_never_unclear(drive, radius_m, truth):
         made = drive([0, 15], [8, 18], seed=1481, pulse=truth, noise_pm=noise_pm, **CALM)
         quality = footprint(made.channel, find_passages(made.channel, radius_m)).quality
         assert good(quality).mean() > 0.95
+
+
+def test_a_patch_that_gets_shorter_is_no_traction(drive, radius_m):
+    """A form of the long patch misses the short one by far; a traction beside it would take that
+    and make the length half as long again.
+    """
+    long, short = Ring(), Ring(sink_m=0.022)
+    parts = [
+        drive([0, seconds], [13, 13], seed=1461 + seconds, pulse=truth, noise_pm=4.0, **CALM)
+        for truth, seconds in ((long, 28), (short, 12))
+    ]
+    turn_s = 2 * np.pi * radius_m / 13
+    cut = round(np.floor(27 / turn_s) * turn_s * 2500)
+    values = np.r_[parts[0].values[:cut], parts[1].values]
+    channel = Channel.of_array(
+        "s", "strain", values, TimeAxis.uniform(values.size, 2500.0), surface="outer"
+    )
+    passages = find_passages(channel, radius_m)
+    found = footprint(channel, passages)
+    later = (passages.time_s > cut / 2500 + turn_s) & np.isfinite(found.length_m)
+    error = found.length_m[later] - 2 * short.half_length_m
+    total = np.hypot(found.length_se_m, found.form_se_m)[later]
+    assert later.sum() > 60
+    assert abs(np.median(error)) < 0.005
+    assert np.mean(np.abs(error) < 1.96 * total) > 0.95
 
 
 def test_a_form_is_the_same_from_wherever_it_starts(drive, radius_m):

@@ -32,6 +32,10 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
 #: of what the traction has moved it; the error is proportional to it
 UNEXPLAINED = 2.0
+#: a traction moves a length by less than this share of it (13 % at a slip of 0.3); what moves one
+#: farther beside a form is none, as where the load has changed; twice as much takes lengths of such
+#: passages that are off by a third
+MOST_MOVED = 0.2
 #: error of a length by what the form misses: this many times what the length would move by if as
 #: much lay in its own direction.  Rings by differences that a straight line fits, and beams of
 #: which all or half of the passages pull, are off by 0.7 to 2.3 times that; proportional to it
@@ -162,7 +166,8 @@ def _assembled(
         scatter = learnt.scatter(fits.chi2)
         reference_se, form_se = learnt.length_errors(speed)
     slip = work.slip
-    slipping = np.isfinite(slip.length_m)
+    with np.errstate(invalid="ignore"):
+        slipping = np.abs(slip.length_m - fits.length_m) < MOST_MOVED * fits.length_m
     if learnt is not None and n:
         form_se = np.maximum(form_se, _missed(fits, slipping, learnt))
     length = np.where(slipping, slip.length_m, fits.length_m)
