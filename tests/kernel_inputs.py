@@ -265,7 +265,10 @@ def _(rng: np.random.Generator) -> Arguments:
     stamps[20:] += 0.03
     read = stamps.copy()
     read.flags.writeable = False
+    unknown = read.copy()
+    unknown[[4, 9]] = np.nan
     return {
+        "residual_range": [(7, some, 0.01) for some in (read, unknown, unknown[4:5])],
         "small_steps": [(k, some, 0.0099) for some in (stamps, read)],
         "residual_steps": [(k, some, 0.01, np.zeros(39)) for some in (stamps, read)],
         "residuals": [(k, some, 0.01, np.zeros(40)) for some in (stamps, read)],

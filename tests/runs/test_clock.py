@@ -81,6 +81,27 @@ def test_gaps_are_found_at_their_sample(jitter: float) -> None:
     assert (19_999, 20_001, Quality.GAP) in made.flags
 
 
+@pytest.mark.parametrize(("digits", "samples"), [(1.0, 2), (2.0, 1), (2.5, 1), (2.5, 7)])
+@pytest.mark.parametrize("lost", [70, N // 2, N - 70])
+def test_lost_samples_show_in_stamps_of_few_digits_a_period(
+    digits: float, samples: int, lost: int
+) -> None:
+    k = np.arange(N) + samples * (np.arange(N) >= lost)
+    made = fit(written(k * digits * 1e-4, 4), resolution_s=1e-4)
+    axis = made.axis()
+    assert axis.rate_Hz == pytest.approx(1e4 / digits, rel=1e-12)
+    assert axis.first.tolist() == [0, lost]
+    assert axis.start_s[1] == pytest.approx((lost + samples) * digits * 1e-4, abs=0.51e-4)
+    assert made.repairs == {"gaps": 1, "lost_samples": samples}
+
+
+@pytest.mark.parametrize("digits", [1.0, 1.0003, 1.3, 2.0003, 2.5])
+def test_rounding_to_few_digits_a_period_is_no_gap(digits: float) -> None:
+    axis = fit(written(np.arange(N) * digits * 1e-4, 4), resolution_s=1e-4).axis()
+    assert axis.first.tolist() == [0]
+    np.testing.assert_allclose(axis.time(), np.arange(N) * digits * 1e-4, rtol=0, atol=1e-4)
+
+
 def test_a_missing_sample_number_is_a_gap() -> None:
     number = np.arange(1000) + 5 * (np.arange(1000) >= 400)
     for numbers in (number, number * 10 + 3):

@@ -10,8 +10,9 @@ How the axis is decided, by what the stamps look like (T the sample period, r = 
 number):
 
 * no stamps: the rate of the setup or the file; a missing sample number is a gap.
-* stamps on one line to half of their last digit: exactly that line; its rate is the setup's, the
-  file's or a round one if these agree with the stamps to that half digit.
+* stamps on one line to half of their last digit (and to a part of T, if T has few digits): exactly
+  that line; its rate is the setup's, the file's or a round one if these agree with the stamps to
+  that half digit.
 * otherwise a sample clock seen through the stamps: T from differences over long stretches (their
   median, which isolated gaps do not move), then least squares with one T and a start for each
   segment.  If many stamps are alike or nearly so (one second's resolution, buffers that arrive
@@ -47,6 +48,12 @@ from tirelog.vocabulary.quality import Doubt, Quality
 #: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
 #: puts stamps that stray by a fifth of a period on an even grid
 _JITTER = 0.1
+#: stamps of few digits a period lie on one line if they stray by less than this share of it;
+#: with twice as much two lost samples may look like the rounding of stamps
+_EVEN = 0.3
+#: lines are one if they leave each other by less than this share of the last digit; half or twice
+#: as much is both far below what stamps tell
+_SAME_LINE = 1e-3
 #: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this
 #: factor; twice as much leaves rates that are wrong by 0.4 % unsaid
 _CONTRADICTS, _ABSURD = 0.002, 1.2
@@ -161,12 +168,15 @@ class ClockFit:
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
         # the line runs through two stamps, each off by up to half a digit, and every other stamp is
-        # off by as much again
-        low, high = stamps.range(period) if period > 3.0 * digit else (-np.inf, np.inf)
+        # off by as much again; those of few digits a period hide a lost sample unless they stray by
+        # far less
+        most = np.inf if period > 3.0 * digit else _EVEN * period
+        low, high = stamps.range(period, most)
         level = start - period * float(stamps.clock_index(first))
-        if max(high - level, level - low) <= 1.02 * digit:
+        if max(high - level, level - low) <= 1.02 * digit and high - low <= most:
             settled = self._settled(period, 1.02 * digit / ticks)
-            low, high = (low, high) if settled == period else stamps.range(settled)
+            if abs(settled - period) * ticks > _SAME_LINE * digit:
+                low, high = stamps.range(settled)
             level = start - settled * float(stamps.clock_index(first))
             level = (
                 level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
@@ -204,11 +214,13 @@ class ClockFit:
                 f"the stamps say that the sampling rate wanders between {found.low_Hz:.4g} and "
                 f"{found.high_Hz:.4g} Hz; without sampling_rate_Hz in the setup they are followed"
             )
-        noise = max(stamps.noise(rough), 0.0 if stamps.bunched else 0.3 * self.resolution_s)
+        noise, rounded = stamps.noise(rough, self.resolution_s)
+        noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps: list[Jump] = [Jump(index, n * rough) for index, n in seen.gaps] if seen else []
         passing: list[tuple[int, int]] = []
         if not seen:
-            jumps, passing = stamps.jumps(rough, noise)
+            rounding = self.resolution_s if rounded and not stamps.bunched else None
+            jumps, passing = stamps.jumps(rough, noise, rounding)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
         coarse = stamps.bunched or self.counted
         wanders = spread > max(_JITTER * period, self.resolution_s)

@@ -6,8 +6,24 @@ November 2026, two shared cores, Python 3.11).
 
 from __future__ import annotations
 
+import numpy as np
+
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+
+@compiled
+def residual_range(first: int, stamps: FloatArray, period_s: float) -> tuple[float, float]:
+    """(least, largest) residual [s] of `stamps` (n,) against a clock, at indices from `first` on.
+
+    Unknown ones (NaN) do not count; (inf, -inf) if none is known.
+    """
+    low, high = np.inf, -np.inf
+    for i in range(stamps.size):
+        residual = stamps[i] - period_s * (first + i)
+        low = residual if residual < low else low
+        high = residual if residual > high else high
+    return low, high
 
 
 @compiled

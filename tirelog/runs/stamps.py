@@ -14,11 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 
-from tirelog.runs.stamp_kernels import moments, residual_steps, residuals, small_steps
+from tirelog.runs.stamp_kernels import (
+    moments,
+    residual_range,
+    residual_steps,
+    residuals,
+    small_steps,
+)
 from tirelog.storage.spool import Spool
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -30,6 +36,10 @@ _SAME, _BUNCHED = 0.3, 0.45
 #: points on each side of a jump that say whether it lasts: for stamps much finer than a period,
 #: and for others; twice as many need twice as long between two jumps
 _FEW, _MANY = 5, 60
+#: two stamps that are but rounded are off by so many last digits at most, and no more than this
+#: share of all steps is more; with twice the first a lost sample hides where a period has two
+#: digits; with twice the share logs that lose one sample of a hundred count as rounded
+_ROUNDED, _JUMPING = 1.1, 0.005
 #: a pause is told if samples without a clock leave out this many usual steps; twice as many leave
 #: pauses of up to twenty steps unsaid
 _PAUSE = 10.0
@@ -119,12 +129,21 @@ class Stamps:
                 break
         return (first, last) if first and last and first[0] != last[0] else None
 
-    def range(self, period: float) -> tuple[float, float]:
-        """(least, largest) residual of the stamps against a clock of this period."""
+    def range(self, period: float, most: float = np.inf) -> tuple[float, float]:
+        """(least, largest) residual of the stamps against a clock of this period.
+
+        Of the first ones alone if these are further apart than `most` [s].
+        """
         low, high = np.inf, -np.inf
-        for index, stamps in self.known():
-            residual = stamps - period * self.clock_index(index)
-            low, high = min(low, float(residual.min())), max(high, float(residual.max()))
+        for start in range(0, self.spool.size, _CHUNK):
+            stamps = self.spool.read(start, start + _CHUNK)
+            inside = slice(*np.searchsorted(self._behind, [start + 1, start + stamps.size]))
+            for begin, stop in pairwise([0, *(self._behind[inside] - start), stamps.size]):
+                first = int(self.clock_index(start + begin))
+                least, largest = residual_range(first, stamps[begin:stop], period)
+                low, high = min(low, least), max(high, largest)
+            if high - low > most:
+                break
         return low, high
 
     def rough_period(self) -> float:
@@ -173,24 +192,33 @@ class Stamps:
                 out[here] = self.spool.read(start, start + _CHUNK)[index[here] - start]
         return out
 
-    def noise(self, period: float) -> float:
-        """Standard deviation of a stamp [s], from successive residuals.
+    def noise(self, period: float, digit: float) -> tuple[float, bool]:
+        """(standard deviation of a stamp [s], whether it is but rounding to a last `digit` [s]).
 
-        Their median, so that jumps do not count.
+        From successive residuals: their median, so that jumps do not count; rounding alone never
+        moves one by more than a digit.
         """
-        found = []
+        found, total, large = [], 0, 0
         for _, k, stamps in self.points(period):
             if k.size > 1:
                 steps = np.empty(k.size - 1)
                 residual_steps(k, stamps, period, steps)
+                total, large = total + steps.size, large + int((steps > _ROUNDED * digit).sum())
                 found.append(np.median(steps, overwrite_input=True))
-        return float(np.median(found)) * 1.4826 / np.sqrt(2.0) if found else 0.0
+        noise = float(np.median(found)) * 1.4826 / np.sqrt(2.0) if found else 0.0
+        return noise, large <= _JUMPING * total
 
-    def jumps(self, period: float, noise: float) -> tuple[list[Jump], list[tuple[int, int]]]:
-        """(lasting jumps, [start, stop) of samples whose stamps left the clock and came back)."""
+    def jumps(
+        self, period: float, noise: float, rounding: float | None = None
+    ) -> tuple[list[Jump], list[tuple[int, int]]]:
+        """(lasting jumps, [start, stop) of samples whose stamps left the clock and came back).
+
+        `rounding`: the last digit of the stamps [s] if nothing else moves them.
+        """
         # the first stamp of a tick lies anywhere in a period, so that one lost sample does not show
         # where it was lost
-        threshold = max((1.6 if self.bunched else 0.6) * period, 6.0 * noise * np.sqrt(2.0))
+        stray = 6.0 * noise * np.sqrt(2.0) if rounding is None else _ROUNDED * rounding
+        threshold = max((1.6 if self.bunched else 0.6) * period, stray)
         window = _FEW if noise < 0.05 * period else _MANY
         found: list[Jump] = []
         passing: list[tuple[int, int]] = []

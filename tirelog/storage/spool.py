@@ -27,15 +27,16 @@ class Spool:
 
     def append(self, values: FloatArray) -> None:
         self.size += values.size
-        self._parts.append(np.array(values, np.float64))
-        if self.size > _IN_MEMORY:
-            if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
-                weakref.finalize(self, self._file.close)
-            self._file.seek(0, 2)
-            for part in self._parts:
-                self._file.write(part.tobytes())
-            self._parts = []
+        if self.size <= _IN_MEMORY:
+            self._parts.append(np.array(values, np.float64))
+            return
+        if self._file is None:
+            self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
+            weakref.finalize(self, self._file.close)
+        self._file.seek(0, 2)
+        for part in (*self._parts, values):
+            self._file.write(np.ascontiguousarray(part, np.float64).data)
+        self._parts = []
 
     def read(self, start: int, stop: int) -> FloatArray:
         start, stop = max(start, 0), min(stop, self.size)
