@@ -276,6 +276,14 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
+@inputs_of("data.counts")
+def _(rng: np.random.Generator) -> Arguments:
+    lost = -(1 << 31)
+    counts = rng.integers(-60_000, 60_000, 50).astype(np.int32)
+    counts[[3, 17]] = lost
+    return {"si_of_counts": [(counts, 1e-4, 1549.0, lost, np.zeros(50))]}
+
+
 @inputs_of("runs.in_memory")
 def _(rng: np.random.Generator) -> Arguments:
     lost = -(1 << 31)

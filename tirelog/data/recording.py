@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.counts import si_of_counts
 from tirelog.data.setup import Setup
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
@@ -137,11 +138,25 @@ class Scaled:
 
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
-        values = raw.astype(np.float64)
+        return self._into(raw, np.empty(raw.size))
+
+    def whole(self, size: int) -> FloatArray:
+        """All samples of a channel of `size`, read a block at a time."""
+        values = np.empty(size)
+        for start in range(0, size, BLOCK_SAMPLES):
+            stop = min(start + BLOCK_SAMPLES, size)
+            self._into(self.raw(start, stop), values[start:stop])
+        return values
+
+    def _into(self, raw: NDArray[Any], values: FloatArray) -> FloatArray:
+        """`values` (n,), filled with what the stored `raw` numbers (n,) are in SI."""
+        if self.lost is not None and raw.dtype == np.int32:
+            si_of_counts(raw, self.scale, self.offset, self.lost, values)
+            return values
         with np.errstate(
             over="ignore", invalid="ignore"
         ):  # a cell of 1e308 leaves the range of floats, as its channel's unit may
-            values *= self.scale
+            np.multiply(raw, self.scale, out=values, dtype=np.float64)
             values += self.offset
         if self.lost is not None:
             values[raw == self.lost] = np.nan

@@ -109,7 +109,7 @@ def in_memory(channel: Channel) -> Channel:
     if isinstance(stored, Scaled) and stored.at_hand:
         if channel.size > HELD_FLOATS:
             return channel
-        return replace(channel, samples=_Whole(stored(0, channel.size), stored))
+        return replace(channel, samples=_Whole(stored.whole(channel.size), stored))
     pieces = tuple(
         _piece(stored, start, min(start + PIECE, channel.size))
         for start in range(0, channel.size, PIECE)
