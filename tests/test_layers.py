@@ -34,6 +34,7 @@ ORDER = (
     "simulation",
     "wheel",
     "strain",
+    "by_channel",
     "products",
     "drafts",
     "inference",

@@ -7,71 +7,30 @@ Each table's command, `tables`, campaigns, the report and the Python functions a
 `tables_of`. Tables of strain channels share what they are made of: a channel is read once and its
 passages are found once, whatever the number of tables, and several channels are worked on at a
 time. A table that a function of its own makes needs nothing here: `vocabulary.tables` names the
-function. The file is longer than others: the makers, short as they are, are read beside each other.
+function.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import (
-    Callable,
-    Collection,
-    Generator,
-    Iterable,
-    Iterator,
-    Mapping,
-    Sequence,
-)
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
-from threading import Condition
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from tirelog.data.recording import Channel, Recording, Scaled
+from tirelog.by_channel import Making, Options, Part, Work, by_channel, cutoff_in
+from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
-    from tirelog.apart import Here, Wire
-    from tirelog.strain.footprint.settle import Settled
     from tirelog.strain.passages.find import Passages
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import EdgeTimes
-
-Options = Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Part:
-    """Rows of one table, as a rule those of one channel.
-
-    columns  by name, arrays of one length (or scalars, repeated)
-    remarks  sentences on the channel or the log that were not in a part before
-    found    what the rows were made of, for pictures and further tables: Passages of a grating
-             (speed), PhaseShiftFound, FootprintOfChannel, DissipationOfChannel,
-             InflationOfChannel
-    """
-
-    table: str
-    columns: Mapping[str, Any]
-    remarks: Sequence[str] = ()
-    found: Any = None
-
-
-@dataclass(frozen=True)
-class Work:
-    """A strain channel with what all its tables are made of."""
-
-    recording: Recording
-    channel: Channel
-    passages: Passages
-    settled: Settled | None
 
 
 @dataclass(frozen=True)
@@ -172,16 +131,16 @@ def tables_of(
     UsageError: the recording lacks what a table is made of, or an option is none.
     """
     checked(wanted)
-    by_channel = {
+    of_channels = {
         name: options
         for name, options in wanted.items()
         if MAKERS[name].goes_by_channel(recording, options)
     }
-    if by_channel:
-        yield from _channel_tables(recording, by_channel, workers, refused_first, processes)
+    if of_channels:
+        yield from _channel_tables(recording, of_channels, workers, refused_first, processes)
     for name, options in wanted.items():
         whole = MAKERS[name].whole
-        if name not in by_channel and whole is not None:
+        if name not in of_channels and whole is not None:
             parts = whole(recording, options)
             yield from list(parts) if refused_first else parts
 
@@ -194,7 +153,6 @@ def _channel_tables(
     processes: bool,
 ) -> Iterator[Part]:
     """The tables that are made channel by channel, each channel's passages found once."""
-    from tirelog.apart import POSSIBLE
     from tirelog.strain.channels import not_turning, strain_channels
     from tirelog.strain.speed import radius_remarks, speed_channels
 
@@ -208,9 +166,8 @@ def _channel_tables(
     turned = False
     told: set[tuple[str, str]] = set()
     channels = list(zip(stored, found, strict=True))
-    several = min(workers, len(channels)) > 1
-    by = _by_processes if processes and several and POSSIBLE and _at_hand(stored) else _by_threads
-    with closing(by(recording, channels, wanted, workers)) as of_channels:
+    making = Making(recording, wanted, _part)
+    with closing(by_channel(making, channels, workers, processes)) as of_channels:
         for made in of_channels:
             turned |= made.turns
             for part in made.parts:
@@ -223,55 +180,6 @@ def _channel_tables(
                 yield replace(part, remarks=tuple(remarks))
     if not turned and not only_speed:
         raise not_turning(recording)
-
-
-def _at_hand(channels: Iterable[Channel]) -> bool:
-    """True if processes can read the channels side by side: no library holds their file's place."""
-    return all(isinstance(one.samples, Scaled) and one.samples.at_hand for one in channels)
-
-
-def _by_threads(
-    recording: Recording,
-    channels: Sequence[tuple[Channel, Passages | None]],
-    wanted: Mapping[str, Options],
-    workers: int,
-) -> Generator[_Made]:
-    """The tables of each channel, in their order, several at a time."""
-    forms, left = _Forms(), deque(enumerate(channels))
-    with ThreadPoolExecutor(workers) as pool:
-        ahead: deque[Future[_Made]] = deque()
-
-        def fill() -> None:
-            while left and len(ahead) < workers:
-                number, (channel, passages) = left.popleft()
-                ahead.append(
-                    pool.submit(_make, recording, number, channel, passages, wanted, forms)
-                )
-
-        fill()
-        while ahead:
-            made = ahead.popleft().result()
-            fill()  # the next one is at work while this one's rows are written
-            yield made
-
-
-def _by_processes(
-    recording: Recording,
-    channels: Sequence[tuple[Channel, Passages | None]],
-    wanted: Mapping[str, Options],
-    workers: int,
-) -> Generator[_Made]:
-    """As `_by_threads`, without what the rows were found in."""
-    from tirelog.apart import apart
-
-    for module in _OF_CHANNELS:  # loaded once, before the processes part
-        import_module(module)
-
-    def make(number: int, wire: Wire | Here) -> _Made:
-        made = _make(recording, number, *channels[number], wanted, _FormsApart(wire))
-        return replace(made, parts=[replace(part, found=None) for part in made.parts])
-
-    yield from apart(len(channels), workers, make)
 
 
 def _all_passages(
@@ -287,113 +195,10 @@ def _all_passages(
         return channels, list(pool.map(partial(passages_of, recording), channels))
 
 
-#: what the tables of strain channels are made with, beside what is loaded already
-_OF_CHANNELS = (
-    "tirelog.runs.in_memory",
-    "tirelog.strain.dissipation_table",
-    "tirelog.strain.footprint.table",
-    "tirelog.strain.passages.surface",
-    "tirelog.strain.speed",
-)
-
-
-class _Forms:
-    """The forms of the channels' passages, by the channels' ordinals.
-
-    The first that could be learnt is where all later ones start from.
-
-    A channel that asks waits for those before it, which are at work or done already, so that its
-    rows do not depend on who is quicker.
-    """
-
-    def __init__(self) -> None:
-        self._settled: dict[int, Settled | None] = {}
-        self._news = Condition()
-
-    def settle(self, number: int, channel: Channel, passages: Passages) -> Settled | None:
-        """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.settle import settle
-
-        settled = settle(channel, passages, like=self._first_before(number))
-        self.tell(number, settled and settled.light)
-        return settled
-
-    def tell(self, number: int, settled: Settled | None) -> None:
-        """What was learnt from a channel, or that nothing more will be."""
-        with self._news:
-            self._settled.setdefault(number, settled)
-            self._news.notify_all()
-
-    def _first_before(self, number: int) -> Settled | None:
-        for before in range(number):
-            with self._news:
-                self._news.wait_for(partial(self._settled.__contains__, before))
-                settled = self._settled[before]
-            if settled is not None:
-                return settled
-        return None
-
-
-class _FormsApart:
-    """The forms of the channels' passages, as `_Forms`, by way of the other process."""
-
-    def __init__(self, wire: Wire | Here) -> None:
-        self._wire = wire
-
-    def settle(self, number: int, channel: Channel, passages: Passages) -> Settled | None:
-        """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.settle import settle
-
-        settled = settle(channel, passages, like=self._wire.ask())
-        self.tell(number, settled and settled.light)
-        return settled
-
-    def tell(self, number: int, settled: Settled | None) -> None:
-        """What was learnt from a channel, or that nothing more will be."""
-        self._wire.tell(settled)
-
-
-@dataclass(frozen=True)
-class _Made:
-    """One channel's tables."""
-
-    parts: list[Part]
-    turns: bool
-
-
-def _make(
-    recording: Recording,
-    number: int,
-    stored: Channel,
-    found: Passages | None,
-    wanted: Mapping[str, Options],
-    forms: _Forms | _FormsApart,
-) -> _Made:
-    """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
-    from tirelog.runs.in_memory import in_memory
-    from tirelog.strain.passages.surface import passages_of
-
-    try:
-        only_passages = found is not None and set(wanted) == {"speed"}
-        channel = stored if only_passages else in_memory(stored)
-        passages = passages_of(recording, channel) if found is None else found
-        work = Work(recording, channel, passages, None)
-        # before a form is asked for, which may take others' time
-        parts = {name: _part(name, work, wanted) for name in wanted if name != "footprint"}
-        if "footprint" in wanted and not passages.doubt:
-            work = replace(work, settled=forms.settle(number, channel, passages))
-    finally:
-        forms.tell(number, None)
-    if "footprint" in wanted:
-        parts["footprint"] = _part("footprint", work, wanted)
-    made = [part for part in map(parts.get, wanted) if part is not None]
-    return _Made(made, len(passages) > 0)
-
-
-def _part(name: str, work: Work, wanted: Mapping[str, Options]) -> Part | None:
+def _part(name: str, work: Work, options: Options) -> Part | None:
     """Rows of the table `name` of one channel; None if no channel alone has any."""
     of_channel = MAKERS[name].of_channel
-    return None if of_channel is None else of_channel(work, wanted[name])
+    return None if of_channel is None else of_channel(work, options)
 
 
 # ---- the tables
@@ -430,7 +235,12 @@ def _footprint(work: Work, options: Options) -> Part:
     from tirelog.strain.footprint.table import footprint_of_channel
 
     found = footprint_of_channel(
-        work.recording, work.channel, work.passages, _cutoff(options), work.settled
+        work.recording,
+        work.channel,
+        work.passages,
+        cutoff_in(options),
+        work.settled,
+        measured=work.measured,
     )
     return Part("footprint", found.columns, found.remarks, found)
 
@@ -449,13 +259,6 @@ def _footprint_of_accelerometers(recording: Recording, options: Options) -> Iter
         raise not_turning(recording)
     for one in found:
         yield Part("footprint", one.columns, one.remarks, one)
-
-
-def _cutoff(options: Options) -> Any:
-    """The low-pass of the plain lengths.  UsageError: none is called that."""
-    from tirelog.dsp.lowpass import Cutoff
-
-    return Cutoff.parse(str(options.get("cutoff", "auto")))
 
 
 def _dissipation(work: Work, options: Options) -> Part:
@@ -581,7 +384,7 @@ _TOGETHER = (
         of_channel=_footprint,
         whole=_footprint_of_accelerometers,
         by_channel=_footprint_by_strain,
-        check=_check_with(_cutoff),
+        check=_check_with(cutoff_in),
     ),
     Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_check_with(_steadiness)),
     Maker(

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.plots.style import (
     COLOURS,
@@ -31,7 +32,6 @@ from tirelog.plots.style import (
     robust_range,
     write,
 )
-from tirelog.products import Part
 from tirelog.strain.dissipation import AVERAGED
 from tirelog.strain.dissipation_fit import Regression, regression
 from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.dsp.derivatives import lowpassed, window_spectra
 from tirelog.errors import UsageError
@@ -35,7 +36,6 @@ from tirelog.plots.style import (
     write,
 )
 from tirelog.plots.tables.turns import TurnsSketch, turns_picture
-from tirelog.products import Part
 from tirelog.strain.footprint.plain_edges import along_tread
 from tirelog.strain.footprint.table import FootprintOfChannel
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows

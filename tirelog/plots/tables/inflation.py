@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, figure_page, label, write
-from tirelog.products import Part
 from tirelog.strain.inflation import InflationOfChannel
 
 

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, figure_page, write
-from tirelog.products import Part
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
 from tirelog.wheel.phase_shift import EdgeTimes

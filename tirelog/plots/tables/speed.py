@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, RAW, figure_page, label, robust_range, write
-from tirelog.products import Part
 from tirelog.vocabulary.quality import OK
 
 #: logs that have a row of their own

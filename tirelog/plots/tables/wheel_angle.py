@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, figure_page, label, write
-from tirelog.products import Part
 
 #: samples of a log that are drawn: evenly over the stretch if there are more
 _MOST_SAMPLES = 20_000

@@ -159,8 +159,8 @@ class PassageFits:
     def empty(cls, n: int) -> PassageFits:
         return cls(**{f.name: np.full(n, np.nan) for f in fields(cls)})
 
-    def take(self, which: NDArray[np.bool_]) -> PassageFits:
-        """The rows `which` (mask)."""
+    def take(self, which: NDArray[np.bool_] | IntArray) -> PassageFits:
+        """The rows `which` (mask or ordinals)."""
         return PassageFits(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
 
     def put(self, rows: IntArray, other: PassageFits) -> None:

@@ -12,6 +12,7 @@ the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ from tirelog.strain.footprint.measure import Look, Measured, find_onsets, measur
 from tirelog.strain.footprint.settle import Settled, settle
 from tirelog.strain.footprint.slip_onset import SlipOnset
 from tirelog.strain.passages.find import Passages
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
@@ -81,37 +82,89 @@ class Footprint:
     quality: QualityFlags
 
 
+@dataclass(frozen=True)
+class Measuring:
+    """How the windows of a channel are looked at.
+
+    `look`: None if no speed is known; `asked_Hz` (n,): cut-off of the low-pass of each passage;
+    `work`: what is measured.
+    """
+
+    look: Look | None
+    learnt: Learnt
+    asked_Hz: FloatArray
+    work: Measured
+
+    @classmethod
+    def of(
+        cls,
+        channel: Channel,
+        passages: Passages,
+        settled: Settled,
+        cutoff: Cutoff,
+        block_samples: int = BLOCK_SAMPLES,
+    ) -> Measuring:
+        """Those of the `passages` of `channel`, whose form is `settled`."""
+        learnt = settled.learnt
+        asked = cutoff.frequency(passages.speed_m_s, passages.radius_m, learnt.wave_number_1_m)
+        if cutoff.unit == "auto":
+            asked = np.minimum(asked, 0.9 * 0.5 * channel.axis.rate_Hz)
+        look = Look.of(channel, passages, learnt, block_samples, settled.forms)
+        work = Measured.empty(len(passages))
+        work.usual = settled.usual
+        return cls(look, learnt, asked, work)
+
+    def measure(self, stretch: int = 0, of: int = 1) -> IntArray:
+        """Measure all but slip onsets in one `stretch` of the log, of so many; its passages.
+
+        A row does not depend on the stretch that it is measured with.
+        """
+        if self.look is None:
+            return np.arange(0)
+        rows = np.array_split(self.look.rows, of)[stretch]
+        cutoff_Hz = np.minimum(self.asked_Hz, 0.98 * 0.5 * self.look.channel.axis.rate_Hz)
+        clear = ~self.learnt.unclear(self.look.passages.speed_m_s)
+        measure_windows(self.look, cutoff_Hz, clear, self.work, rows)
+        return rows
+
+
 def footprint(
     channel: Channel,
     passages: Passages,
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
     settled: Settled | None = None,
+    measured: Iterable[tuple[IntArray, Measured]] | None = None,
 ) -> Footprint:
     """The footprint at each of `passages` of the strain `channel`.
 
     `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
-    is not given.
+    is not given; `measured`: passages and what was measured of them (`Measuring`), if it was.
     """
     cutoff = cutoff or Cutoff()
     n = len(passages)
-    speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
     if settled is None and not passages.doubt:
         settled = settle(channel, passages, block_samples)
-    work = Measured.empty(n)
-    nyquist = 0.5 * channel.axis.rate_Hz
-    learnt, asked = None, np.full(n, np.nan)
-    if settled is not None:
-        learnt = settled.learnt
-        asked = cutoff.frequency(speed, passages.radius_m, learnt.wave_number_1_m)
-        if cutoff.unit == "auto":
-            asked = np.minimum(asked, 0.9 * nyquist)
-        look = Look.of(channel, passages, learnt, block_samples, settled.forms)
-        if look is not None:
-            work.usual = settled.usual
-            measure_windows(look, np.minimum(asked, 0.98 * nyquist), ~learnt.unclear(speed), work)
-            find_onsets(look, work)
-    return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
+    if settled is None:
+        work, learnt, asked = Measured.empty(n), None, np.full(n, np.nan)
+    else:
+        how = Measuring.of(channel, passages, settled, cutoff, block_samples)
+        work, learnt, asked = how.work, how.learnt, how.asked_Hz
+        if measured is None:
+            how.measure()
+        for rows, some in measured or ():
+            work.put(rows, some)
+        if how.look is not None:
+            find_onsets(how.look, work)
+    return _assembled(
+        passages,
+        learnt,
+        work,
+        asked,
+        0.5 * channel.axis.rate_Hz,
+        passages.speed_m_s,
+        np.nan_to_num(passages.acceleration_m_s2),
+    )
 
 
 def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArray:

@@ -84,6 +84,26 @@ class Measured:
             np.full(n, np.nan), edges, PassageFits.empty(n), SlipOnset.none(n), np.zeros(n, bool)
         )
 
+    def take(self, rows: IntArray) -> Measured:
+        """The passages `rows` alone."""
+        edges = {name: column[rows] for name, column in self.edges.items()}
+        return Measured(
+            self.inside[rows],
+            edges,
+            self.fits.take(rows),
+            self.slip.take(rows),
+            self.driven[rows],
+            self.usual,
+        )
+
+    def put(self, rows: IntArray, other: Measured) -> None:
+        """Write the passages of `other` at the ordinals `rows`."""
+        self.inside[rows], self.driven[rows] = other.inside, other.driven
+        for name, column in self.edges.items():
+            column[rows] = other.edges[name]
+        self.fits.put(rows, other.fits)
+        self.slip.put(rows, other.slip)
+
 
 class Forms:
     """The log's form at the knots of speed.
@@ -249,14 +269,18 @@ def look_at_some(
 
 
 def measure_windows(
-    look: Look, cutoff_Hz: FloatArray, clear: NDArray[np.bool_], work: Measured
+    look: Look,
+    cutoff_Hz: FloatArray,
+    clear: NDArray[np.bool_],
+    work: Measured,
+    rows: IntArray,
 ) -> None:
-    """Fill all of `work` but slip onsets, of the rows whose speed is known.
+    """Fill all of `work` but slip onsets, of the `rows`, whose speed is known.
 
     `cutoff_Hz` (n,) of the plain edges' low-pass. Driven rows are sought if `work.usual` is known,
     where the form is `clear` (n,): beside one that is none of a tire a traction is no sign of slip.
     """
-    rate, speed, rows = look.channel.axis.rate_Hz, look.passages.speed_m_s, look.rows
+    rate, speed = look.channel.axis.rate_Hz, look.passages.speed_m_s
     half_length = look.forms.tables.half_length_m[look.number]
     with np.errstate(divide="ignore", invalid="ignore"):
         for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))

@@ -134,6 +134,10 @@ class SlipOnset:
         nan = [np.full(n, np.nan) for _ in range(5)]
         return cls(nan[0], nan[1], nan[2], nan[3], nan[4], np.full(n, reason, object))
 
+    def take(self, rows: IntArray) -> SlipOnset:
+        """The passages `rows` alone."""
+        return SlipOnset(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
     def put(self, rows: IntArray, other: SlipOnset) -> None:
         """Write the rows of `other` at the ordinals `rows`."""
         for f in fields(self):

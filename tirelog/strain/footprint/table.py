@@ -5,6 +5,7 @@ Passages and footprint of each strain channel, as columns, with remarks on the w
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +17,11 @@ from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released
 from tirelog.strain.footprint.at_rest import cutoff_at_rest
 from tirelog.strain.footprint.footprint import Footprint, footprint
+from tirelog.strain.footprint.measure import Measured
 from tirelog.strain.footprint.settle import Settled
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.speed import begin, speed_quality
+from tirelog.vocabulary.arrays import IntArray
 from tirelog.vocabulary.quality import Quality, having, quality_column
 
 
@@ -40,22 +43,15 @@ def footprint_of_channel(
     cutoff: Cutoff,
     settled: Settled | None,
     block_samples: int = BLOCK_SAMPLES,
+    measured: Iterable[tuple[IntArray, Measured]] | None = None,
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`.
 
-    `settled`: the form of its passages, None if there is none.
+    `settled`: the form of its passages, None if there is none; `measured`: as of `footprint`, with
+    the cut-off of `cutoff_of_channel`.
     """
-    if cutoff.unit == "rest":
-        cutoff = Cutoff("Hz", cutoff_at_rest(channel, passages))
-    if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
-        raise UsageError(
-            f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} Hz "
-            f"and holds nothing above {0.5 * channel.axis.rate_Hz:g} Hz",
-            allowed="allowed is less than that",
-            do="give a lower one, or auto",
-            file=recording.log,
-        )
-    found = footprint(channel, passages, cutoff, block_samples, settled)
+    cutoff = cutoff_of_channel(recording, channel, passages, cutoff)
+    found = footprint(channel, passages, cutoff, block_samples, settled, measured)
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
@@ -75,6 +71,26 @@ def footprint_of_channel(
     channel = released(channel)
     remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel, found, cutoff)
     return FootprintOfChannel(channel, passages, found, columns, remarks)
+
+
+def cutoff_of_channel(
+    recording: Recording, channel: Channel, passages: Passages, cutoff: Cutoff
+) -> Cutoff:
+    """The low-pass of a channel, at rest where that is asked for.
+
+    UsageError: it is above what the channel's samples hold.
+    """
+    if cutoff.unit == "rest":
+        cutoff = Cutoff("Hz", cutoff_at_rest(channel, passages))
+    if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
+        raise UsageError(
+            f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} Hz "
+            f"and holds nothing above {0.5 * channel.axis.rate_Hz:g} Hz",
+            allowed="allowed is less than that",
+            do="give a lower one, or auto",
+            file=recording.log,
+        )
+    return cutoff
 
 
 def _remarks(

@@ -1,0 +1,82 @@
+"""Property: a channel's tables are the same to the bit, whoever makes them."""
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tirelog import by_channel
+from tirelog.apart import POSSIBLE
+from tirelog.by_channel import Part
+from tirelog.data.recording import Recording, Scaled
+from tirelog.products import tables_of
+from tirelog.runs.ingest import open_recording
+from tirelog.strain.footprint.footprint import Measuring
+
+DRIVE = Path(__file__).parents[2] / "sample_data" / "drive.csv.gz"
+TABLES = ("speed", "footprint", "dissipation")
+
+pytestmark = pytest.mark.skipif(not POSSIBLE, reason="no process is forked here")
+
+
+SCALE, LOST = 1e-8, -(1 << 31)
+
+
+@contextmanager
+def one_grating() -> Iterator[Recording]:
+    """A grating of a log, as counts that each process reads for itself."""
+    with open_recording(str(DRIVE)) as log:
+        name = next(name for name, one in log.channels.items() if one.kind == "fbg_strain")
+        strain = log.channels[name].read()
+        counts = np.where(np.isnan(strain), LOST, np.nan_to_num(strain) / SCALE).astype(np.int32)
+        samples = Scaled(lambda start, stop: counts[start:stop], SCALE, 0.0, LOST, at_hand=True)
+        yield replace(log, channels={name: replace(log.channels[name], samples=samples)})
+
+
+def rows(parts: list[Part]) -> list[tuple[str, tuple[str, ...], dict[str, np.ndarray]]]:
+    return [
+        (p.table, tuple(p.remarks), {k: np.array(v) for k, v in p.columns.items()}) for p in parts
+    ]
+
+
+def same(one: list[Part], other: list[Part]) -> None:
+    assert len(one) == len(other) == len(TABLES)
+    for (table, said, columns), (name, told, others) in zip(rows(one), rows(other), strict=True):
+        assert (table, said) == (name, told)
+        assert columns.keys() == others.keys()
+        for column, values in columns.items():
+            np.testing.assert_array_equal(values, others[column], err_msg=f"{table} {column}")
+
+
+@pytest.mark.parametrize("order", [TABLES, TABLES[::-1]])
+def test_stretches_of_one_grating_give_its_rows(monkeypatch, order):
+    with one_grating() as log:
+        wanted = {name: {} for name in order}
+        alone = list(tables_of(log, wanted))
+        monkeypatch.setattr(by_channel, "_LONG", 1)
+        shared = list(tables_of(log, wanted, 2, processes=True))
+    assert [part.table for part in shared] == list(order)
+    assert all(part.found is not None for part in alone)
+    assert all(part.found is None for part in shared)  # by processes indeed
+    same(alone, shared)
+
+
+def test_a_process_that_ends_early_leaves_no_gap(monkeypatch):
+    parent, measure = os.getpid(), Measuring.measure
+
+    def mortal(self, stretch=0, of=1):
+        if stretch == 2 and os.getpid() != parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return measure(self, stretch, of)
+
+    with one_grating() as log:
+        alone = list(tables_of(log, {name: {} for name in TABLES}))
+        monkeypatch.setattr(by_channel, "_LONG", 1)
+        monkeypatch.setattr(Measuring, "measure", mortal)
+        shared = list(tables_of(log, {name: {} for name in TABLES}, 2, processes=True))
+    same(alone, shared)
