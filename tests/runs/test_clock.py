@@ -102,6 +102,18 @@ def test_rounding_to_few_digits_a_period_is_no_gap(digits: float) -> None:
     np.testing.assert_allclose(axis.time(), np.arange(N) * digits * 1e-4, rtol=0, atol=1e-4)
 
 
+@pytest.mark.parametrize("digits", [1.0, 2.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_rounded_clock_that_drifts_and_trembles_has_no_gap(digits: float, seed: int) -> None:
+    times = (
+        np.arange(N) * digits * (1 + 2e-4)
+    )  # it passes a digit's edge every 5000 or 2500 samples
+    trembling = times + 0.3 * np.random.default_rng(seed).standard_normal(N)
+    axis = fit(written(1e-4 * trembling, 4), resolution_s=1e-4).axis()
+    assert axis.first.tolist() == [0]
+    np.testing.assert_allclose(axis.time(), 1e-4 * times, rtol=0, atol=1e-4)
+
+
 def test_a_missing_sample_number_is_a_gap() -> None:
     number = np.arange(1000) + 5 * (np.arange(1000) >= 400)
     for numbers in (number, number * 10 + 3):

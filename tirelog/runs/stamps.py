@@ -240,7 +240,7 @@ class Stamps:
                 if index.size and b + window > at.size and b - a < _CHUNK:
                     keep = min(keep, max(0, a - window))  # what follows decides whether it lasts
                     break
-                jump = _judge(at, residual, a, b, window, threshold)
+                jump = _judge(at, residual, a, b, window, threshold, rounding is not None)
                 found += [jump] if jump else []
                 if jump is None or b > a:
                     passing.append((int(at[a]), int(at[b])))
@@ -344,12 +344,30 @@ def _clusters(residual: FloatArray, threshold: float, window: int) -> list[tuple
     )
 
 
+def _midmean(values: FloatArray) -> float:
+    """The mean of the middle half: of numbers that are rounded, the median leaps by a digit."""
+    cut = values.size // 4
+    return float(np.sort(values)[cut : values.size - cut].mean())
+
+
 def _judge(
-    at: IntArray, residual: FloatArray, a: int, b: int, window: int, threshold: float
+    at: IntArray,
+    residual: FloatArray,
+    a: int,
+    b: int,
+    window: int,
+    threshold: float,
+    rounded: bool,
 ) -> Jump | None:
-    """The lasting jump of the steps at positions a to b, None if the residual comes back."""
+    """The lasting jump of the steps at positions a to b, None if the residual comes back.
+
+    Or, of stamps that are but `rounded`, if too few stand on one side to tell.
+    """
     before, after = residual[max(0, a - window) : a], residual[b : b + window]
-    size = float(np.median(after) - np.median(before))
+    if rounded and min(before.size, after.size) < _FEW:
+        return None
+    level = _midmean if rounded else np.median
+    size = float(level(after) - level(before))
     if abs(size) < 0.8 * threshold:
         return None
     steps = np.diff(residual[a - 1 : b + 1]) * np.sign(size)
