@@ -165,6 +165,14 @@ def test_buffers_that_arrive_in_bunches() -> None:
     assert axis.first.tolist() == [0]
 
 
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.9])
+def test_a_log_that_begins_in_the_midst_of_a_tick_has_no_gap_there(phase: float) -> None:
+    stamps = np.floor(np.arange(N) / 3.0 * (1 + 2e-5) + phase) * 1e-3
+    axis = fit(stamps, resolution_s=1e-3).axis()
+    assert axis.first.tolist() == [0]
+    assert axis.rate_Hz == pytest.approx(3000.0, rel=5e-5)
+
+
 def test_late_stamps_pass() -> None:
     stamps = written(np.arange(N) / 2500.0, 4)
     stamps[3000:3100] += 1.0

@@ -346,7 +346,8 @@ class ClockFit:
 
         Only if every stamp of a coarse clock is there.
         """
-        steps, ticks, first, last = [], 0, 0, 0
+        # the first tick, which the log may begin in the midst of, has no point
+        steps, ticks, first, last = [], int(stamps.bunched), 0, 0
         for index, k, _ in stamps.points(period):
             ticks += index.size
             first, last = (

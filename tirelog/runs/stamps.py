@@ -6,7 +6,8 @@ Period, noise, lasting jumps, the line through them.
 
 k is the clock index of a sample: its own index plus the samples missing before it (known from
 sample numbers). r = t - T k is the residual against a clock of period T [s]. A *point* is a sample
-whose stamp takes part: all of them, or the first one of each bunch if many stamps are alike.
+whose stamp takes part: all of them, or if many stamps are alike the first one of each bunch that
+begins within the log.
 Every pass works in chunks, whatever the length of the log.
 """
 
@@ -109,7 +110,7 @@ class Stamps:
 
     def points(self, period: float) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
         """(index, clock index, stamp) of the points, chunk by chunk."""
-        last = -np.inf
+        last = np.nan  # the log may begin in the midst of a bunch: its first stamp is no point
         for index, stamps in self.known():
             if self.bunched:
                 begins = np.abs(np.diff(stamps, prepend=last)) > _SAME * period

@@ -156,7 +156,7 @@ def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArr
     if not parts:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     index, k, stamp = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return index[1:], k[1:], stamp[1:]  # the first stamp is that of a tick that had begun before
+    return index, k, stamp
 
 
 def _running_median(values: FloatArray) -> FloatArray:
