@@ -284,6 +284,33 @@ def _(rng: np.random.Generator) -> Arguments:
     return {"si_of_counts": [(counts, 1e-4, 1549.0, lost, np.zeros(50))]}
 
 
+@inputs_of("inference.stacks.turn_kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    from scipy.interpolate import CubicSpline
+
+    passages = np.cumsum(rng.uniform(0.9, 1.1, 7))
+    course = CubicSpline(passages, 2 * np.pi * np.arange(7), bc_type="natural")
+    time = np.linspace(passages[0] - 0.8, passages[-1] + 0.8, 300)
+    values = holed(rng, 300)
+    room = np.zeros(300, np.int64), *np.zeros((2, 300))
+    turn, phi = rng.integers(0, 4, 200), rng.uniform(-np.pi, np.pi, 200)
+    phi[:2], y = (-np.pi, np.nextafter(np.pi, 4.0)), rng.normal(size=200)
+    knots = np.linspace(-np.pi, np.pi, 9)
+    shape = CubicSpline(knots, np.cos(knots), bc_type="periodic")
+    bins = np.zeros(16, np.int64), *np.zeros((2, 16))
+    sums = np.zeros((4, 3, 3)), np.zeros((4, 3)), np.zeros(4, np.int64)
+    cells = np.zeros((4, 64), np.int64), *np.zeros((3, 4, 64))
+    return {
+        "turns_of": [
+            (time, values, course.x, course.c, course(passages[[0, -1]], 1), first, stop, *room)
+            for first, stop in ((0, 7), (2, 4))
+        ],
+        "by_angle": [(phi, y, *bins)],
+        "by_front": [(turn, phi, y, 1.0, shape.x, shape.c, *sums)],
+        "by_bin": [(turn, phi, y, *cells)],
+    }
+
+
 @inputs_of("runs.in_memory")
 def _(rng: np.random.Generator) -> Arguments:
     lost = -(1 << 31)

@@ -26,6 +26,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from tirelog.apart import shared_out
 from tirelog.inference.stacks.samples import Samples, TurnChunk
+from tirelog.inference.stacks.turn_kernels import by_angle, by_front, turns_of
 from tirelog.runs.in_memory import readable_apart
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -48,6 +49,10 @@ _STIFFNESS = 1e-7
 #: passages with a fitted front that a course is drawn through; twice as many would leave short runs
 #: with their wrong passages
 FEWEST_FITTED = 4
+#: passages that none has moved farther are settled [rad]: the next round moves them by a fiftieth
+#: of that, and noise has moved them by as much and more; with a tenth of it each log takes a third
+#: round
+_SETTLED_RAD = 5e-5
 #: fewest chunks that processes share: less is done sooner than processes are begun; at twice as
 #: many a log of ten minutes is passed over
 _SHARED = 8
@@ -99,10 +104,21 @@ def turned(
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """The samples of a chunk's turns: turn after the chunk's first, phi and value, (k,) each."""
     time_s, values = samples.read(chunk)
-    turn, phi = split_turns(angle.theta(time_s))
-    turn -= chunk.first
-    mine = (turn >= 0) & (turn < chunk.stop - chunk.first)
-    return turn[mine], phi[mine], values[mine]
+    turn, phi, kept = np.empty(values.size, np.int64), np.empty(values.size), np.empty(values.size)
+    spline, ends = angle.spline, angle.centre_s[[0, -1]]
+    count = turns_of(
+        time_s,
+        values,
+        spline.x,
+        spline.c,
+        spline(ends, 1),
+        chunk.first,
+        chunk.stop,
+        turn,
+        phi,
+        kept,
+    )
+    return turn[:count], phi[:count], kept[:count]
 
 
 class TemplateSums:
@@ -114,12 +130,7 @@ class TemplateSums:
 
     def add(self, phi: FloatArray, values: FloatArray) -> None:
         """More samples (N,) at angles (N,)."""
-        bins = ((phi + np.pi) * (_TEMPLATE_POINTS / (2.0 * np.pi))).astype(
-            np.int64
-        ) % _TEMPLATE_POINTS
-        self._count += np.bincount(bins, minlength=_TEMPLATE_POINTS)
-        self._angle += np.bincount(bins, phi, _TEMPLATE_POINTS)
-        self._value += np.bincount(bins, values, _TEMPLATE_POINTS)
+        by_angle(phi, values, self._count, self._angle, self._value)
 
     def join(self, other: TemplateSums) -> None:
         """The samples of other sums too."""
@@ -196,16 +207,9 @@ def front_fit(
 
     By least squares near the patch; NaN if they cannot be had.
     """
-    near = np.abs(phi) < FRONT_RAD
-    turn, phi, values = turn[near], phi[near], values[near]
-    columns = (np.ones_like(phi), shape(phi), -shape(phi, 1))
-    gram = np.empty((n, 3, 3))
-    right = np.empty((n, 3))
-    for i, a in enumerate(columns):
-        right[:, i] = np.bincount(turn, a * values, n)
-        for j, b in enumerate(columns[: i + 1]):
-            gram[:, i, j] = gram[:, j, i] = np.bincount(turn, a * b, n)
-    enough = np.bincount(turn, minlength=n) >= 8
+    gram, right, used = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros(n, np.int64)
+    by_front(turn, phi, values, FRONT_RAD, shape.x, shape.c, gram, right, used)
+    enough = used >= 8
     enough &= np.linalg.cond(np.where(enough[:, None, None], gram, np.eye(3))) < 1e16
     solution = np.full((n, 3), np.nan)
     solution[enough] = np.linalg.solve(gram[enough], right[enough][..., None])[..., 0]
@@ -257,6 +261,8 @@ def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> 
         fitted = np.isfinite(shift)
         shift = np.where(fitted, shift - np.nanmedian(shift) if fitted.any() else 0.0, 0.0)
         centre_s = _between_neighbours(centre_s + shift / angle.speed_rad_s(centre_s), fitted)
+        if np.abs(shift).max(initial=0.0) < _SETTLED_RAD:
+            break
     return centre_s
 
 

@@ -37,6 +37,7 @@ from tirelog.inference.stacks.numbers import scalar_stack
 from tirelog.inference.stacks.outward import outward, with_level
 from tirelog.inference.stacks.samples import Samples, TurnChunk, step_of
 from tirelog.inference.stacks.spooled import Stacks
+from tirelog.inference.stacks.turn_kernels import by_bin
 from tirelog.runs.in_memory import in_memory, readable_apart
 from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
@@ -314,10 +315,6 @@ def _binned(
     """The same of the turns of a chunk."""
     turn, phi, y = turned(samples, angle, chunk)
     n = chunk.stop - chunk.first
-    cell = turn * m + np.minimum(((phi + np.pi) * (m / (2.0 * np.pi))).astype(np.int64), m - 1)
-    count = np.bincount(cell, minlength=n * m)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.bincount(cell, y, n * m) / count
-        mean_angle = np.bincount(cell, phi, n * m) / count
-        variance = np.bincount(cell, (phi - mean_angle[cell]) ** 2, n * m) / count
-    return tuple(part.reshape(n, m) for part in (mean, mean_angle, variance, count))
+    count, (mean, mean_angle, variance) = np.zeros((n, m), np.int64), np.zeros((3, n, m))
+    by_bin(turn, phi, y, count, mean, mean_angle, variance)
+    return mean, mean_angle, variance, count

@@ -117,8 +117,6 @@ class Samples:
         ]
 
     def read(self, chunk: TurnChunk) -> tuple[FloatArray, FloatArray]:
-        """Times and values of a chunk's samples that are there."""
-        values = self.channel.read(chunk.low, chunk.high)
+        """Times and values of a chunk's samples."""
         time_s = self.channel.axis.time(chunk.low, chunk.high)
-        good = np.isfinite(values)
-        return (time_s, values) if good.all() else (time_s[good], values[good])
+        return time_s, self.channel.read(chunk.low, chunk.high)
