@@ -143,6 +143,7 @@ class _Pairs:
         self.scatter = float(least) / np.sqrt(2.0)
         self.rise = rise
         self.at = 0.5 * (time_s[first] + time_s[first + 1]).mean(axis=1)
+        self._whole = {1: self.turning(1.0)}
 
     def wave(self, frequency: float) -> NDArray[np.complex128]:
         """A line of unit amplitude as its mean over each bin's samples, (n, m)."""
@@ -152,10 +153,13 @@ class _Pairs:
         """A line of unit amplitude at each bin's mean time, (n, m)."""
         return np.asarray(np.exp(2j * np.pi * frequency * self.time_s))
 
-    @cached_property
-    def hertz(self) -> NDArray[np.complex128]:
-        """A line of 1 Hz: by it a line becomes that of the next hertz, for a tenth of the time."""
-        return self.turning(1.0)
+    def whole(self, hertz: int) -> NDArray[np.complex128]:
+        """`turning` of a whole frequency: a few products in place of powers, for half the time."""
+        if hertz in self._whole:
+            return self._whole[hertz]
+        half = self.whole(hertz // 2)
+        square = half * half
+        return square * self._whole[1] if hertz % 2 else square
 
     def left(self, frequency: float) -> FloatArray:
         """What is left of a line's size in the mean over each bin's samples, (n, m)."""
@@ -165,34 +169,42 @@ class _Pairs:
         """From each revolution to the next, (k, m)."""
         return np.asarray(wave[self.first + 1] - wave[self.first])
 
-    def power(
-        self, turning: NDArray[np.complex128], middle: float, half: float, step: float
-    ) -> FloatArray:
-        """(frequency, power over its own expectation without a line) around a frequency, (k, 2).
+    @cached_property
+    def _near(self) -> tuple[FloatArray, NDArray[np.complex128], NDArray[np.complex128]]:
+        """Frequencies about a middle one [Hz], to half a hertz, and what moves a line's sums there.
+
+        By every so many steps (few, k), and by the steps between (few, k): a product for each
+        instead of a power for each.
+        """
+        step = 0.25 / float(np.ptp(self.at))
+        off = np.arange(-0.5, 0.5, step)
+        few = int(np.ceil(np.sqrt(off.size)))
+        coarse = np.exp(-2j * np.pi * off[::few, None] * self.at)
+        fine = np.exp(-2j * np.pi * (step * np.arange(few))[:, None] * self.at)
+        return off, coarse, fine
+
+    def power(self, turning: NDArray[np.complex128], middle: float) -> FloatArray:
+        """(frequency, power over its own expectation without a line) about a frequency, (k, 2).
 
         `turning` (n, m): a line of the frequency in the middle.
         """
         from tirelog.inference.stacks.hum_kernel import along_rises
 
-        along = np.empty(self.first.size, np.complex128)
-        left = self.left(middle)
+        along, left = np.empty(self.first.size, np.complex128), self.left(middle)
         size = along_rises(turning, left, self.first, self.weighted, self.weight, along)
-        off = np.arange(-half, half, step)
-        # every so many steps, and the steps between: a product for each instead of a power for each
-        few = int(np.ceil(np.sqrt(off.size)))
-        coarse = np.exp(-2j * np.pi * off[::few, None] * self.at) * along
-        fine = np.exp(-2j * np.pi * (step * np.arange(few))[:, None] * self.at)
-        amplitude = (coarse @ fine.T).ravel()[: off.size]
+        off, coarse, fine = self._near
+        amplitude = ((coarse * along) @ fine.T).ravel()[: off.size]
         return np.stack([middle + off, np.abs(amplitude) ** 2 / size], axis=1)
 
     def line(self, frequency: float, off: float) -> float | None:
         """The frequency of a line near `frequency`; None if nothing stands out there."""
-        step = 0.25 / float(np.ptp(self.at))
-        middles = np.arange(frequency - _AROUND_HZ, frequency + _AROUND_HZ, 1.0) + 0.5
-        turning, parts = self.turning(float(middles[0])), []
-        for middle in middles:
-            parts.append(self.power(turning, float(middle), 0.5, step))
-            turning = turning * self.hertz
+        first = round(frequency - _AROUND_HZ + 0.5)
+        if first < SUPPLIES_HZ[-1]:  # its multiples are made of it
+            self._whole[first] = self.whole(first)
+        turning, parts = self.whole(first), []
+        for middle in range(first, round(frequency + _AROUND_HZ + 0.5)):
+            parts.append(self.power(turning, middle))
+            turning = turning * self._whole[1]
         found = np.concatenate(parts)
         near = np.abs(found[:, 0] - frequency) <= off
         if not near.any():
@@ -205,6 +217,7 @@ class _Pairs:
             return float(found[best, 0])
         # the top of a parabola: where the wheel hides the line, its course is held by this alone
         low, top, high = found[best - 1 : best + 2, 1]
+        step = float(found[1, 0] - found[0, 0])
         return float(found[best, 0] + 0.5 * step * (low - high) / (low - 2.0 * top + high))
 
     def taken_out(self, frequency: float) -> tuple[FloatArray, Line]:
