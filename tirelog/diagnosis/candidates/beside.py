@@ -106,16 +106,19 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
     return sorted(assessed, key=lambda a: -a.gain)
 
 
-def best_nuisance(base: Base, allowed: Iterable[str], least: float = NUISANCE_SHARE) -> Base | None:
-    """The base with the nuisance that removes most of chi-square, if one earns its place.
+@dataclass(frozen=True)
+class Rival:
+    """A base with one nuisance more, refitted: what of chi-square it removes, its amplitudes."""
 
-    It removes at `least` so much of what chi-square is above its degrees of freedom.
+    removed: float
+    amplitudes: int
+    base: Base
 
-    A nuisance of fewer amplitudes that does as much comes first: the more there are, the more of
-    anything they imitate. And one that leaves most of the excess imitates what it is not.
-    """
+
+def rival_nuisances(base: Base, allowed: Iterable[str]) -> tuple[Rival, ...]:
+    """The base with each of the nuisances that may earn a place beside it."""
+    found = []
     alarming = [a for a in assess_nuisances(base, allowed) if a.alarms]
-    tried = []
     for a in alarming[:_MOST_REFITTED]:
         try:
             refitted = with_nuisance(base, a.effects)
@@ -123,14 +126,30 @@ def best_nuisance(base: Base, allowed: Iterable[str], least: float = NUISANCE_SH
             continue
         if a.group == "drift" and not _drifts(refitted):
             continue
-        removed = base.noise_chi2 - refitted.noise_chi2
-        if removed >= least * (base.noise_chi2 - base.fit.freedom):
-            tried.append((removed, len(a.effects), refitted))
+        found.append(Rival(base.noise_chi2 - refitted.noise_chi2, len(a.effects), refitted))
+    return tuple(found)
+
+
+def best_of(base: Base, rivals: Iterable[Rival], least: float = NUISANCE_SHARE) -> Base | None:
+    """The base with the nuisance that removes most of chi-square, if one earns its place.
+
+    It removes at `least` so much of what chi-square is above its degrees of freedom.
+
+    A nuisance of fewer amplitudes that does as much comes first: the more there are, the more of
+    anything they imitate. And one that leaves most of the excess imitates what it is not.
+    """
+    enough = least * (base.noise_chi2 - base.fit.freedom)
+    tried = [rival for rival in rivals if rival.removed >= enough]
     if not tried:
         return None
-    most = max(removed for removed, *_ in tried)
-    alike = [t for t in tried if t[0] >= TWINS**2 * most]
-    return min(alike, key=lambda t: (t[1], -t[0]))[2]
+    most = max(rival.removed for rival in tried)
+    alike = [rival for rival in tried if rival.removed >= TWINS**2 * most]
+    return min(alike, key=lambda rival: (rival.amplitudes, -rival.removed)).base
+
+
+def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
+    """`best_of` all nuisances that may earn a place."""
+    return best_of(base, rival_nuisances(base, allowed))
 
 
 def _drifts(base: Base) -> bool:

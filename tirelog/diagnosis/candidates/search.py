@@ -11,10 +11,12 @@ from dataclasses import dataclass, field, replace
 
 from tirelog.diagnosis.candidates.assessment import Assessed
 from tirelog.diagnosis.candidates.beside import (
+    Rival,
     allowed_nuisances,
-    best_nuisance,
+    best_of,
     groups_of,
     needed_nuisances,
+    rival_nuisances,
     with_nuisances,
 )
 from tirelog.diagnosis.candidates.naming import (
@@ -82,6 +84,7 @@ def search_effects(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
     climb = _climb(base, extra, progress, allowed_nuisances(base))
+    rivals = climb.rivals
     if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
         progress(f"once more with {groups_of(climb.passed_over)[-1]} first")
@@ -89,7 +92,7 @@ def search_effects(
         if other.after.reduced_chi2 < climb.after.reduced_chi2:
             climb = other
     if not quiet_waveforms(climb.after):
-        climb = _with_one_to_begin(base, extra, progress, climb)
+        climb = _with_one_to_begin(base, rivals, extra, progress, climb)
     allowed, alike = allowed_nuisances(base), tuple(climb.alike)
     while True:
         beside = groups_of(climb.after)
@@ -118,15 +121,22 @@ def search_effects(
 
 
 def _with_one_to_begin(
-    base: Base, extra: tuple[Effect, ...], progress: Progress, climb: _Climb
+    base: Base,
+    rivals: tuple[Rival, ...] | None,
+    extra: tuple[Effect, ...],
+    progress: Progress,
+    climb: _Climb,
 ) -> _Climb:
     """The search from a nuisance that alone removes too little, if what follows makes up for it.
+
+    `rivals`: the base with each of the nuisances, if they are known.
 
     Of two nuisances of a size neither removes most: together they must leave of chi-square's
     excess what so many leave that earn their places one by one.
     """
     allowed = allowed_nuisances(base)
-    first = best_nuisance(base, allowed, least=0.0)
+    known = rival_nuisances(base, allowed) if rivals is None else rivals
+    first = best_of(base, known, least=0.0)
     if first is None or groups_of(first)[-1] in groups_of(climb.after):
         return climb
     progress(f"once more with {groups_of(first)[-1]} to begin with")
@@ -142,7 +152,8 @@ class _Climb:
     """Steps from a base upwards, the base at their top, and the one they stand on.
 
     `alike`: pairs of a nuisance and an effect that these data cannot tell apart; `passed_over`: the
-    base with the nuisance that the first effect came before, if there was one.
+    base with the nuisance that the first effect came before, if there was one; `rivals`: the base
+    that it began with, with each of the nuisances, if they were asked for.
     """
 
     after: Base
@@ -150,6 +161,7 @@ class _Climb:
     steps: list[Step] = field(default_factory=list)
     alike: list[tuple[str, str]] = field(default_factory=list)
     passed_over: Base | None = None
+    rivals: tuple[Rival, ...] | None = None
 
     @property
     def named(self) -> int:
@@ -170,7 +182,10 @@ def _climb(
     while True:
         after = climb.after
         named = [s.named.id for s in climb.steps if s.named is not None]
-        rival = None if quiet_waveforms(after) else best_nuisance(after, nuisances)
+        rivals = None if quiet_waveforms(after) else rival_nuisances(after, nuisances)
+        rival = None if rivals is None else best_of(after, rivals)
+        if after is base:
+            climb.rivals = rivals
         step, known = None, assess_all(after, extra)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
             step = (
