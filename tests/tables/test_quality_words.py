@@ -36,7 +36,7 @@ NAMESAKES = {
     "leak": {"vocabulary/columns.py", "vocabulary/tables.py", "strain/inflation.py"},
     "cutoff": {
         "vocabulary/tables.py",
-        "products.py",
+        "by_channel.py",
         "campaign/manifest.py",
         "api/tables.py",
         "cli/footprint.py",

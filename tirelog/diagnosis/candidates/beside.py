@@ -107,7 +107,7 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
 
 
 @dataclass(frozen=True)
-class Rival:
+class RefittedNuisance:
     """A base with one nuisance more, refitted: what of chi-square it removes, its amplitudes."""
 
     removed: float
@@ -115,7 +115,7 @@ class Rival:
     base: Base
 
 
-def rival_nuisances(base: Base, allowed: Iterable[str]) -> tuple[Rival, ...]:
+def rival_nuisances(base: Base, allowed: Iterable[str]) -> tuple[RefittedNuisance, ...]:
     """The base with each of the nuisances that may earn a place beside it."""
     found = []
     alarming = [a for a in assess_nuisances(base, allowed) if a.alarms]
@@ -126,11 +126,15 @@ def rival_nuisances(base: Base, allowed: Iterable[str]) -> tuple[Rival, ...]:
             continue
         if a.group == "drift" and not _drifts(refitted):
             continue
-        found.append(Rival(base.noise_chi2 - refitted.noise_chi2, len(a.effects), refitted))
+        found.append(
+            RefittedNuisance(base.noise_chi2 - refitted.noise_chi2, len(a.effects), refitted)
+        )
     return tuple(found)
 
 
-def best_of(base: Base, rivals: Iterable[Rival], least: float = NUISANCE_SHARE) -> Base | None:
+def best_of(
+    base: Base, rivals: Iterable[RefittedNuisance], least: float = NUISANCE_SHARE
+) -> Base | None:
     """The base with the nuisance that removes most of chi-square, if one earns its place.
 
     It removes at `least` so much of what chi-square is above its degrees of freedom.

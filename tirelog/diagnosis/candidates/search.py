@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from tirelog.diagnosis.candidates.assessment import Assessed
 from tirelog.diagnosis.candidates.beside import (
-    Rival,
+    RefittedNuisance,
     allowed_nuisances,
     best_of,
     groups_of,
@@ -122,7 +122,7 @@ def search_effects(
 
 def _with_one_to_begin(
     base: Base,
-    rivals: tuple[Rival, ...] | None,
+    rivals: tuple[RefittedNuisance, ...] | None,
     extra: tuple[Effect, ...],
     progress: Progress,
     climb: _Climb,
@@ -161,7 +161,7 @@ class _Climb:
     steps: list[Step] = field(default_factory=list)
     alike: list[tuple[str, str]] = field(default_factory=list)
     passed_over: Base | None = None
-    rivals: tuple[Rival, ...] | None = None
+    rivals: tuple[RefittedNuisance, ...] | None = None
 
     @property
     def named(self) -> int:
