@@ -51,6 +51,10 @@ _JITTER = 0.1
 #: stamps of few digits a period lie on one line if they stray by less than this share of it;
 #: with twice as much two lost samples may look like the rounding of stamps
 _EVEN = 0.3
+#: a lost sample looks like a drift where a period has no more last digits than this, and leaps
+#: are worth a sentence up to this share of the samples; with twice the first, sentences on leaps of
+#: rounding; with twice the share, on stamps that tremble
+_HIDES, _SELDOM = 1.2, 1e-3
 #: lines are one if they leave each other by less than this share of the last digit; half or twice
 #: as much is both far below what stamps tell
 _SAME_LINE = 1e-3
@@ -218,8 +222,8 @@ class ClockFit:
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps: list[Jump] = [Jump(index, n * rough) for index, n in seen.gaps] if seen else []
         passing: list[tuple[int, int]] = []
+        rounding = self.resolution_s if rounded and not stamps.bunched else None
         if not seen:
-            rounding = self.resolution_s if rounded and not stamps.bunched else None
             jumps, passing = stamps.jumps(rough, noise, rounding)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
         coarse = stamps.bunched or self.counted
@@ -241,7 +245,19 @@ class ClockFit:
         axis = self._pieces(period, self._continued(pieces, period))
         if coarse:
             self._count_against_stamps(stamps, period)
+        elif rounding and period < _HIDES * rounding:
+            self._say_leaps(stamps, rough, rounding)
         return axis
+
+    def _say_leaps(self, stamps: Stamps, period: float, digit: float) -> None:
+        """Says where a sample may lack that stamps of so few digits cannot tell from a drift."""
+        up, down, first = stamps.leaps(period, digit)
+        if up > down and up + down <= _SELDOM * self.size:
+            self.remarks.append(
+                f"the stamps leap by a last digit of {digit:g} s before {up - down} of the samples "
+                f"(first: {first}): one was lost at each, or a clock drifts; no gap was made of "
+                "it, and times may be off by as many samples"
+            )
 
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.

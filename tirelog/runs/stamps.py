@@ -209,6 +209,19 @@ class Stamps:
         noise = float(np.median(found)) * 1.4826 / np.sqrt(2.0) if found else 0.0
         return noise, large <= _JUMPING * total
 
+    def leaps(self, period: float, digit: float) -> tuple[int, int, int]:
+        """Steps of the residual by about one last `digit` [s]: (up, down, first sample behind one).
+
+        A sample that lacks is such a step up where a period is no longer than that.
+        """
+        up, down, first = 0, 0, -1
+        for index, k, stamps in self.points(period):
+            steps = np.diff(stamps - period * k) / digit
+            one = np.flatnonzero((np.abs(steps) > 0.5) & (np.abs(steps) <= _ROUNDED))
+            up, down = up + int((steps[one] > 0).sum()), down + int((steps[one] < 0).sum())
+            first = int(index[one[0] + 1]) if first < 0 and one.size else first
+        return up, down, first
+
     def jumps(
         self, period: float, noise: float, rounding: float | None = None
     ) -> tuple[list[Jump], list[tuple[int, int]]]:
