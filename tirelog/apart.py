@@ -208,6 +208,8 @@ def _serve(
     """What a process does: numbers down the pipe, answers up; it never comes back from here."""
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent hears of it
+        for asked in (signal.SIGTERM, signal.SIGHUP):  # nothing of its own is to be put in order
+            signal.signal(asked, signal.SIG_DFL)
         end_with_parent(os.getppid())
         share_work(False)
         for other in others:

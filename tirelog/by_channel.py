@@ -157,19 +157,26 @@ def _by_threads(
 ) -> Generator[Made]:
     """The tables of each channel, in their order, several at a time."""
     forms, left = _Forms(), deque(enumerate(channels))
+
+    def made(number: int, channel: Channel, passages: Passages | None) -> Made:
+        try:
+            return _make(making, number, channel, passages, forms)
+        finally:  # nobody waits for a form that does not come
+            forms.tell(number, None)
+
     with ThreadPoolExecutor(workers) as pool:
         ahead: deque[Future[Made]] = deque()
 
         def fill() -> None:
             while left and len(ahead) < workers:
                 number, (channel, passages) = left.popleft()
-                ahead.append(pool.submit(_make, making, number, channel, passages, forms))
+                ahead.append(pool.submit(made, number, channel, passages))
 
         fill()
         while ahead:
-            made = ahead.popleft().result()
+            made_of = ahead.popleft().result()
             fill()  # the next one is at work while this one's rows are written
-            yield made
+            yield made_of
 
 
 def _by_processes(
@@ -296,15 +303,12 @@ def _make(
     from tirelog.strain.passages.surface import passages_of
 
     footprint = [name for name in making.wanted if name == "footprint"]
-    try:
-        only_passages = found is not None and set(making.wanted) == {"speed"}
-        channel = stored if only_passages else in_memory(stored)
-        passages = passages_of(making.recording, channel) if found is None else found
-        work = Work(making.recording, channel, passages, None)
-        # before a form is asked for, which may take others' time
-        parts = making.parts(making.others, work)
-        if footprint and not passages.doubt:
-            work = replace(work, settled=forms.settle(number, channel, passages))
-    finally:
-        forms.tell(number, None)
+    only_passages = found is not None and set(making.wanted) == {"speed"}
+    channel = stored if only_passages else in_memory(stored)
+    passages = passages_of(making.recording, channel) if found is None else found
+    work = Work(making.recording, channel, passages, None)
+    # before a form is asked for, which may take others' time
+    parts = making.parts(making.others, work)
+    if footprint and not passages.doubt:
+        work = replace(work, settled=forms.settle(number, channel, passages))
     return making.made(parts | making.parts(footprint, work), passages)

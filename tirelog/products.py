@@ -25,7 +25,7 @@ from tirelog.by_channel import Making, Options, Part, Work, by_channel, cutoff_i
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
-from tirelog.vocabulary.tables import LOG_TABLES, LogTable
+from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption
 
 if TYPE_CHECKING:
     from tirelog.strain.passages.find import Passages
@@ -60,6 +60,10 @@ class Maker:
         """Names of all that it may be given: settings, views, and what is for programs."""
         return (*self.options, *(view.name for view in self.table.views), *self.inner)
 
+    def option(self, name: str) -> TableOption | None:
+        """The setting or view of that name; None: it is for programs."""
+        return next((o for o in (*self.table.options, *self.table.views) if o.name == name), None)
+
     def suits(self, recording: Recording) -> bool:
         """True if the recording has the channels that the table is made of."""
         return bool(recording.of_kind(*self.table.kinds))
@@ -76,8 +80,13 @@ def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
     """
     for name, options in wanted.items():
         _one_of("table", name, MAKERS)
-        for option in options:
+        for option, value in options.items():
             _one_of(f"option of {name}", option, MAKERS[name].known)
+            known = MAKERS[name].option(option)
+            if known is not None and not known.fits(value):
+                raise UsageError(
+                    f"{name}: {option} = {str(value)[:40]!r}", allowed=known.allowed, do="mend it"
+                )
         MAKERS[name].check(options)
     return wanted
 
@@ -348,6 +357,14 @@ def _calibration(options: Options) -> Calibration | None:
     )
 
 
+def _check_phase_shift(options: Options) -> None:
+    _calibration(options)
+    if "zero" in options:
+        from tirelog.wheel.phase_shift import refuse_other_zero
+
+        refuse_other_zero(str(options["zero"]))
+
+
 def _check_with(read: Callable[[Options], object]) -> Callable[[Options], None]:
     """A check by reading the options and dropping what they say."""
 
@@ -391,7 +408,7 @@ _TOGETHER = (
         LOG_TABLES["phase-shift"],
         ("forces",),
         whole=_phase_shift,
-        check=_check_with(_calibration),
+        check=_check_phase_shift,
     ),
 )
 #: how each table of the register is made

@@ -74,6 +74,14 @@ def dying_once(task: LogTask) -> Entry:
     raise AssertionError("killed")
 
 
+def dying_on_the_first(task: LogTask) -> Entry:
+    """A worker's task; whoever gets the first log dies of it, while its neighbours are at work."""
+    if task.name.endswith("run_0.csv"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.5)  # a neighbour is at work whenever the first one's worker dies
+    return patient(task)
+
+
 # ---- the campaign --------------------------------------------------------------------------------
 
 _PROGRAM = """

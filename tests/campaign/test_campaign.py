@@ -119,9 +119,8 @@ def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
 
 def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
     from tirelog.campaign.manifest import load_manifest
-    from tirelog.products import OF_A_DRIVE
 
-    campaign = load_manifest(manifest, {name: maker.options for name, maker in OF_A_DRIVE.items()})
+    campaign = load_manifest(manifest)
     assert [log.setup.conditions.load_N for log in campaign.logs if log.setup] == [
         3000.0,
         3100.0,

@@ -5,19 +5,30 @@ with advice.
 import json
 import re
 import socket
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset
+from tests.campaign.processes import PATIENCE_S, begun, dying_on_the_first
 from tests.cli.conftest import Command
+from tests.diagnosis.toy import stack
 from tirelog.campaign import runner
-from tirelog.campaign.ledger import Entry, _entry
+from tirelog.campaign.folder import folder_at
+from tirelog.campaign.ledger import Entry, Ledger, _entry
+from tirelog.campaign.manifest import load_manifest
 from tirelog.campaign.names import json_of
+from tirelog.campaign.pieces_file import pieces_bytes, read_pieces
 from tirelog.campaign.remote_folder import _refuse_if_alive
+from tirelog.campaign.runner import plan_tasks
 from tirelog.cli.working import CampaignProgress
+from tirelog.errors import TirelogError, UsageError
+from tirelog.inference.cells.pieces import pieces_of
+from tirelog.wheel.calibration import Calibration, SpeedMap
+from tirelog.wheel.calibration_file import write_calibration
 
 pytest_plugins: list[str] = []
 
@@ -125,6 +136,94 @@ def test_output_folder_that_cannot_be_made(
     assert "results" in outcome.err
 
 
+def test_only_the_log_that_ends_its_workers_is_failed(manifest: Path, tmp_path: Path) -> None:
+    assert begun(manifest, dying_on_the_first, "--workers", "2").wait(PATIENCE_S) == 3
+    summary = pd.read_csv(tmp_path / "results" / "summary.csv").set_index("name")
+    assert summary["status"].tolist() == ["failed", "done", "done", "done"]
+    assert "died 3 times" in summary.loc["logs_run_0.csv", "error"]
+    assert len(dataset(tmp_path / "results")) == 6
+
+
+MAP = SpeedMap(0.01, 0.0, np.zeros((2, 2)), 5.0, 20.0, 0.05, 60)
+FLAT = Calibration(10.0, MAP, MAP, 30.0, 0.0, 0.01, 0.0, 1e-5)
+
+ROWS = [
+    ("run_0.csv,3000\nrun_1.csv,3100\nrun_0.csv,4000\n", "conditions.csv:4: log 'run_0.csv' has"),
+    ("run_0.csv,3000,7\n", "conditions.csv:2: has more cells than the header"),
+    ("run_0.csv,heavy\n", "conditions.csv:2: load_N = 'heavy'; allowed is a number"),
+]
+
+
+@pytest.mark.parametrize(("rows", "words"), ROWS)
+def test_a_row_of_conditions_that_cannot_be_taken_is_told_with_its_line(
+    manifest: Path, tmp_path: Path, tirelog: Command, rows: str, words: str
+) -> None:
+    (tmp_path / "conditions.csv").write_text(f"log,load_N\n{rows}")
+    outcome = tirelog("campaign", "run", manifest, "--quiet")
+    assert (outcome.status, words in outcome.err) == (2, True), outcome.err
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(("cell", "driven"), [("y", None), ("yes", True), ("0", False)])
+def test_a_wheel_is_driven_or_not_and_nothing_else(
+    manifest: Path, tmp_path: Path, cell: str, driven: bool | None
+) -> None:
+    (tmp_path / "conditions.csv").write_text(f"log,driven\nrun_0.csv,{cell}\n")
+    if driven is None:
+        with pytest.raises(UsageError, match="driven = 'y'; allowed are true, yes"):
+            load_manifest(manifest)
+    else:
+        setup = load_manifest(manifest).logs[0].setup
+        assert setup is not None
+        assert setup.conditions.driven is driven
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_condition_beyond_the_setup_s_range_names_its_row_and_spares_the_rest(
+    manifest: Path, tmp_path: Path, tirelog: Command
+) -> None:
+    (tmp_path / "conditions.csv").write_text("log,load_N\nrun_0.csv,3000\nrun_1.csv,-5\n")
+    outcome = tirelog("campaign", "run", manifest, "--quiet")
+    assert outcome.status == 3
+    assert re.search(r"conditions\.csv:3: .*load_N", outcome.err)
+    assert len(dataset(tmp_path / "results")) == 6
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_conditions_of_no_log_are_told(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
+    (tmp_path / "conditions.csv").write_text("log,load_N\nrun_0.csv,3000\nrun_O.csv,3100\n")
+    outcome = tirelog("campaign", "run", manifest)
+    assert outcome.status == 0
+    assert "no log is called run_O.csv: what it says of them is unused" in outcome.err
+
+
+def test_a_calibration_stands_beside_the_manifest_and_its_content_counts(
+    manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path.parent)
+    manifest.write_text(MANIFEST + '[tables.phase-shift]\ncalibration = "cal.toml"\n')
+    with pytest.raises(TirelogError, match=r"cal\.toml"):
+        load_manifest(manifest)
+
+    def keys() -> list[str]:
+        campaign = load_manifest(manifest)
+        assert campaign.tables["phase-shift"]["calibration"] == str(tmp_path / "cal.toml")
+        return [task.key for task in plan_tasks(campaign, Ledger(folder_at(campaign.output)))]
+
+    write_calibration(tmp_path / "cal.toml", FLAT)
+    before = keys()
+    assert keys() == before
+    write_calibration(tmp_path / "cal.toml", replace(FLAT, patch_width_deg=31.0))
+    assert not set(before) & set(keys())
+
+
+def test_pieces_that_were_cut_are_damaged_and_no_defect() -> None:
+    whole = pieces_bytes(pieces_of(stack(1)))
+    for size in (0, 1, len(whole) // 2, len(whole) - 40):
+        with pytest.raises(ValueError, match=""):
+            read_pieces(whole[:size])
+
+
 ODD = [
     ("campaign = 1", "[campaign] is not a table"),
     ("[campaign]\nname = 1", "[campaign]: name is not text"),
@@ -144,12 +243,12 @@ ODD = [
     ('[[logs]]\nglob = "a.csv"\nconditions = "."', "cannot be read"),
     ("tables = 1", "[tables] is not a table"),
     ("[tables]\nspeed = 1", "[tables.speed] is not a table"),
-    ("[tables.footprint]\ncutoff = 07:32:00", "cutoff = '07:32:00'; allowed is \"auto\""),
-    ("[tables.footprint]\ncutoff = 400", "cutoff = '400'; allowed is"),
-    ('[tables.footprint]\ncutoff = "400"', "cutoff = '400'; allowed is"),
+    ("[tables.footprint]\ncutoff = 07:32:00", "cutoff = '07:32:00'; allowed is text"),
+    ("[tables.footprint]\ncutoff = 400", "cut-off '400'; allowed are"),
+    ('[tables.footprint]\ncutoff = "400"', "cut-off '400'; allowed are"),
     (
         "[tables.dissipation]\nsteady_step = -1",
-        "steady_step = '-1'; allowed is a number of m/s above 0",
+        "steady_step (--steady-step) is above 0 m/s",
     ),
     ("[tables.dissipation]\nsteady_step = nan", "steady_step = 'nan'; allowed is"),
     ("[tables.dissipation]\nsteady_step = true", "steady_step = 'True'; allowed is"),
@@ -166,7 +265,11 @@ ODD = [
     ),
     ("[tables.speed]\ncalibrate_radius = 1", "allowed is true or false"),
     ("[tables.phase-shift]\ncalibration = 1", "allowed is the path"),
-    ("[tables.phase-shift]\nzero = 1979-05-27", 'allowed is "auto"'),
+    (
+        "[tables.phase-shift]\nzero = 1979-05-27",
+        "zero = '1979-05-27'; allowed is text or a number (Zero of",
+    ),
+    ('[tables.phase-shift]\nzero = "banana"', "--zero banana; allowed are auto"),
     ("models = 1", "models is not a list"),
     ("models = [1]", "[[models]] number 1 is not a table"),
     ("[[models]]\nfile = 1", "file is not text"),

@@ -16,6 +16,7 @@ from tirelog.by_channel import Part
 from tirelog.data.recording import Recording, Scaled
 from tirelog.products import tables_of
 from tirelog.runs.ingest import open_recording
+from tirelog.strain.footprint import settle
 from tirelog.strain.footprint.footprint import Measuring
 
 DRIVE = Path(__file__).parents[2] / "sample_data" / "drive.csv.gz"
@@ -45,7 +46,7 @@ def rows(parts: list[Part]) -> list[tuple[str, tuple[str, ...], dict[str, np.nda
 
 
 def same(one: list[Part], other: list[Part]) -> None:
-    assert len(one) == len(other) == len(TABLES)
+    assert len(one) == len(other) > 1
     for (table, said, columns), (name, told, others) in zip(rows(one), rows(other), strict=True):
         assert (table, said) == (name, told)
         assert columns.keys() == others.keys()
@@ -64,6 +65,43 @@ def test_stretches_of_one_grating_give_its_rows(monkeypatch, order):
     assert all(part.found is not None for part in alone)
     assert all(part.found is None for part in shared)  # by processes indeed
     same(alone, shared)
+
+
+def gratings(log: Recording, count: int) -> Recording:
+    """The log with its grating so many times."""
+    ((name, one),) = log.channels.items()
+    return replace(
+        log, channels={f"{name}_{n}": replace(one, name=f"{name}_{n}") for n in range(count)}
+    )
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, None])
+def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, how):
+    """Whoever starts from the form of the grating before it does so, whoever learns that form."""
+    parent, settled = os.getpid(), settle.settle
+
+    def mortal(channel, passages, *, like=None):
+        if channel.name.endswith("_0") and os.getpid() != parent:
+            if how is None:
+                raise MemoryError
+            os.kill(os.getpid(), how)
+        return settled(channel, passages, like=like)
+
+    with one_grating() as one:
+        log = gratings(one, 3)
+        wanted = {"footprint": {}}
+        alone = [Part(p.table, p.columns, p.remarks) for p in tables_of(log, wanted)]
+        before = signal.signal(signal.SIGTERM, stopped)
+        monkeypatch.setattr(settle, "settle", mortal)
+        try:
+            shared = list(tables_of(log, wanted, 2, processes=True))
+        finally:
+            signal.signal(signal.SIGTERM, before)
+    same(alone, shared)
+
+
+def stopped(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
 
 
 def test_a_process_that_ends_early_leaves_no_gap(monkeypatch):

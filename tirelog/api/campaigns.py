@@ -14,7 +14,6 @@ from tirelog.campaign.ledger import Entry, Ledger
 from tirelog.campaign.manifest import Campaign, load_manifest
 from tirelog.campaign.runner import plan_tasks, run_tasks, strangers, to_do, write_summary
 from tirelog.campaign.work import LogTask
-from tirelog.products import OF_A_DRIVE
 
 __all__ = [
     "CampaignOutcome",
@@ -107,8 +106,7 @@ def _log(task: LogTask, waiting: LogTask | None, ledger: Ledger) -> LogStatus:
 
 
 def _campaign(manifest: Path) -> tuple[Campaign, Ledger]:
-    known = {name: maker.options for name, maker in OF_A_DRIVE.items()}
-    campaign = load_manifest(File(manifest), known)
+    campaign = load_manifest(File(manifest))
     return campaign, Ledger(folder_at(campaign.output))
 
 
@@ -163,6 +161,8 @@ def run_campaign(
         hears = began(len(left)) if began is not None else lambda entry, finished, of: None
         run_tasks(campaign, ledger, left, workers=workers, scheduler=scheduler, said=hears)
         summary = write_summary(campaign, ledger)
+        for remark in campaign.remarks:
+            said(remark)
         said(f"{len(left)} of {len(tasks)} logs worked on, {len(tasks) - len(left)} were done; "
              f"{summary}")  # fmt: skip
         if more := strangers(campaign, ledger):

@@ -36,8 +36,8 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.data.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
-from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import SetupError, TirelogError, UsageError, refuse_unknown
+from tirelog.products import OF_A_DRIVE, checked
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.storage.remote import address, match_remote, read_remote
 
@@ -79,7 +79,10 @@ class CampaignModel:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A whole manifest, resolved."""
+    """A whole manifest, resolved: paths are no longer relative to it.
+
+    `remarks` tell what of it is of no use.
+    """
 
     name: str
     output: str
@@ -87,6 +90,7 @@ class Campaign:
     tables: Mapping[str, Mapping[str, Any]]
     models: tuple[CampaignModel, ...]
     file: Path
+    remarks: tuple[str, ...] = ()
 
 
 def _refuse(file: Path, what: str, allowed: str, *, do: str = "mend it") -> UsageError:
@@ -104,24 +108,22 @@ def _keys(data: Any, allowed: tuple[str, ...], where: str, file: Path) -> dict[s
     return data
 
 
-def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign:
-    """The manifest at `path`. `tables`: known tables and their options.
+def load_manifest(path: Path) -> Campaign:
+    """The manifest at `path`.
 
-    UsageError: not TOML, an unknown key, no log matches, two logs with one name. A log whose setup
-    does not fit is no error here.
+    UsageError: not TOML, an unknown key or option, no log matches, two logs with one name, a row of
+    conditions that cannot be taken. SetupError: a calibration that is none. A log whose setup does
+    not fit is no error here.
     """
     data = _keys(_toml(path, "a manifest", "give its path"), _SECTIONS, "the manifest", path)
     about = _keys(data.get("campaign", {}), ("name", "output"), "[campaign]", path)
-    wanted = _keys(data.get("tables", {}), tuple(tables), "[tables]", path)
-    for name, options in wanted.items():
-        _keys(options, tables[name], f"[tables.{name}]", path)
-        for option, value in options.items():
-            _check_option(option, value, f"[tables.{name}]", path)
     base = path.parent
+    wanted = _tables(data.get("tables", {}), base, path)
+    conditions: dict[str, dict[str, _Row]] = {}
     logs = tuple(
         log
         for where, entry in _entries(data, "logs", path)
-        for log in _logs(entry, where, base, path)
+        for log in _logs(entry, where, base, path, conditions)
     )
     _distinct(logs, path)
     models = tuple(
@@ -131,13 +133,15 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
         raise _refuse(
             path,
             "asks for nothing",
-            f"allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]",
+            f"allowed are [tables.NAME] ({', '.join(OF_A_DRIVE)}) and [[models]]",
             do="add one",
         )
     _distinct_models(models, path)
     output = _text(about, "output", "[campaign]", path) or "results"
     name = _text(about, "name", "[campaign]", path) or path.stem
-    return Campaign(name, address(output) or str(base / output), logs, wanted, models, path)
+    remarks = tuple(remark for rows in conditions.values() for remark in _of_no_log(rows))
+    place = address(output) or str(base / output)
+    return Campaign(name, place, logs, wanted, models, path, remarks)
 
 
 def _toml(path: Path, what: str, advice: str) -> dict[str, Any]:
@@ -170,40 +174,21 @@ def _text(table: Mapping[str, Any], key: str, where: str, file: Path) -> str | N
     return value
 
 
-#: option of a table -> what it may be
-_ALLOWED = {
-    "calibrate_radius": "true or false",
-    "cutoff": '"auto", "rest", hertz ("400Hz") or multiples of the wheel frequency ("40x")',
-    "steady_step": "a number of m/s above 0",
-    "average": "a whole number of revolutions from 1",
-    "calibration": "the path of a calibration in quotes",
-    "zero": '"auto", "none", a speed in m/s, or "START:STOP" in s',
-}
-
-
-def _check_option(option: str, value: Any, where: str, file: Path) -> None:
-    """UsageError: the value is none that the table's command would take."""
-    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
-    fits = {
-        "calibrate_radius": isinstance(value, bool),
-        "cutoff": isinstance(value, str) and _is_cutoff(value),
-        "steady_step": number and value > 0,
-        "average": number and isinstance(value, int) and 1 <= value < 2**31,
-        "calibration": isinstance(value, str) and value.isprintable() and value != "",
-        "zero": number or (isinstance(value, str) and value.isprintable()),
-    }
-    if not fits.get(option, True):
-        raise _refuse(
-            file, f"{where}: {option} = {str(value)[:40]!r}", f"allowed is {_ALLOWED[option]}"
-        )
-
-
-def _is_cutoff(text: str) -> bool:
+def _tables(data: Any, base: Path, file: Path) -> dict[str, dict[str, Any]]:
+    """The wanted tables with their options, whose paths are relative to `base` no longer."""
+    wanted = _keys(data, tuple(OF_A_DRIVE), "[tables]", file)
+    for name, options in wanted.items():
+        maker = OF_A_DRIVE[name]
+        _keys(options, maker.options, f"[tables.{name}]", file)
+        for option in maker.table.options:
+            value = options.get(option.name)
+            if option.kind is Path and isinstance(value, str) and option.fits(value):
+                options[option.name] = str(base / value)
     try:
-        Cutoff.parse(text)
-    except UsageError:
-        return False
-    return True
+        checked(wanted)
+    except UsageError as problem:
+        raise (problem if problem.file else problem.at(file)) from None
+    return wanted
 
 
 def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
@@ -240,8 +225,10 @@ def _distinct_models(models: tuple[CampaignModel, ...], path: Path) -> None:
         seen[model.file.stem] = model.file
 
 
-def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
-    """The logs of one [[logs]] entry, in the order of their paths."""
+def _logs(
+    entry: Any, where: str, base: Path, file: Path, read: dict[str, dict[str, _Row]]
+) -> list[CampaignLog]:
+    """The logs of one [[logs]] entry, in the order of their paths; `read`: conditions by file."""
     _keys(entry, ("glob", "setup", "conditions"), where, file)
     pattern = _text(entry, "glob", where, file)
     if pattern is None:
@@ -268,8 +255,10 @@ def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
             f"it is relative to {base}, or an address",
         )
     shared = _setup(setup, base) if setup is not None else None
-    overrides = _conditions(base / conditions) if conditions is not None else {}
-    return [_log(log, shared, overrides, base) for log in found]
+    if conditions is not None and conditions not in read:
+        read[conditions] = _conditions(base / conditions)
+    rows = read[conditions] if conditions is not None else {}
+    return [_log(log, shared, rows, base) for log in found]
 
 
 def _matches(pattern: str, base: Path) -> list[str]:
@@ -309,9 +298,7 @@ def _setup_beside(log: str) -> Setup | None:
     return None
 
 
-def _log(
-    log: str, shared: Setup | None, overrides: Mapping[str, Mapping[str, str]], base: Path
-) -> CampaignLog:
+def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -> CampaignLog:
     """One log with its setup and the conditions of its row."""
     inside = (
         str(Path(log).relative_to(base))
@@ -319,11 +306,13 @@ def _log(
         else log
     )
     name = re.sub(r"[^\w.+-]+", "_", inside).strip("_")
-    row = overrides.get(inside) or overrides.get(log.rsplit("/", 1)[-1]) or {}
-    tags = {k: v for k, v in row.items() if k not in _CONDITIONS}
+    row = rows.get(inside) or rows.get(log.rsplit("/", 1)[-1])
+    tags = {} if row is None else {k: v for k, v in row.cells.items() if k not in _CONDITIONS}
+    if row is not None:
+        row.logs.append(inside)
     try:
         setup = shared if shared is not None else _setup_beside(log)
-        if setup is not None and row:
+        if setup is not None and row is not None:
             setup = _with_conditions(setup, row)
     except SetupError as problem:  # a log whose setup is unusable is kept as failed
         return CampaignLog(log, name, None, tags, str(problem))
@@ -336,34 +325,65 @@ def _log(
     )
 
 
-def _with_conditions(setup: Setup, row: Mapping[str, str]) -> Setup:
+@dataclass(frozen=True)
+class _Row:
+    """A row of a table of conditions: the cells beside `log`, and the logs that they are of."""
+
+    file: Path
+    line: int
+    cells: Mapping[str, str]
+    logs: list[str] = field(default_factory=list)
+
+    def refuse(self, what: str, allowed: str, do: str = "mend it") -> UsageError:
+        return UsageError(what, allowed=allowed, do=do, file=self.file, line=self.line)
+
+
+#: how a table of conditions may say yes and no
+_YES = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+def _with_conditions(setup: Setup, row: _Row) -> Setup:
     """The setup with this log's conditions.
 
-    Its text carries them too, so that a run made from it says the same.
+    Its text carries them too, so that a run made from it says the same. SetupError, with the row's
+    place: a condition is beyond what a setup may say.
     """
-    given = {}
-    for key in _CONDITIONS:
-        if row.get(key, "") != "":
-            given[key] = (
-                row[key].strip().lower() in ("true", "1", "yes")
-                if key == "driven"
-                else float(row[key])
-            )
+    told = {key: text for key in _CONDITIONS if (text := row.cells.get(key, "")) != ""}
+    given = {
+        key: _YES[text.strip().lower()] if key == "driven" else float(text)
+        for key, text in told.items()
+    }
     known = {k: v for k, v in dataclasses.asdict(setup.conditions).items() if v is not None} | given
     lines = [
         f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in known.items()
     ]
     outside = re.sub(r"(?ms)^\s*\[conditions\].*?(?=^\s*\[|\Z)", "", setup.text)
-    return parse_setup(
-        outside.rstrip() + "\n\n[conditions]\n" + "\n".join(lines) + "\n", setup.file
-    )
+    text = outside.rstrip() + "\n\n[conditions]\n" + "\n".join(lines) + "\n"
+    try:
+        return parse_setup(text, setup.file)
+    except SetupError as problem:  # the setup was in order without them
+        raise problem.at(row.file, row.line) from None
 
 
-def _conditions(path: Path) -> dict[str, dict[str, str]]:
-    """The campaign's table of conditions: log -> its other columns."""
+def _of_no_log(rows: Mapping[str, _Row]) -> list[str]:
+    """A sentence if rows of a table of conditions are those of no log."""
+    left = [name for name, row in rows.items() if not row.logs]
+    if not left:
+        return []
+    more = f" and {len(left) - 3} more" if len(left) > 3 else ""
+    file = rows[left[0]].file
+    return [f"{file}: no log is called {', '.join(left[:3])}{more}: what it says of them is unused"]
+
+
+def _conditions(path: Path) -> dict[str, _Row]:
+    """The campaign's table of conditions: log -> its row.
+
+    UsageError: it cannot be read, a cell is none of what its column may be, or a log has two rows.
+    """
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.DictReader(stream))
+            reader = csv.DictReader(stream)
+            lines = [(reader.line_num, cells) for cells in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
         problem = getattr(problem, "strerror", None) or problem
         raise UsageError(
@@ -372,30 +392,40 @@ def _conditions(path: Path) -> dict[str, dict[str, str]]:
             do="mend the path",
             file=path,
         ) from None
-    if not rows or "log" not in rows[0]:
+    if not lines or "log" not in lines[0][1]:
         raise UsageError(
             "has no column log",
             allowed="it names each row's log by path or file name",
             do="add it",
             file=path,
         )
-    for line, row in enumerate(rows, 2):
-        for key in _CONDITIONS:
-            text = row.get(key) or ""
-            if key != "driven" and text and not _finite(text):
-                raise UsageError(
-                    f"{key} = {text!r}",
-                    allowed="allowed is a number",
-                    do="mend it",
-                    file=path,
-                    line=line,
-                )
-    return {
-        str(row["log"]): {
-            k: v or "" for k, v in row.items() if k and k != "log" and isinstance(v, str)
-        }
-        for row in rows
-    }
+    rows: dict[str, _Row] = {}
+    for line, cells in lines:
+        log = str(cells.pop("log"))
+        row = _Row(path, line, {k: v or "" for k, v in cells.items() if isinstance(k, str)})
+        if None in cells:
+            raise row.refuse("has more cells than the header", "allowed is one per column")
+        if log in rows:
+            raise row.refuse(
+                f"log {log!r} has a row in line {rows[log].line} already",
+                "allowed is one row per log",
+                do="remove one of them",
+            )
+        _refuse_cells(row)
+        rows[log] = row
+    return rows
+
+
+def _refuse_cells(row: _Row) -> None:
+    """UsageError: a condition is no number, or `driven` neither yes nor no."""
+    for key in _CONDITIONS:
+        text = row.cells.get(key, "")
+        if key == "driven":
+            fits, allowed = text.strip().lower() in ("", *_YES), f"allowed are {', '.join(_YES)}"
+        else:
+            fits, allowed = not text or _finite(text), "allowed is a number"
+        if not fits:
+            raise row.refuse(f"{key} = {text[:40]!r}", allowed)
 
 
 def _finite(text: str) -> bool:

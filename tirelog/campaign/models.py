@@ -236,7 +236,7 @@ def _kept(task: LogTask, observable: str, ledger: Ledger) -> Pieces:
     name = pieces_name(observable, task.name)
     try:
         return read_pieces(ledger.folder.read(name) or b"")
-    except (ValueError, KeyError, OSError, EOFError):
+    except (ValueError, OSError):
         raise ReadError(
             f"{name} is damaged",
             allowed="it is made by campaign run",

@@ -11,6 +11,7 @@ import io
 import json
 from dataclasses import fields
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -38,7 +39,14 @@ def pieces_bytes(pieces: Pieces) -> bytes:
 
 
 def read_pieces(data: bytes) -> Pieces:
-    """The pieces in a file.  ValueError, KeyError: it is none."""
+    """The pieces in a file.  ValueError: it is none."""
+    try:
+        return _pieces(data)
+    except (KeyError, TypeError, AttributeError, OSError, EOFError, BadZipFile) as problem:
+        raise ValueError(str(problem)) from None
+
+
+def _pieces(data: bytes) -> Pieces:
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         words = json_value(str(arrays["words"]))
         conditions = Conditions(

@@ -14,36 +14,46 @@ import io
 import multiprocessing
 import os
 import sys
-from collections.abc import Callable, Generator, Iterable
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.campaign.work import LogTask, make_tables, pieces_name, table_part_name
 from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
+from tirelog.products import OF_A_DRIVE
 from tirelog.runtime import end_with_parent, one_heap, one_thread
 from tirelog.version import __version__
+
+if TYPE_CHECKING:
+    from distributed import Client
+    from distributed import Future as DaskFuture
 
 #: a scheduler that has not answered after this time [s] does not answer; twice as long waits that
 #: much longer before it says so
 _TIMEOUT_S = 8
-#: workers that may die over one task before it is given up; twice as many try a log that ends
-#: every worker that often
-_RETRIES = 3
+#: a log whose worker died this often, while it worked on nothing else, is failed; twice as many
+#: try a log that ends every worker that often
+_ATTEMPTS = 3
 
 
 def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
     """The entries of tasks on a cluster, as they are finished.
 
+    A scheduler holds the death of a worker against all that it had been given: what it gives up is
+    tried again, each alone.
+
     UsageError: dask.distributed is missing, or the scheduler does not answer.
     """
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, KilledWorker
     except ImportError:
         raise UsageError(
             "--scheduler needs dask.distributed",
@@ -58,32 +68,45 @@ def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, 
             do="start it first",
         ) from None
     with client:
-        futures = {
-            client.submit(
-                make_tables,
-                task,
-                key=f"tirelog-{task.key}-{task.name}",
-                retries=_RETRIES,
-                pure=False,
-            ): task
-            for task in tasks
-        }
-        for future in as_completed(list(futures)):
-            task = futures[future]
-            if future.status == "finished":
-                yield future.result()
+        suspects = []
+        for task, future in _finished(client, tasks, "all"):
+            if future.status != "finished" and isinstance(future.exception(), KilledWorker):
+                suspects.append(task)
             else:
-                error = (
-                    f"{task.log}: no worker of the cluster finished it ({future.exception()}); "
-                    "look at the cluster's own log"
-                )
-                yield Entry(
-                    task.log, task.name, task.key, error=error, exit_status=int(ExitStatus.DEFECT)
-                )
+                yield _outcome(task, future)
+        for task in suspects:
+            for _, future in _finished(client, [task], "alone"):
+                yield _outcome(task, future)
 
 
-#: a log whose worker died this often is failed
-_ATTEMPTS = 3
+def _finished(
+    client: Client, tasks: list[LogTask], attempt: str
+) -> Iterator[tuple[LogTask, DaskFuture[Any]]]:
+    """Each task with its future, as they are finished; `attempt` tells keys of two apart."""
+    from distributed import as_completed
+
+    futures = {
+        client.submit(
+            make_tables, task, key=f"tirelog-{task.key}-{task.name}-{attempt}", pure=False
+        ): task
+        for task in tasks
+    }
+    for future in as_completed(list(futures)):
+        yield futures[future], future
+
+
+def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
+    """What a worker of the cluster said of its task, or that none finished it."""
+    if future.status == "finished":
+        entry: Entry = future.result()
+        return entry
+    error = (
+        f"{task.log}: no worker of the cluster finished it ({future.exception()}); "
+        "look at the cluster's own log"
+    )
+    return Entry(task.log, task.name, task.key, error=error, exit_status=int(ExitStatus.DEFECT))
+
+
 SUMMARY = (
     "log",
     "name",
@@ -125,7 +148,7 @@ def _task(
     except ReadError as error:
         digest, problem = "", error.message
     tables = {name: dict(options) for name, options in campaign.tables.items()}
-    key = key_of(digest, text + problem, tables, __version__)
+    key = key_of(digest, text + problem, _with_contents(tables, ledger), __version__)
     setup_file = (log.setup.file or "") if log.setup else ""
     folder = ledger.folder
     return LogTask(
@@ -140,6 +163,21 @@ def _task(
         problem,
         observables,
     )
+
+
+def _with_contents(tables: Mapping[str, Mapping[str, Any]], ledger: Ledger) -> dict[str, Any]:
+    """The options, each file among them by what is in it and not by where it is."""
+    files = {
+        name: {option.name for option in OF_A_DRIVE[name].table.options if option.kind is Path}
+        for name in tables
+    }
+    return {
+        name: {
+            option: ledger.sha256(str(value)) if option in files[name] else value
+            for option, value in options.items()
+        }
+        for name, options in tables.items()
+    }
 
 
 def to_do(tasks: Iterable[LogTask], ledger: Ledger, *, retry_failed: bool = False) -> list[LogTask]:
@@ -242,45 +280,81 @@ def _with_tables(entry: Entry, task: LogTask, before: Entry | None) -> Entry:
 def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, None]:
     """The entries of tasks on processes of this machine, as they are finished.
 
-    A worker that dies takes the pool with it: a new pool goes on with what was not finished.
+    A worker that dies takes the pool with it. Whoever was at work then is a suspect, and is tried
+    alone, so that no death is held against a neighbour; then a new pool goes on.
     """
     waiting = {task.name: task for task in tasks}
-    tried: dict[str, int] = dict.fromkeys(waiting, 0)
-    context = multiprocessing.get_context("spawn")
+    alone: deque[LogTask] = deque()
+    died: Counter[str] = Counter()
     one_thread()  # inherited: a worker's share is one core
-    # multiprocessing's tracker, which ends with its parent too, would tell of what a killed one has
-    # left
-    told = os.environ.get("PYTHONWARNINGS", "")
-    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (told, "ignore:resource_tracker")))
-    others = set(multiprocessing.active_children())
-    while waiting:
-        with ProcessPoolExecutor(
-            workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
-        ) as pool:
-            queue = list(waiting.values())
-            running: dict[Future[Entry], LogTask] = {}
+    with _tracker_unheard():
+        while waiting:
+            suspect = alone.popleft() if alone else None
+            at_work: dict[str, LogTask] = {}
+            queue = [suspect] if suspect else list(waiting.values())
             try:
-                while queue or running:
-                    while (
-                        queue and len(running) < workers
-                    ):  # no more than the workers: whoever dies names the suspects
-                        task = queue.pop(0)
-                        tried[task.name] += 1
-                        running[pool.submit(make_tables, task)] = task
-                    done, _ = wait(running, return_when=FIRST_COMPLETED)
-                    for future in done:
-                        entry = future.result()
-                        task = running.pop(future)
-                        del waiting[task.name]
-                        yield entry
+                for entry in _by_pool(queue, 1 if suspect else workers, at_work):
+                    del waiting[entry.name]
+                    yield entry
             except BrokenProcessPool:
-                for task in [t for t in waiting.values() if tried[t.name] >= _ATTEMPTS]:
-                    del waiting[task.name]
-                    yield _died(task)
-            except BaseException:  # interrupted, or nobody wants the rest
-                for worker in set(multiprocessing.active_children()) - others:
-                    worker.kill()  # the pool would wait for what they have begun
-                raise
+                if suspect is None:
+                    alone.extend(at_work.values())
+                    continue
+                died[suspect.name] += 1
+                if died[suspect.name] < _ATTEMPTS:
+                    alone.appendleft(suspect)
+                else:
+                    del waiting[suspect.name]
+                    yield _died(suspect)
+
+
+@contextmanager
+def _tracker_unheard() -> Iterator[None]:
+    """Processes that begin here do not hear of what a killed one has left.
+
+    multiprocessing's tracker, which ends with its parent too, would tell it.
+    """
+    told = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (told, "ignore:resource_tracker")))
+    try:
+        yield
+    finally:
+        if told is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = told
+
+
+def _by_pool(
+    queue: list[LogTask], workers: int, at_work: dict[str, LogTask]
+) -> Generator[Entry, None, None]:
+    """The entries of tasks, as one pool finishes them; `at_work` are those it has now, by name.
+
+    BrokenProcessPool: a worker died; it was at work on one of these.
+    """
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(
+        workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+    ) as pool:
+        left = deque(queue)
+        running: dict[Future[Entry], LogTask] = {}
+        try:
+            while left or running:
+                while left and len(running) < workers:  # no more: whoever dies names the suspects
+                    task = left.popleft()
+                    at_work[task.name] = task
+                    running[pool.submit(make_tables, task)] = task
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    entry = future.result()
+                    del at_work[running.pop(future).name]
+                    yield entry
+        except BrokenProcessPool:
+            raise
+        except BaseException:  # interrupted, or nobody wants the rest
+            for worker in set(multiprocessing.active_children()) - others:
+                worker.kill()  # the pool would wait for what they have begun
+            raise
 
 
 def _begin(parent: int) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import errno
 import re
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
 
@@ -21,6 +21,8 @@ from tirelog.errors import OutputError, ReadError, TirelogError, UsageError, wit
 T = TypeVar("T")
 
 _ADDRESS = re.compile(r"^([a-z][a-z0-9+.-]+):/{1,2}(?=[^/])")
+#: a path of this machine as an address
+_FILE = re.compile(r"^file:/+(?=[^/])")
 #: a store has to answer a question within this time
 ANSWER_S = 8.0
 #: object stores: a put is seen whole or not at all; elsewhere a file is put under another name and
@@ -36,6 +38,8 @@ def address(path: Path | str) -> str | None:
     (A `Path` keeps only one of the two slashes.)
     """
     text = str(path)
+    if match := _FILE.match(text):
+        return f"file:///{text[match.end() :]}"
     match = _ADDRESS.match(text)
     return f"{match[1]}://{text[match.end() :]}" if match else None
 
@@ -140,10 +144,13 @@ def read_several(urls: Sequence[str]) -> dict[str, bytes]:
     """
     if not urls:
         return {}
-    system = _filesystem(urls[0])
-    plain = {system._strip_protocol(url): url for url in urls}
-    found = system.cat(list(plain), on_error="omit")
-    return {plain[name]: bytes(data) for name, data in found.items()}
+
+    def read(system: Any) -> dict[str, bytes]:
+        plain = {system._strip_protocol(url): url for url in urls}
+        found = system.cat(list(plain), on_error="omit")
+        return {plain[name]: bytes(data) for name, data in found.items()}
+
+    return _answer(urls[0], ReadError, read)
 
 
 def list_remote(url: str) -> list[str]:
@@ -170,7 +177,7 @@ def match_remote(pattern: str) -> list[str]:
         system.invalidate_cache()
         scheme = pattern.split("://")[0]
         return [
-            name if "://" in name else f"{scheme}://{name.lstrip('/')}"
+            str(address(name if "://" in name else f"{scheme}://{name.lstrip('/')}"))
             for name in map(str, system.glob(pattern))
         ]
 
@@ -236,6 +243,10 @@ def create_remote(url: str, data: bytes) -> bool:
             if system.exists(url):
                 return False
             system.pipe_file(url, data)
+        except Exception as problem:  # each store has exceptions of its own
+            if _is_there(problem):
+                return False
+            raise
         return True
 
     try:
@@ -244,14 +255,26 @@ def create_remote(url: str, data: bytes) -> bool:
         return False
     except FileNotFoundError as problem:
         raise _refusal(OutputError, url, problem) from None
-    except OutputError as problem:
-        if (
-            "PreconditionFailed" in problem.message
-            or "412" in problem.message
-            or "At least one of the pre-conditions" in problem.message
-        ):
-            return False
-        raise
+
+
+def _is_there(problem: BaseException | None) -> bool:
+    """True if a store refused to create what it has: HTTP status 412, as each store puts it.
+
+    botocore: `response`, Google and aiohttp: `code`, `status`; what was translated for fsspec has
+    the store's own exception as its cause.
+    """
+    if problem is None:
+        return False
+    answer = getattr(problem, "response", None)
+    told = [getattr(problem, name, None) for name in ("code", "status", "status_code")]
+    if isinstance(answer, Mapping):
+        told += [
+            answer.get("Error", {}).get("Code"),
+            answer.get("ResponseMetadata", {}).get("HTTPStatusCode"),
+        ]
+    return any(str(one) in ("412", "PreconditionFailed") for one in told) or _is_there(
+        problem.__cause__
+    )
 
 
 def remove_remote(urls: Sequence[str]) -> None:

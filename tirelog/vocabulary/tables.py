@@ -7,8 +7,11 @@ means stands in `columns`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
+from numbers import Integral, Real
+from os import PathLike
 from pathlib import Path
 
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
@@ -31,6 +34,35 @@ class TableOption:
     kind: type[float | int | str | Path | bool]
     help: str
     gives: str = ""
+
+    @property
+    def allowed(self) -> str:
+        """What it may be, as an error says it."""
+        return f"allowed is {_KINDS[self.kind]} ({self.help.rstrip('.')})"
+
+    def fits(self, value: object) -> bool:
+        """True if the value is of its kind; whether a table can be made with it is not known.
+
+        In place of a file's path is taken what it holds, read already: a dataclass.
+        """
+        if self.kind is bool or isinstance(value, bool):
+            return self.kind is bool and isinstance(value, bool)
+        if isinstance(value, Real):
+            whole = isinstance(value, Integral) and abs(int(value)) < 2**31
+            return whole if self.kind is int else self.kind is not Path and math.isfinite(value)
+        if isinstance(value, str):
+            return self.kind in (str, Path) and value.isprintable() and value != ""
+        return self.kind is Path and (isinstance(value, PathLike) or is_dataclass(value))
+
+
+#: what an option of a kind may be; "none" and "auto" are texts, a speed as text may be a number
+_KINDS: Mapping[type, str] = {
+    bool: "true or false",
+    float: "a number",
+    int: "a whole number",
+    str: "text or a number",
+    Path: "the path of a file",
+}
 
 
 @dataclass(frozen=True)

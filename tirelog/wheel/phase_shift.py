@@ -11,6 +11,7 @@ constant-speed stretch of the log, or what the user names.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -303,9 +304,18 @@ def _zero(
     return float(np.mean(turn[rows])), float(np.mean(speed[rows]))
 
 
+def refuse_other_zero(zero: str) -> None:
+    """UsageError: `zero` is none of the forms that `measure_phase_shift` takes."""
+    if zero not in ("auto", "none"):
+        _numbers(zero.split(":", 1), zero)
+
+
 def _numbers(texts: list[str], zero: str) -> list[float]:
     try:
-        return [float(t) for t in texts]
+        numbers = [float(t) for t in texts]
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError
+        return numbers
     except ValueError:
         raise UsageError(
             f"--zero {zero}",
