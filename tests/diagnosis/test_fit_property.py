@@ -17,6 +17,7 @@ from tirelog.diagnosis.fitted import fit_channels_measured
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.cells.cells import _noise_profile
 from tirelog.inference.cells.pieces import pieces_of
+from tirelog.inference.fit import cells
 from tirelog.physics import Model
 
 R, F = 0.3126, 3600.0
@@ -144,6 +145,23 @@ def test_a_fit_of_one_channel_is_that_of_compare(waves):
             assert value == pytest.approx(compared.parameters[name]["value"], rel=1e-6)
             assert error == pytest.approx(compared.parameters[name]["se"], rel=1e-6)
         assert result.reduced_chi2 == pytest.approx(compared.reduced_chi2, rel=1e-6)
+
+
+def test_a_fit_is_that_of_its_best_start_whatever_was_tried_beside_it(waves, monkeypatch):
+    """A start centres the cells on its own model; the next one begins with cells as they were."""
+    stack = measured(waves, 1092)
+    begins = [
+        START,
+        START.with_values({"foundation_stiffness_N_m2": 1.2e6}),
+        START.with_values({"patch_half_length_m": 0.05}),
+    ]
+    found = []
+    for tried in (begins, begins[::-1], begins[1:] + begins[:1]):
+        monkeypatch.setattr(cells, "_promising", lambda channels, names, _, some=tried: some)
+        found.append(fit_channels_measured([[stack]], START)[0])
+    for other in found[1:]:
+        np.testing.assert_array_equal(other.values, found[0].values)
+        assert other.reduced_chi2 == found[0].reduced_chi2
 
 
 def test_a_channel_twice_moves_nothing_and_feigns_half_the_variance(waves):

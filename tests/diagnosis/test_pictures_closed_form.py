@@ -15,6 +15,9 @@ from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
 from tirelog.plots.models import compare, diagnose
 from tirelog.plots.models.compare import coloured
+from tirelog.plots.style import COLOURS
+from tirelog.report.figures import LogColours
+from tirelog.report.sections.models import wave_traces
 
 PHI = np.linspace(-np.pi, np.pi, 64, endpoint=False)
 
@@ -94,11 +97,28 @@ def with_waveforms(observable="strain"):
         measured - 5e-6 * (PHI > 0.2),
         np.full((2, PHI.size), 1e-6),
         ("10 m/s, a.csv", "20 m/s, b.csv"),
+        ("a.csv", "b.csv"),
         conditions,
     )
     given = comparison(1e-5, 1e-6)
     given.__dict__.update(waveforms=waves, model=model, observable=observable)
     return given
+
+
+def test_logs_whose_names_hold_commas_are_two_on_the_page():
+    given = with_waveforms()
+    waves = replace(
+        given.waveforms,
+        labels=("10 m/s, steady, dry, a.csv", "20 m/s, steady, wet, a.csv"),
+        logs=("dry, a.csv", "wet, a.csv"),
+    )
+    given.__dict__.update(waveforms=waves)
+    colours = LogColours(["other.csv", "wet, a.csv"])
+    measured = [
+        trace for trace in wave_traces(given, colours) if trace["name"].startswith("measured, ")
+    ]
+    assert [trace["name"] for trace in measured] == [f"measured, {one}" for one in waves.labels]
+    assert [trace["marker"]["color"] for trace in measured] == [COLOURS[2], COLOURS[1]]
 
 
 def test_edges_close_up_show_what_is_left_behind_the_exit():

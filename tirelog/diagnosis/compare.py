@@ -352,9 +352,10 @@ def _waveforms(base: Base) -> Waveforms:
         return_index=False,
     )
     chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
+    logs = tuple(PurePath(c.logs[c.log[i]]).name for i in chosen)
     labels = tuple(
-        f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}"
-        for i in chosen
+        f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {log}"
+        for i, log in zip(chosen, logs, strict=True)
     )
     return Waveforms(
         c.phi[chosen],
@@ -362,6 +363,7 @@ def _waveforms(base: Base) -> Waveforms:
         (base.fit.prediction + base.fit.beside)[chosen],
         np.sqrt(_floor_square(base))[chosen],
         labels,
+        logs,
         c.conditions.take(chosen),
     )
 

@@ -25,7 +25,7 @@ from tirelog.vocabulary.arrays import FloatArray
 class EffectCurve:
     """An effect's share of the prediction, (m,) each.
 
-    label      of which revolutions it is; empty if of all
+    label      of which revolutions it is, with the file name of their `log`; empty if of all
     along      angle from the patch centre [rad], or of a number per revolution the speed [m/s],
                ascending
     added      what the effect adds [unit]; `error` its standard error from the effect's own
@@ -36,6 +36,7 @@ class EffectCurve:
 
     effect: str
     label: str
+    log: str
     along: FloatArray
     added: FloatArray
     error: FloatArray
@@ -72,11 +73,9 @@ def _curve(base: Base, effect: str) -> EffectCurve | None:
     if cells.phi.shape[1] == 1:
         order = np.argsort(cells.conditions.speed_m_s, kind="stable")
         rows = (column[order, 0] for column in (added, error, left, floor))
-        return EffectCurve(effect, "", cells.conditions.speed_m_s[order], *rows)
+        return EffectCurve(effect, "", "", cells.conditions.speed_m_s[order], *rows)
     size = np.nanmean(np.where(np.isfinite(cells.phi), added, np.nan) ** 2, axis=1)
     i = int(np.nanargmax(size))
-    label = (
-        f"{cells.conditions.speed_m_s[i]:.1f} m/s, {cells.regime[i]}, "
-        f"{PurePath(cells.logs[cells.log[i]]).name}"
-    )
-    return EffectCurve(effect, label, cells.phi[i], added[i], error[i], left[i], floor[i])
+    log = PurePath(cells.logs[cells.log[i]]).name
+    label = f"{cells.conditions.speed_m_s[i]:.1f} m/s, {cells.regime[i]}, {log}"
+    return EffectCurve(effect, label, log, cells.phi[i], added[i], error[i], left[i], floor[i])

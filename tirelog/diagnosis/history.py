@@ -26,6 +26,12 @@ _STEP = (
 )
 
 
+def _outcome(decision: str) -> str:
+    """The outcome of a step that was kept when its decision alone said it."""
+    first = ("start", "removed", "added")
+    return next((word for word in first if decision.startswith(word)), "not_added")
+
+
 def history_file(model: Path) -> Path:
     """Where a model's ladders are kept."""
     return model.with_suffix(".ladder.json")
@@ -40,10 +46,12 @@ def read_history(model: Path) -> list[dict[str, Any]]:
     try:
         ladders = json_value(path.read_text(encoding="utf-8"))["ladders"]
         if all(set(_STEP) <= set(step) for entry in ladders for step in entry["steps"]):
+            for step in (step for entry in ladders for step in entry["steps"]):
+                step.setdefault("outcome", _outcome(str(step["decision"])))
             return list(ladders)
     except FileNotFoundError:
         return []
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         pass
     raise ModelError(
         "is no history of ladders",

@@ -84,7 +84,7 @@ def ladder(
             more = (proposal.sentence,)
         else:
             top = start(seen, proposal.model)
-            steps = [step for step in steps if not step.decision.startswith("not added")]
+            steps = [step for step in steps if step.outcome != "not_added"]
             steps.append(_proposed(len(steps), top, after, proposal))
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
@@ -152,6 +152,7 @@ def _proposed(number: int, top: Base, last: Base, proposal: Proposal) -> LadderS
         _row(number, top, last, None),
         effect=name,
         p_adjusted=p,
+        outcome="added",
         decision="added: proposed",
         sentence=f"{name} added, written down from what was left: {proposal.sentence}",
     )
@@ -187,6 +188,7 @@ def _steps(found: Found) -> Iterable[LadderStep]:
             row,
             effect=best.id,
             p_adjusted=best.p,
+            outcome="not_added",
             decision=f"not added: {reason}",
             sentence=f"An improvement by {best.id} has probability {noise} of being noise; "
             f"it is not added ({reason}).",
@@ -199,6 +201,7 @@ def _removed(row: LadderStep, names: Sequence[str]) -> LadderStep:
     return replace(
         row,
         effect=every,
+        outcome="removed",
         decision="removed",
         sentence=f"{every} removed: what came later has made it needless.",
     )
@@ -208,10 +211,10 @@ def _row(number: int, base: Base, last: Base | None, step: Step | None) -> Ladde
     named = step.named if step else None
     rmse_fit, rmse_held = float(np.sqrt(max(base.square_fit, 0.0))), base.rmse_held
     floor = float(np.sqrt(base.floor.square))
-    decision, sentence = "start", "The model as it came."
+    outcome, decision, sentence = "start", "start", "The model as it came."
     if named and step:
         others = [name for name in step.group if name != named.id]
-        decision = "added" if not others else f"added (or {', '.join(others)})"
+        outcome, decision = "added", "added" if not others else f"added (or {', '.join(others)})"
         sentence = (
             f"{named.id} added: the improvement has probability "
             f"{probability(named.assessed.p, base.cells.manoeuvres)} of being noise."
@@ -224,6 +227,7 @@ def _row(number: int, base: Base, last: Base | None, step: Step | None) -> Ladde
         noise_floor=floor,
         excess_heldout=None if rmse_held is None else excess_of(rmse_held, floor),
         p_adjusted=named.assessed.p if named else None,
+        outcome=outcome,
         decision=decision,
         sentence=sentence,
         parameters=_parameters(base.model, last.model if last else None),

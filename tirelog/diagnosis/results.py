@@ -26,8 +26,8 @@ Rows = list[dict[str, Any]]
 class Waveforms:
     """Some cells to look at: measured, predicted, floor.
 
-    (k, m) each, in the observable's unit at angles phi (k, m) [rad]; `labels` (k,); `conditions`
-    that each is driven under.
+    (k, m) each, in the observable's unit at angles phi (k, m) [rad]; `labels` (k,), which end with
+    the file names of the `logs` (k,); `conditions` that each is driven under.
     """
 
     phi_rad: FloatArray
@@ -35,6 +35,7 @@ class Waveforms:
     predicted: FloatArray
     floor: FloatArray
     labels: tuple[str, ...]
+    logs: tuple[str, ...]
     conditions: Conditions
 
 
@@ -184,6 +185,7 @@ class Candidate:
 class LadderStep:
     """One row of a ladder.
 
+    `outcome` is start, added, removed or not_added, `decision` the same with its reason;
     `parameters` name -> value, se, unit, shift_sigma against the row before; `probability` of being
     noise.
     """
@@ -195,6 +197,7 @@ class LadderStep:
     noise_floor: float
     excess_heldout: float | None
     p_adjusted: float | None
+    outcome: str
     decision: str
     sentence: str
     parameters: Mapping[str, Mapping[str, Any]]

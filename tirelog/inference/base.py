@@ -286,7 +286,7 @@ def _floor_of_all(
     baseline = [s.baseline_square / c**2 for s, c in zip(scatters, scales, strict=True)]
     scatter = Scatter(0.0, 0.0, 0.0, baseline_square=np.concatenate(baseline), **rows)
     none = np.zeros(0)  # angles are each observable's own: `apart` tells of them
-    return Floor(within, between, none, none, scatter)
+    return Floor(within, between, none, scatter)
 
 
 def apart(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:

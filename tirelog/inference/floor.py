@@ -106,14 +106,13 @@ def _orthonormal_in_cells(columns: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Floor:
-    """The noise floor: mean squares [unit^2] within, between, and by angle (m,).
+    """The noise floor: mean squares [unit^2] within, between, and that by angle (m,).
 
     `scatter`: the random effects that `between` is made of.
     """
 
     within: float
     between: float
-    within_by_angle: FloatArray
     between_by_angle: FloatArray
     scatter: Scatter
 
@@ -192,7 +191,6 @@ def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, scatter: Scat
     return Floor(
         float((share * within).sum() / plain.weight),
         float((share * between).sum() / plain.weight),
-        (share * within).sum(axis=0) / total,
         (share * between).sum(axis=0) / total,
         scatter,
     )

@@ -304,11 +304,11 @@ def fit_channels(
     candidates = starts(model, names) if several else [model]
     if len(candidates) > 1:
         candidates = _promising(channels, names, candidates)
-    problems = [Problem(*channel) for channel in channels]
     results, refused = [], None
     for start in candidates:
+        problems = [Problem(*channel) for channel in channels]  # which a descent centres
         try:
-            results.append(descend_together(problems, start, names, steps=steps))
+            results.append((problems, *descend_together(problems, start, names, steps=steps)))
         except ModelError as problem_of_start:
             refused = problem_of_start
     if not results:
@@ -317,7 +317,7 @@ def fit_channels(
             allowed="a model that predicts these speeds is allowed",
             do="change its start values",
         )
-    best, _, settled = min(results, key=lambda result: result[1])
+    problems, best, _, settled = min(results, key=lambda result: result[2])
     fits = finish(problems, best, names, settled)
     if several and fits[0].held:
         fits = _from_within(channels, model, fits)

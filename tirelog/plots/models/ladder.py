@@ -21,7 +21,7 @@ def figure(result: Ladder) -> Any:
 def steps(axes: Any, result: Ladder) -> None:
     """Error and floor of each step that was taken, on `axes`."""
     factor, unit = drawn(result.observable, result.unit)
-    taken = [s for s in result.steps if not s.decision.startswith("not added")]
+    taken = [s for s in result.steps if s.outcome != "not_added"]
     place = list(range(len(taken)))
     held_out = [float("nan") if s.rmse_heldout is None else s.rmse_heldout * factor for s in taken]
     axes.bar(place, held_out, width=0.6, color=COLOURS[5], label="held-out error")

@@ -34,7 +34,6 @@ from tirelog.report.sections.models import (
     edges,
     logs_of,
     residual_map,
-    short,
     shown_value,
     where,
     window,
@@ -255,7 +254,7 @@ def _rungs(given: Answered, factor: float) -> tuple[list[Rung], str]:
     """The models on the way, from the ladder or the diagnosis, and what errors these are."""
     climbed, found = given.climbed, given.found
     if climbed is not None:
-        taken = [s for s in climbed["steps"] if not s["decision"].startswith("not added")]
+        taken = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
         rungs = [
             Rung(
                 "the model as it came" if i == 0 else f"{_sign(s)} {s['effect']}",
@@ -286,7 +285,7 @@ def _rung(name: str, said: str, result: Comparison, factor: float) -> Rung:
 
 
 def _sign(step: Mapping[str, Any]) -> str:
-    return "without" if step["decision"] == "removed" else "+"
+    return "without" if step["outcome"] == "removed" else "+"
 
 
 def _what(given: Answered, effect: str) -> str:
@@ -370,8 +369,8 @@ def _waves(named: Sequence[_Named], factor: float, unit: str, colours: LogColour
         return float(np.nanmean((left[0] - (left[-1] if len(left) > 1 else 0.0)) ** 2))
 
     label = max(common, key=apart)
-    i, said = at(last, label), short(label)
-    colour = colours(said.split(", ")[-1])
+    i, said = at(last, label), label
+    colour = colours(last.waveforms.logs[i])
     phi = np.rad2deg(last.waveforms.phi_rad[i])
     floor = 2.0 * factor * last.waveforms.floor[i]
     measured = last.waveforms.measured[i] * factor
@@ -424,7 +423,7 @@ def _curves(given: Answered, colours: LogColours) -> list[Figure]:
         of_angle = bool(curve.label)
         x = np.rad2deg(curve.along) if of_angle else curve.along
         added, error = curve.added * factor, 2.0 * curve.error * factor
-        colour: int | str = colours(curve.label.split(", ")[-1]) if of_angle else GREY
+        colour: int | str = colours(curve.log) if of_angle else GREY
         said = f", {curve.label}" if of_angle else ""
         known = bool(np.isfinite(error).all())
         floor = 2.0 * curve.floor * factor

@@ -189,18 +189,11 @@ def edges(half_angle_rad: float) -> list[float]:
     return [-np.rad2deg(half_angle_rad), np.rad2deg(half_angle_rad)] if half_angle_rad > 0 else []
 
 
-def short(label: str) -> str:
-    """A waveform's label with the file name in place of the log's path."""
-    *words, log = label.split(", ")
-    return ", ".join([*words, Path(log).name])
-
-
-def styles(labels: Sequence[str], colours: LogColours) -> list[tuple[int, str, str]]:
-    """(number of the colour, dash, symbol) of each waveform.
+def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str]]:
+    """(number of the colour, dash, symbol) of each waveform, by the log that it is of.
 
     Of several logs the colour is the log's, and lines and symbols tell its waveforms apart.
     """
-    logs = [label.split(", ")[-1] for label in labels]
     if len(set(logs)) < 2:
         return [(i, DASHES[0], SYMBOLS[i % len(SYMBOLS)]) for i in range(len(logs))]
     own = [logs[:i].count(log) for i, log in enumerate(logs)]
@@ -216,10 +209,9 @@ def wave_traces(
     """Measured points and the model's line of each waveform, with two noise floors about it."""
     factor, _ = shown_value(result.observable, result.unit)
     waves, traces = result.waveforms, []
-    for i, (label, style) in enumerate(
-        zip(waves.labels, styles(waves.labels, colours), strict=True)
+    for i, (said, (colour, dash, symbol)) in enumerate(
+        zip(waves.labels, styles(waves.logs, colours), strict=True)
     ):
-        (colour, dash, symbol), said = style, short(label)
         phi, expected = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor
         if floors:
             floor = 2.0 * factor * waves.floor[i]
@@ -241,7 +233,7 @@ def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
     alt = (
         "Measured means of like revolutions (points), the model (lines) and two noise floors "
         "about it (bands) at "
-        f"{'; '.join(short(label) for label in result.waveforms.labels)}; dashed lines: the "
+        f"{'; '.join(result.waveforms.labels)}; dashed lines: the "
         "patch's edges."
     )
     shape = over_angle(result, f"{result.observable} [{unit}]", height=520)
@@ -252,10 +244,9 @@ def _differences(result: Comparison, factor: float, unit: str, colours: LogColou
     """The same waveforms, measured less predicted, so that the floor's band can be seen."""
     waves, lines = result.waveforms, []
     bands: list[dict[str, Any]] = []
-    for i, (label, style) in enumerate(
-        zip(waves.labels, styles(waves.labels, colours), strict=True)
+    for i, (said, (colour, dash, _)) in enumerate(
+        zip(waves.labels, styles(waves.logs, colours), strict=True)
     ):
-        (colour, dash, _), said = style, short(label)
         phi, floor = np.rad2deg(waves.phi_rad[i]), 2.0 * factor * waves.floor[i]
         bands = band(phi, -floor, floor, f"two floors, {said}", colour) + bands
         left = (waves.measured[i] - waves.predicted[i]) * factor
@@ -349,7 +340,7 @@ def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
 def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     """The error falling to the floor, from the last ladder that its command kept."""
     factor, unit = shown_value(climbed["observable"], climbed["unit"])
-    steps = [step for step in climbed["steps"] if not step["decision"].startswith("not added")]
+    steps = [step for step in climbed["steps"] if step["outcome"] != "not_added"]
     names = [step["effect"] for step in steps]
     held, fitted, floor = (
         [_times(step[name], factor) for step in steps]

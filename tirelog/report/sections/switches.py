@@ -63,7 +63,7 @@ def top_of_ladder(
 
     UsageError: an effect that nobody knows.
     """
-    added = [step for step in climbed["steps"] if step["decision"].startswith("added")]
+    added = [step for step in climbed["steps"] if step["outcome"] == "added"]
     for step in added:
         name = step["effect"]
         if name in [e.id for e in model.effects]:

@@ -151,7 +151,6 @@ class PassageFits:
     damping: FloatArray
     tilt: FloatArray
     length_se_m: FloatArray
-    shift_se_m: FloatArray
     chi2: FloatArray
     used: FloatArray
 
@@ -192,7 +191,6 @@ def fit_edges(
         damping=relative["damping"] * nan,
         tilt=relative["tilt"] * nan,
         length_se_m=2.0 * sigma * relative["length_se"] * nan,
-        shift_se_m=sigma * relative["shift_se"] * nan,
         chi2=found["chi2"] / np.maximum(used - OWN, 1) * nan,
         used=used.copy(),
     )

@@ -37,7 +37,7 @@ GRID = np.dtype(
 #: of a linear height [m sigma^-1], squared residual over sigma^2, samples used
 FIT = np.dtype(
     [("height", "f8"), ("offset", "f8"), ("shift", "f8"), ("length", "f8"), ("damping", "f8"),
-     ("tilt", "f8"), ("length_se", "f8"), ("shift_se", "f8"), ("chi2", "f8"), ("used", "f8")]
+     ("tilt", "f8"), ("length_se", "f8"), ("chi2", "f8"), ("used", "f8")]
 )  # fmt: skip
 
 
@@ -284,7 +284,6 @@ def fit_rows(
         made["shift"], made["length"] = whole[SHIFT], whole[LENGTH]
         made["damping"], made["tilt"] = whole[DAMPING], whole[TILT]
         made["length_se"] = np.sqrt(inverse[LENGTH, LENGTH])
-        made["shift_se"] = np.sqrt(inverse[SHIFT, SHIFT])
         made["chi2"] = max(quadratic_form(gram, wide, whole), 0.0) / sigma**2
 
 
