@@ -8,12 +8,12 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-FORMATS = ("csv", "ndjson", "parquet", "json")
+from tirelog.vocabulary.tables import TABLE_FORMATS
 
 
 def formats(incomplete: str) -> list[str]:
     """Formats of tables."""
-    return _beginning(FORMATS, incomplete)
+    return _beginning(TABLE_FORMATS, incomplete)
 
 
 def effects(incomplete: str) -> list[str]:

@@ -34,7 +34,7 @@ ROADS = ("flat", "step", "cleat", "sine", "profile")
 def _number(low: float, high: float, *, above: bool = True, default: Any = None) -> Any:
     """A number in (low, high] (`above`) or [low, high].
 
-    `default` if the key is absent, MISSING if it must stand there.
+    `default` if the key is absent.
     """
     return field(default=default, metadata={"range": (low, high, above)})
 

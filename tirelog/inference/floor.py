@@ -27,7 +27,7 @@ from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric.offsets import Levelled
 from tirelog.inference.metric.projection import (
     in_blocks,
-    per_manoeuvre,
+    per_group,
     side_by_side,
     solve_scaled,
 )
@@ -319,7 +319,7 @@ def _levelled(
             if more:
                 added = side_by_side(some, [part[rows] for part in more])
                 beside = Levelled.of(added, residual, offset, *where)
-                crossed = per_manoeuvre(np.swapaxes(columns, 1, 2) @ added, where[0])
+                crossed = per_group(np.swapaxes(columns, 1, 2) @ added, where[0])
                 of_more.append(of_model.beside(beside, crossed))
             else:
                 of_more.append(of_model)

@@ -21,7 +21,7 @@ from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import model_of, predicted
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
-from tirelog.inference.metric.projection import Normal, per_manoeuvre, solve_scaled
+from tirelog.inference.metric.projection import Normal, per_group, solve_scaled
 from tirelog.inference.metric.whitening import Whitener, whitener
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
@@ -210,7 +210,7 @@ def _taken(cells: Cells, other: ProjectedOut, column: FloatArray) -> float:
     By the share of each one's whitened `column` (C, m) that lies in their span.
     """
     basis = other.basis.reshape(*column.shape, -1)
-    along = per_manoeuvre((np.swapaxes(basis, 1, 2) @ column[..., None])[..., 0], cells.manoeuvre)
+    along = per_group((np.swapaxes(basis, 1, 2) @ column[..., None])[..., 0], cells.manoeuvre)
     level = np.bincount(
         cells.manoeuvre, (other.offsets.direction * column).sum(axis=1), cells.manoeuvres
     )

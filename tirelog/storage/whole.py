@@ -283,9 +283,10 @@ def whole_file(path: Path | str) -> Iterator[Path]:
 
 @contextmanager
 def all_or_none() -> Iterator[None]:
-    """What `whole_file` finishes inside takes its names together when the block ends well.
+    """What `whole_file` finishes inside takes its name when the whole block has ended well.
 
-    When it does not, all of it is removed.
+    When it does not, all of them are removed. What goes to a pipe or an address is out when its own
+    block ends.
     """
     global _batch
     before, finished = _batch, list[tuple[Path, Path]]()

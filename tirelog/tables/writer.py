@@ -30,13 +30,13 @@ from tirelog.kernels import built
 from tirelog.storage.whole import whole_file
 from tirelog.version import __version__
 from tirelog.vocabulary.columns import COLUMNS, TABLES
+from tirelog.vocabulary.tables import TABLE_FORMATS
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from tirelog.tables.csv_kernel import Words
 
-FORMATS = ("csv", "ndjson", "parquet", "json")
 _SUFFIXES = {
     ".csv": "csv",
     ".ndjson": "ndjson",
@@ -51,7 +51,7 @@ _ROWS_A_PART = 20_000
 def table_format(output: Path | str | None, format: str | None) -> str:
     """The format asked for, or the one of the file's suffix, or csv.  UsageError: not a format."""
     if format is not None:
-        refuse_unknown(format, FORMATS, f"--format {format}", do="choose one")
+        refuse_unknown(format, TABLE_FORMATS, f"--format {format}", do="choose one")
         return format
     if output is None:
         return "csv"

@@ -1,4 +1,4 @@
-"""`tirelog model new | show | add | remove | worn | nuisance | fit`, beside `model_predict`."""
+"""`tirelog model new | show | add | remove | worn | nuisance | fit`, beside `predict`."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, LEAST_SHARE_OF_FLOO
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
-from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
+from tirelog.inference.metric.projection import per_group, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
 
 #: a projected signature with less than this share of its norm left shows nothing of its own: the
@@ -127,7 +127,7 @@ def scores_of(
             reasons[signature.effect.id] = "does here only what the model's own parameters do"
             continue
         flat = left.reshape(-1, left.shape[-1])
-        score = per_manoeuvre(
+        score = per_group(
             (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
         )
         kept.append(signature)

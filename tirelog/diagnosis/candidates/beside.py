@@ -25,7 +25,7 @@ from tirelog.inference.base import Base, refit
 from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
-from tirelog.inference.metric.projection import per_manoeuvre
+from tirelog.inference.metric.projection import per_group
 from tirelog.inference.nuisances import ZERO, freed, frees, is_drift, shared_by, shared_effects
 from tirelog.physics.model.model import Model
 
@@ -91,7 +91,7 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
     for x in effects:
         left = other.without(base.white(x.columns * x.sd))
         flat = left.reshape(-1, left.shape[-1])
-        by_manoeuvre = per_manoeuvre(
+        by_manoeuvre = per_group(
             (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
         )
         scores.append(Scores(by_manoeuvre, flat.T @ flat))

@@ -14,10 +14,8 @@ from itertools import product
 
 import numpy as np
 
+from tirelog.physics.model.own.empirical import FROM_EXIT_M, TO_ENTRY_M
 from tirelog.vocabulary.arrays import FloatArray
-
-_EXIT = "((xi - L) % (2 * pi * R))"
-_ENTRY = "((-L - xi) % (2 * pi * R))"
 
 
 @dataclass(frozen=True)
@@ -66,16 +64,16 @@ FRAMES: tuple[FormFrame, ...] = (
               _by_factors(0.1, 5.0, 9), _evenly(-3.0, 3.0, 25)),
     FormFrame("tread", "along the tread about the patch centre", "xi", "m", "both",
               _by_factors(0.02, 0.5, 8), _evenly(0.02, 0.86, 22)),
-    FormFrame("time_since_exit", "in the time since the exit edge", f"({_EXIT} / speed)", "s",
+    FormFrame("time_since_exit", "in the time since the exit edge", f"({FROM_EXIT_M} / speed)", "s",
               "one", _by_factors(0.0015, 0.08, 8), _evenly(0.002, 0.04, 20),
               _by_factors(25.0, 420.0, 36)),
-    FormFrame("distance_since_exit", "in the distance since the exit edge", _EXIT, "m", "one",
+    FormFrame("distance_since_exit", "in the distance since the exit edge", FROM_EXIT_M, "m", "one",
               _by_factors(0.015, 0.6, 8), _evenly(0.03, 0.51, 17), _by_factors(1.4, 20.0, 28)),
-    FormFrame("time_before_entry", "in the time before the entry edge", f"({_ENTRY} / speed)", "s",
-              "one", _by_factors(0.0015, 0.08, 5), _evenly(0.004, 0.04, 10),
+    FormFrame("time_before_entry", "in the time before the entry edge", f"({TO_ENTRY_M} / speed)",
+              "s", "one", _by_factors(0.0015, 0.08, 5), _evenly(0.004, 0.04, 10),
               _by_factors(25.0, 420.0, 18)),
-    FormFrame("distance_before_entry", "in the distance before the entry edge", _ENTRY, "m", "one",
-              _by_factors(0.015, 0.6, 5), _evenly(0.06, 0.5, 8), _by_factors(1.4, 20.0, 14)),
+    FormFrame("distance_before_entry", "in the distance before the entry edge", TO_ENTRY_M, "m",
+              "one", _by_factors(0.015, 0.6, 5), _evenly(0.06, 0.5, 8), _by_factors(1.4, 20.0, 14)),
     FormFrame("after_exit", "behind the exit edge, in half lengths of the patch", "((xi - L) / L)",
               "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
     FormFrame("before_entry", "ahead of the entry edge, in half lengths of the patch",

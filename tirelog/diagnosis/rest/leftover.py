@@ -34,7 +34,7 @@ from tirelog.inference.base import Base, TogetherBase, apart, thinned
 from tirelog.inference.cells.together import model_of
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import ProjectedOut
-from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
+from tirelog.inference.metric.projection import per_group, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
 
 #: exponents of speed that describe what was found, to half a power
@@ -170,9 +170,7 @@ def _score(
     left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
     flat = left.reshape(-1, left.shape[-1])
     return Scores(
-        per_manoeuvre(
-            (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
-        ),
+        per_group((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre),
         flat.T @ flat,
     )
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.inference.base import FittedChannel
+from tirelog.inference.cells.levers import LEVER
 from tirelog.inference.fit.errors import Errors
 from tirelog.physics.model.model import Model
 from tirelog.physics.parameters import Parameter
@@ -20,7 +21,6 @@ from tirelog.vocabulary.observables import STRAIN
 #: correlations beyond this are said: a combination of the two is known far better than each; 3.2
 #: times better at 0.9, and 4.5 times at 0.95
 CORRELATED = 0.9
-LEVER = "lever_arm_m"
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from tirelog.inference.metric.projection import (
     RANK,
     Normal,
     orthonormal,
-    per_manoeuvre,
+    per_group,
     solve_scaled,
     stacked,
     without,
@@ -221,9 +221,9 @@ class Levelled:
         own[manoeuvre] = np.unique(log, return_inverse=True)[1]
         return cls(
             Normal.of(columns, residual, manoeuvre),
-            per_manoeuvre((np.swapaxes(columns, 1, 2) @ offset[..., None])[..., 0], manoeuvre),
-            per_manoeuvre((offset**2).sum(axis=1), manoeuvre),
-            per_manoeuvre((offset * residual).sum(axis=1), manoeuvre),
+            per_group((np.swapaxes(columns, 1, 2) @ offset[..., None])[..., 0], manoeuvre),
+            per_group((offset**2).sum(axis=1), manoeuvre),
+            per_group((offset * residual).sum(axis=1), manoeuvre),
             own,
         )
 
@@ -296,7 +296,7 @@ class Levelled:
     def _without_each(self) -> Iterator[_Rest]:
         """What all the others leave, some manoeuvres at a time."""
         everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
-        of_log = [_sums(x, self.log) for x in everything]
+        of_log = [per_group(x, self.log) for x in everything]
         gram_of_log, right_of_log = _without_offset(*of_log)
         whole = (self.normal.gram.sum(axis=0), gram_of_log.sum(axis=0), right_of_log.sum(axis=0))
         for start in range(0, self.size.size, _BLOCK):
@@ -326,12 +326,14 @@ class Levelled:
         What the `first` columns and the offsets would still move by on all data; nothing at an
         optimum.
         """
-        crosses, sizes = _sums(self.cross, self.log)[:, :first], _sums(self.size, self.log)
+        crosses, sizes = per_group(self.cross, self.log)[:, :first], per_group(self.size, self.log)
         grams, rights = (
-            _sums(self.normal.gram, self.log)[:, :first, :first],
-            _sums(self.normal.right, self.log)[:, :first],
+            per_group(self.normal.gram, self.log)[:, :first, :first],
+            per_group(self.normal.right, self.log)[:, :first],
         )
-        gram, right = _without_offset(grams, rights, crosses, sizes, _sums(self.right, self.log))
+        gram, right = _without_offset(
+            grams, rights, crosses, sizes, per_group(self.right, self.log)
+        )
         theta = np.zeros(self.cross.shape[1])
         whole = self._known(gram.sum(axis=0)[None], right.sum(axis=0)[None])
         theta[:first] = solve_scaled(*whole)[0]
@@ -354,13 +356,6 @@ class Levelled:
             0.0,
         )
         return sums
-
-
-def _sums(x: FloatArray, group: IntArray) -> FloatArray:
-    """Sums of x (M, ...) over the members of each group."""
-    total = np.zeros((int(group.max()) + 1, *x.shape[1:]))
-    np.add.at(total, group, x)
-    return total
 
 
 def _without_offset(

@@ -87,10 +87,10 @@ def side_by_side(
     return result
 
 
-def per_manoeuvre(products: FloatArray, manoeuvre: IntArray) -> FloatArray:
-    """Sums of (C, ...) over the cells of each manoeuvre, (M, ...)."""
-    total = np.zeros((int(manoeuvre.max()) + 1, *products.shape[1:]))
-    np.add.at(total, manoeuvre, products)
+def per_group(products: FloatArray, group: IntArray) -> FloatArray:
+    """Sums of (C, ...) over the members of each group (a manoeuvre, a log), (groups, ...)."""
+    total = np.zeros((int(group.max()) + 1, *products.shape[1:]))
+    np.add.at(total, group, products)
     return total
 
 
@@ -110,9 +110,9 @@ class Normal:
         """columns (C, m, p), residual (C, m)."""
         swapped = np.swapaxes(columns, 1, 2)
         return cls(
-            per_manoeuvre(swapped @ columns, manoeuvre),
-            per_manoeuvre((swapped @ residual[..., None])[..., 0], manoeuvre),
-            per_manoeuvre((residual**2).sum(axis=1), manoeuvre),
+            per_group(swapped @ columns, manoeuvre),
+            per_group((swapped @ residual[..., None])[..., 0], manoeuvre),
+            per_group((residual**2).sum(axis=1), manoeuvre),
         )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: hits that are drawn, and how long [s] of each
 _MOST = 4
-_SHOWN_S = 0.25
+SHOWN_S = 0.25
 
 
 def figure(result: TransientComparison) -> Any:
@@ -40,7 +40,7 @@ def draw(result: TransientComparison, path: Path) -> None:
 
 def _in_time(axes: Any, result: HitResult, factor: float, unit: str, *, first: bool) -> None:
     hit = result.hit
-    at = hit.since_s <= _SHOWN_S
+    at = hit.since_s <= SHOWN_S
     time = 1e3 * hit.since_s[at]
     axes.plot(time, factor * hit.measured[at], color=COLOURS[6], lw=0.9, label="measured")
     axes.plot(time, factor * hit.predicted[at], color=COLOURS[0], lw=0.9, label="model")

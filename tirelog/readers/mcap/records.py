@@ -26,7 +26,7 @@ from mcap.records import Channel, DataEnd, Footer, Schema, Statistics
 
 from tirelog.errors import ReadError
 from tirelog.readers.base import ReadReport
-from tirelog.readers.mcap.walk import LARGEST_DEFINITION_BYTES, MOST_RECORDS, record_starts
+from tirelog.readers.mcap.walk import HEAD, LARGEST_DEFINITION_BYTES, MOST_RECORDS, record_starts
 
 MAGIC = b"\x89MCAP0\r\n"
 #: a chunk has to be decompressed whole to check it
@@ -40,7 +40,6 @@ MOST_DEFINITION_BYTES = 1 << 25
 #: records that a chunk may hold beside so many per stored byte: a message that differs from its
 #: neighbours costs a packer 2 bytes or more
 FEW_RECORDS, RECORDS_PER_BYTE = 1 << 14, 4
-HEAD = struct.Struct("<BQ")
 CHUNK_HEAD = struct.Struct("<QQQII")
 RECORD_ERRORS = (
     McapError,

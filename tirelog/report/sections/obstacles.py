@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tirelog.diagnosis.told import hits_table
+from tirelog.plots.models.transient import SHOWN_S
 from tirelog.report.figures import GREY, INK, Figure, LogColours, dots, layout, line
 from tirelog.report.page import PageTable, Section
 from tirelog.report.sections.models import page_table, shown_value
@@ -20,9 +21,8 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.compare import HitResult, TransientComparison
     from tirelog.inference.obstacle_log import TransientLog
 
-#: hits that are drawn, and how long [s] of each
+#: hits that are drawn
 _MOST = 3
-_SHOWN_S = 0.25
 
 
 def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Section:
@@ -75,7 +75,7 @@ def _hit(
     colours: LogColours,
 ) -> list[Figure]:
     hit, log = found.hit, Path(found.log.log).name
-    at = hit.since_s <= _SHOWN_S
+    at = hit.since_s <= SHOWN_S
     time, colour = 1e3 * hit.since_s[at], colours(log)
     which = f"{log}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s"
     covered = f"{100.0 * found.row()['covered']:.0f} % of the added is covered"

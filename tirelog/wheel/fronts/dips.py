@@ -48,7 +48,8 @@ class Dips:
 
     Fronts `entry_rad`, `exit_rad`; `level` the mean of a / Omega^2 beside it [m] (its sign is the
     sensor's), `tilt` its slope [m/rad]; `gravity_level`, `gravity_tilt` what a unit of cos(phi)
-    adds to them; `level_se`; `noise_m_s2` of one sample (its variance with correlation counted in);
+    adds to them; `level_share` standard error of the level
+    per noise; `noise_m_s2` of one sample (its variance with correlation counted in);
     `normal` (n, 3, 4) sums for the gravity in the level.
     """
 

@@ -54,8 +54,9 @@ class ShapeFrame:
     periodic: float | None = None
 
 
-_EXIT = "((xi - L) % (2 * pi * R))"
-_ENTRY = "((-L - xi) % (2 * pi * R))"
+#: distance since the exit edge, and to the entry edge, in the language of expressions [m]
+FROM_EXIT_M = "((xi - L) % (2 * pi * R))"
+TO_ENTRY_M = "((-L - xi) % (2 * pi * R))"
 FRAMES: Mapping[str, ShapeFrame] = {
     frame.name: frame
     for frame in (
@@ -64,12 +65,16 @@ FRAMES: Mapping[str, ShapeFrame] = {
             "patch", "xi / L", "1", "along the patch (xi / L)",
             ("strain", "radial_acceleration", "contact_pressure"),
         ),
-        ShapeFrame("time_since_exit", f"{_EXIT} / speed", "s", "in the time since the exit edge"),
-        ShapeFrame("distance_since_exit", _EXIT, "m", "in the distance since the exit edge"),
         ShapeFrame(
-            "time_before_entry", f"{_ENTRY} / speed", "s", "in the time before the entry edge"
+            "time_since_exit", f"{FROM_EXIT_M} / speed", "s", "in the time since the exit edge"
         ),
-        ShapeFrame("distance_before_entry", _ENTRY, "m", "in the distance before the entry edge"),
+        ShapeFrame("distance_since_exit", FROM_EXIT_M, "m", "in the distance since the exit edge"),
+        ShapeFrame(
+            "time_before_entry", f"{TO_ENTRY_M} / speed", "s", "in the time before the entry edge"
+        ),
+        ShapeFrame(
+            "distance_before_entry", TO_ENTRY_M, "m", "in the distance before the entry edge"
+        ),
         ShapeFrame("speed", "speed", "m/s", "along the speed", ("load",)),
     )
 }  # fmt: skip
