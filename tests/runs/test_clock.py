@@ -195,6 +195,51 @@ def test_late_stamps_pass() -> None:
     assert made.repairs == {"stamps_repaired": 101}
 
 
+#: wrong stamps [s]: zero, as of a row that was never filled, and what a flipped bit makes
+WRONG = [0.0, -1e5, -1e18, -1e300, 3.4e9, 1e18, 1e300]
+
+
+@pytest.mark.parametrize("decimals", [4, 9])
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize("where", [slice(-1, None), slice(-3, None), slice(0, 1), slice(0, 3)])
+def test_wrong_stamps_at_an_end_are_repaired(decimals: int, wrong: float, where: slice) -> None:
+    begin = 1.7e9 if decimals == 4 else 1000.0
+    jitter = 0.02 * np.random.default_rng(20).standard_normal(N) * (decimals == 9)
+    good = begin + (np.arange(N) + jitter) / 2500.0
+    stamps = written(good, decimals)
+    stamps[where] = wrong
+    made = fit(stamps, setup_rate_Hz=2500.0, resolution_s=10.0**-decimals)
+    np.testing.assert_allclose(made.axis().time(), good, rtol=0, atol=1e-4)
+    assert made.axis().first.tolist() == [0]
+    assert made.repairs == {"stamps_repaired": len(stamps[where])}
+
+
+@pytest.mark.parametrize("wrong", [3.4e9, 1e300])
+@pytest.mark.parametrize("ticks", range(2496, 2513, 5))
+def test_a_wrong_last_stamp_of_whole_seconds(wrong: float, ticks: int) -> None:
+    k = np.arange(20 * ticks)
+    stamps = np.floor(k / 20 + 0.013)
+    stamps[-1] = wrong
+    made = fit(stamps, resolution_s=1.0)
+    np.testing.assert_allclose(made.axis().time(), k / 20, rtol=0, atol=1e-9)
+    assert (made.repairs, made.remarks) == ({"stamps_repaired": 1}, [])
+
+
+def test_lost_samples_before_the_last_stamps_are_a_gap() -> None:
+    k = np.arange(N) + 7 * (np.arange(N) >= N - 2)
+    made = fit((k + 0.02 * np.random.default_rng(21).standard_normal(N)) / 2500.0)
+    assert made.axis().first.tolist() == [0, N - 2]
+    assert made.repairs == {"gaps": 1, "lost_samples": 7}
+
+
+def test_stamps_that_are_all_equal_tell_no_rate() -> None:
+    made = fit(np.full(N, 1.0), setup_rate_Hz=2500.0, resolution_s=0.1)
+    np.testing.assert_allclose(made.axis().time(), np.arange(N) / 2500.0, rtol=0, atol=1e-9)
+    assert "do not rise" in made.remarks[0]
+    with pytest.raises(ReadError, match="stamps that do not rise and no rate"):
+        fit(np.full(N, 1.0), resolution_s=0.1)
+
+
 def test_a_clock_set_back_runs_on() -> None:
     stamps = written(np.arange(N) / 2500.0, 4)
     stamps[3000:] -= 5.0

@@ -19,7 +19,8 @@ number):
   in bunches) only the first stamp of each bunch takes part.  A lasting rise of r by half a period
   is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
   fall by one period is a repeated row, which gets a segment of its own, half a period after its
-  neighbour; a larger one is a clock that was set back: the sample clock runs on.
+  neighbour; a larger one is a clock that was set back: the sample clock runs on.  A few stamps at
+  an end of the log that leave the clock take no part (`stamps._judge`): they are repaired.
 * stamps coarser than the samples: what a tick lacks for good is a gap. If they stray from such a
   clock by more than two of their ticks, its rate wanders, and times follow the stamps
   (`tirelog.runs.wander`).
@@ -33,6 +34,7 @@ beyond a fifth the setup is refused.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -177,7 +179,7 @@ class ClockFit:
         most = np.inf if period > 3.0 * digit else _EVEN * period
         low, high = stamps.range(period, most)
         level = start - period * float(stamps.clock_index(first))
-        if max(high - level, level - low) <= 1.02 * digit and high - low <= most:
+        if period > 0.0 and max(high - level, level - low) <= 1.02 * digit and high - low <= most:
             settled = self._settled(period, 1.02 * digit / ticks)
             if abs(settled - period) * ticks > _SAME_LINE * digit:
                 low, high = stamps.range(settled)
@@ -189,13 +191,13 @@ class ClockFit:
         # with a stamp unknown, fewer than three are no stretch that tells a period
         return self._fitted(stamps, declared, period if self.size < _FEW else 0.0)
 
-    def _by_rate(self, declared: float | None) -> TimeAxis:
-        """The axis if no stamps tell it."""
+    def _by_rate(self, declared: float | None, seen: str = "no stamps") -> TimeAxis:
+        """The axis if no stamps tell it; `seen` says what there is of them."""
         if not declared:
             if self.size < 2:
                 return TimeAxis.uniform(self.size, 1.0)
             raise ReadError(
-                "no stamps and no rate",
+                f"{seen} and no rate",
                 allowed="a log needs a time column or a rate",
                 do='write time = "#1" (its column) or sampling_rate_Hz under [log] in the setup',
             )
@@ -205,14 +207,16 @@ class ClockFit:
         """The axis through stamps that are no exact line; `few` a period for want of a better."""
         rough = stamps.rough_period() or few
         if rough <= 0.0:
-            self.remarks.append(
-                "the stamps do not rise; the declared rate was used for the time axis"
-            )
-            return self._by_rate(declared)
+            if declared:
+                self.remarks.append(
+                    "the stamps do not rise; the declared rate was used for the time axis"
+                )
+            return self._by_rate(declared, "stamps that do not rise")
         # where samples are numbered, their numbers say which are missing
         seen = None if self.counted else coarse_ticks(stamps, rough, self.resolution_s)
         if seen and (found := wandering(seen, self.resolution_s)):
             if not self.setup_rate_Hz:
+                self._repaired(seen.wrong)
                 return self._wandering(found)
             self.remarks.append(
                 f"the stamps say that the sampling rate wanders between {found.low_Hz:.4g} and "
@@ -221,7 +225,7 @@ class ClockFit:
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps: list[Jump] = [Jump(index, n * rough) for index, n in seen.gaps] if seen else []
-        passing: list[tuple[int, int]] = []
+        passing = list(seen.wrong) if seen else []
         rounding = self.resolution_s if rounded and not stamps.bunched else None
         if not seen:
             jumps, passing = stamps.jumps(rough, noise, rounding)
@@ -236,7 +240,7 @@ class ClockFit:
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
         tolerance = max(4.0 * error, hidden / ticks)
         period = self._settled(period, tolerance)
-        self._count("stamps_repaired", sum(stop - start for start, stop in passing))
+        self._repaired(passing)
         if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
             shift = pieces[0].level(
                 period
@@ -415,6 +419,9 @@ class ClockFit:
         return TimeAxis(
             self.size, clock.rate_Hz, none.astype(np.int64), none, none, clock.times
         )  # fmt: skip
+
+    def _repaired(self, spans: Iterable[tuple[int, int]]) -> None:
+        self._count("stamps_repaired", sum(stop - start for start, stop in spans))
 
     def _count(self, what: str, number: int) -> None:
         if number:

@@ -227,6 +227,7 @@ class Stamps:
     ) -> tuple[list[Jump], list[tuple[int, int]]]:
         """(lasting jumps, [start, stop) of samples whose stamps left the clock and came back).
 
+        Or left it so near an end of the log that nothing tells whether they come back.
         `rounding`: the last digit of the stamps [s] if nothing else moves them.
         """
         # the first stamp of a tick lies anywhere in a period, so that one lost sample does not show
@@ -234,6 +235,7 @@ class Stamps:
         stray = 6.0 * noise * np.sqrt(2.0) if rounding is None else _ROUNDED * rounding
         threshold = max((1.6 if self.bunched else 0.6) * period, stray)
         window = _FEW if noise < 0.05 * period else _MANY
+        whole = _Extent(self.spool.size, period, period * float(self.clock_index(self.spool.size)))
         found: list[Jump] = []
         passing: list[tuple[int, int]] = []
         at, residual, seen = np.zeros(0, np.int64), np.zeros(0), -1
@@ -254,10 +256,11 @@ class Stamps:
                 if index.size and b + window > at.size and b - a < _CHUNK:
                     keep = min(keep, max(0, a - window))  # what follows decides whether it lasts
                     break
-                jump = _judge(at, residual, a, b, window, threshold, rounding is not None)
+                jump, off = _judge(
+                    at, residual, a, b, window, threshold, rounding is not None, whole
+                )
                 found += [jump] if jump else []
-                if jump is None or b > a:
-                    passing.append((int(at[a]), int(at[b])))
+                passing += [off] if off[1] > off[0] else []
                 seen = int(at[b])
             at, residual = at[keep:], residual[keep:]
         return _unpaired(found, passing, threshold)
@@ -364,6 +367,15 @@ def _midmean(values: FloatArray) -> float:
     return float(np.sort(values)[cut : values.size - cut].mean())
 
 
+@dataclass(frozen=True)
+class _Extent:
+    """A log's number of samples, its period and its length [s]."""
+
+    samples: int
+    period_s: float
+    length_s: float
+
+
 def _judge(
     at: IntArray,
     residual: FloatArray,
@@ -372,20 +384,24 @@ def _judge(
     window: int,
     threshold: float,
     rounded: bool,
-) -> Jump | None:
-    """The lasting jump of the steps at positions a to b, None if the residual comes back.
+    whole: _Extent,
+) -> tuple[Jump | None, tuple[int, int]]:
+    """(the lasting jump of the steps at positions a to b, [start, stop) of samples off the clock).
 
-    Or, of stamps that are but `rounded`, if too few stand on one side to tell.
+    No jump if the residual comes back.  A few stamps at an end of the log are wrong, and no jump,
+    if they fall, or leave the clock by more than the log is long, or are but `rounded`.
     """
     before, after = residual[max(0, a - window) : a], residual[b : b + window]
-    if rounded and min(before.size, after.size) < _FEW:
-        return None
     level = _midmean if rounded else np.median
     size = float(level(after) - level(before))
+    between = int(at[a]), int(at[b])
     if abs(size) < 0.8 * threshold:
-        return None
+        return None, between
+    falls = size < -1.5 * whole.period_s  # by less a row is repeated
+    if min(before.size, after.size) < _FEW and (rounded or falls or size > whole.length_s):
+        return None, (0, between[1]) if before.size < after.size else (between[0], whole.samples)
     steps = np.diff(residual[a - 1 : b + 1]) * np.sign(size)
-    return Jump(int(at[a + int(np.argmax(steps))]), size)
+    return Jump(int(at[a + int(np.argmax(steps))]), size), between
 
 
 def _unpaired(

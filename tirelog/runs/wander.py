@@ -77,7 +77,7 @@ class Ticks:
     """First samples of ticks: their clock index and stamp [s], shape (n,) each.
 
     `missing` (n - 1,): samples that lack between one and the next; `gaps` the same as (first sample
-    behind, samples missing).
+    behind, samples missing). `wrong`: [start, stop) of samples whose stamp is not the clock's.
     """
 
     stamps: Stamps
@@ -85,6 +85,7 @@ class Ticks:
     stamp_s: FloatArray
     missing: IntArray
     gaps: tuple[tuple[int, int], ...]
+    wrong: tuple[tuple[int, int], ...] = ()
 
 
 def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | None:
@@ -97,6 +98,10 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     index, k, stamp = _points(stamps, period)
     if k.size < 4 * _TICKS or not (np.diff(stamp) > 0.0).all():
         return None
+    wrong: tuple[tuple[int, int], ...] = ()
+    if stamp[-1] - stamp[-2] > stamp[-2] - stamp[0]:  # nothing follows a leap longer than the log
+        wrong = ((int(index[-1]), stamps.spool.size),)
+        index, k, stamp = index[:-1], k[:-1], stamp[:-1]
     steps, samples = np.diff(stamp), np.diff(k)
     rate = _running_median(samples / steps)
     lacking = steps * rate - samples
@@ -116,7 +121,7 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
             at = start + int(lacking[start:stop].argmax())
             missing[at] = lasting
             gaps.append((int(index[at + 1]), lasting))
-    return Ticks(stamps, k, stamp, missing, tuple(gaps))
+    return Ticks(stamps, k, stamp, missing, tuple(gaps), wrong)
 
 
 def wandering(seen: Ticks, resolution_s: float) -> Wandering | None:
