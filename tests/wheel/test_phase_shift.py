@@ -362,3 +362,18 @@ def test_teeth_lost_in_a_hole_are_given_back(pitch_deg):
     assert shift[passages.good[np.isfinite(passages.width_deg)]].std() < 0.02
     assert having(passages.quality, Quality.GAP | Quality.STANDSTILL).any()
     assert any("whole teeth back" in remark for remark in passages.remarks) == (pitch_deg == 0)
+
+
+@pytest.mark.parametrize("start", [60_000, 150_000, 204_000])
+def test_teeth_lost_for_seconds_of_changing_speed(start):
+    """The angle that bridges the hole places fronts where no sample of the patch lies."""
+    drive, tread = Drive(*DYNAMIC), Tread(seed=18_000)
+    signal = Encoder(wobble=0.0).signal(drive)
+    signal[start : start + 32_768] = np.nan
+    passages = next(measure_phase_shift(recording(drive, signal, tread.signal(drive))))
+    shift, _, _ = front_errors(passages, drive, tread)
+    assert shift[passages.good[np.isfinite(passages.width_deg)]].std() < 0.02
+    hole = drive.time[start], drive.time[start + 32_768]
+    inside = (passages.time_s > hole[0]) & (passages.time_s < hole[1])
+    assert not passages.good[inside].any()
+    assert 0.5 < passages.good.mean() < 0.95

@@ -234,7 +234,7 @@ def _shifts(
             at = u - moved[owner]
             weight, (level, slope) = form.weight(at), form.values(at)
             known = np.bincount(owner, weight * slope**2, group.size)
-            known[known == 0] = np.nan
+            known[known == 0] = np.inf  # nothing tells the place: it stays
             step = -np.bincount(owner, weight * slope * (y - level), group.size) / known
             moved += np.clip(step, -LONGEST * DEGREE, LONGEST * DEGREE)
         # a level that is wrong by a share moves the fit by what its form times its slope says
@@ -245,6 +245,7 @@ def _shifts(
             * part.noise
             / (np.abs(part.level) * part.rate**2)
         )
+        lost |= np.isinf(known)
         place[group] = np.where(lost, np.nan, part.angle + moved)
         se[group] = np.hypot(noise, wheel.angle.noise_rad)
         at = u - moved[owner]
