@@ -16,6 +16,7 @@ from tirelog.physics.model.own.expression import LONGEST
 from tirelog.physics.model.own.expression import parse_expression as parse_expression
 from tirelog.physics.model.own.user_effects import effects_of_file
 from tirelog.physics.model.save import as_toml, save_model
+from tirelog.storage import let_run
 
 PHI = np.linspace(-1.0, 1.0, 9)
 
@@ -375,6 +376,30 @@ def test_a_model_names_no_file_that_could_do_harm(own, tmp_path, name, says):
     model.write_text(NAMES_OWN.replace("NAME", name))
     with pytest.raises(ModelError, match=says):
         load_model(model)
+
+
+def test_a_full_list_remembers_the_newest_and_does_not_grow(tmp_path, monkeypatch):
+    """A list longer than what is read of it, as older versions left it, and one at its bound."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    place = tmp_path / "tirelog" / "let_run"
+    place.parent.mkdir()
+    for full in ((1 << 20) + (1 << 18), 1 << 20):
+        text = "".join(f"{k:064x}  {'n' * 90}.py\n" for k in range(full // 160 + 1))
+        place.write_text(text[:full])  # the end is cut off, as a full disk leaves it
+        place.chmod(0o600)
+        for content in (b"new", b"newer"):
+            let_run.let_run(content, "own.py")
+            let_run._now.clear()  # as another process
+        assert let_run.may_run(b"new")
+        assert let_run.may_run(b"newer")
+        assert not let_run.may_run(b"never named")
+        kept = place.read_bytes()
+        assert len(kept) < 1 << 20
+        assert place.stat().st_mode & 0o777 == 0o600
+        let_run.let_run(b"newer", "own.py")
+        let_run._now.clear()
+        assert place.read_bytes() == kept
+        assert [path.name for path in place.parent.iterdir()] == ["let_run"]
 
 
 def test_a_list_that_cannot_be_kept_serves_this_process(own, tmp_path):

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tirelog.data.setup import parse_setup
+from tirelog.errors import ReadError
 from tirelog.readers.hdf5 import reader as hdf5
 
 PANDAS = Path(__file__).parent / "data" / "pandas_layouts.h5"
@@ -238,6 +239,16 @@ def test_pandas(frame):
     assert len(reader.groups) == 1
     np.testing.assert_allclose(stamps["clock_1"], row / 1000, atol=1e-12)
     assert reader.report.start == (None if frame == "float_index" else "2026-01-01T00:00:00+00:00")
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["/fixed:CH1_FBG1[3]", "/fixed:n[:, 0]", "/table:CH1_FBG1[3]", "/series[3]", "/series:n"],
+)
+def test_a_column_of_pandas_takes_no_index(source):
+    """A column has one axis, that of time: nothing is left to choose by an index or a field."""
+    with pytest.raises(ReadError, match="allowed is"):
+        read(PANDAS, {"x": source})
 
 
 def test_a_pandas_series():

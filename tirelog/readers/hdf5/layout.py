@@ -26,6 +26,7 @@ from tirelog.readers.hdf5.source import (
     dataset_and_index,
     first_number,
     names,
+    time_axis,
     walk,
 )
 from tirelog.readers.rates import unit_by_size
@@ -91,7 +92,8 @@ def find_columns(file: h5py.File, source: str) -> SourceColumn:
     if kind.endswith("_table"):
         return _table_frame(file, path, field, index)
     if kind == "series":
-        return find_columns(file, f"{path}/values")
+        values = f"{path}/values"
+        return column(values, _dataset(walk(file, values), values), field, index)
     if signal := _signal(item):
         return column(
             f"{path}/{signal}", _dataset(walk(file, f"{path}/{signal}"), path), field, index
@@ -144,12 +146,20 @@ def _fixed_frame(
             dataset = _dataset(walk(group.file, values), values)
             turned = Attributes(dataset).number("transposed") == 1  # stored (samples, columns)
             at = labels.index(field)
+            _no_index(path, field, dataset.shape[:1] if turned else dataset.shape[1:], index)
             return column(values, dataset, None, (None, at) if turned else (at, None))
     raise ReadError(
         f"{path} is a pandas frame without {field!r}{nearest(field or '', known)}",
         allowed=f"it has {', '.join(known[:20])}",
         do="mend source",
     )
+
+
+def _no_index(
+    path: str, field: str | None, shape: tuple[int, ...], index: tuple[int | None, ...]
+) -> None:
+    """ReadError if a source gives an index to a frame's column, which has one axis alone."""
+    time_axis(f"{path}:{field}", shape, index)
 
 
 def column_labels(item: h5py.Group | h5py.Dataset) -> list[str]:
@@ -175,6 +185,7 @@ def _table_frame(
         labels = pickled_labels(Attributes(table).raw(f"{block}_kind"))
         known += labels
         if field in labels:
+            _no_index(path, field, table.shape, index)
             return column(where, table, block, (labels.index(field),))
     raise ReadError(
         f"{path} is a pandas table without {field!r}{nearest(field or '', known)}",
