@@ -28,6 +28,7 @@ from tests.readers.mcap_files import (
     write_protobuf,
     write_ros2,
 )
+from tirelog.drafts.contents import contents
 from tirelog.errors import ReadError, TirelogError
 
 N = 3000
@@ -257,6 +258,33 @@ def test_foreign_channels_and_broken_schemas_stop_nothing(path):
     assert reader.report.losses == []
     _, _, reader = read(path, {"x": "/t:x", "y": "/odd:z", "z": "/thing/_service_event:a"})
     assert len(reader.report.losses) == 2
+
+
+def test_a_log_without_a_setup_says_why_a_topic_cannot_be_read(path):
+    """Alone it is the error; beside one that can be read it is said."""
+    for good in (False, True):
+        with path.open("wb") as stream:
+            writer = Writer(stream)
+            writer.start()
+            channels = {"/odd": writer.register_channel("/odd", "morse", 0)}
+            if good:
+                channels["/t"] = writer.register_channel("/t", "json", 0)
+            for i in range(20):
+                for topic, channel in channels.items():
+                    data = b'{"x": %d}' % i if topic == "/t" else b"..."
+                    writer.add_message(channel, START_NS + i, data, START_NS + i)
+            writer.finish()
+        if good:
+            found = contents(str(path))
+            assert [one.series.source for one in found.found] == ["/t:x"]
+            assert found.others == ()
+            said = found.remarks[0]
+        else:
+            with pytest.raises(ReadError) as caught:
+                contents(str(path))
+            said = str(caught.value)
+        assert "topic '/odd' has the message encoding 'morse'" in said
+        assert "allowed are json, protobuf" in said
 
 
 def test_an_absurd_chunk_is_refused_before_it_is_decompressed(path):

@@ -36,6 +36,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: blocks that are looked at: each of some MB
 _BLOCKS = 48
+#: sentences on topics that cannot be read, which are mostly alike
+_MOST_UNREAD = 3
 #: samples of a series that are kept
 _MOST_SAMPLES = 1 << 17
 
@@ -89,17 +91,23 @@ def contents(log: str) -> Contents:
         stream = LogStream(head, raw, False)
         with opened_log(str(path), head, stream, log) as opened:
             inside = listed(opened.made, opened.path or path, log)
+            some = ", ".join(inside.others[:8])
+            if not inside.series and inside.unread:
+                what = f"holds no series of numbers that can be read{some and f', only {some}'}"
+                why = "; ".join(inside.unread[:_MOST_UNREAD])
+                raise ReadError(f"{what}: {why}", file=log)
             if not inside.series:
-                some = ", ".join(inside.others[:8])
                 raise ReadError(
-                    f"holds no series of numbers{f', only {some}' if some else ''}",
+                    f"holds no series of numbers{some and f', only {some}'}",
                     allowed="a log has columns, topics or datasets of numbers",
                     do="check the recording",
                     file=log,
                 )
             names = {f"c{k}": one for k, one in enumerate(inside.series)}
             reader = reader_of(stream, opened, _setup(names), log)
-            return replace(_read(log, reader, names, inside.time), others=inside.others)
+            found = _read(log, reader, names, inside.time)
+            said = (*inside.unread[:_MOST_UNREAD], *found.remarks)
+            return replace(found, others=inside.others, remarks=said)
 
 
 @contextmanager

@@ -25,9 +25,11 @@ class Series:
 class Listed:
     """All series of a log; `time` names what tells their times, '' if nothing does by name.
 
-    `others` are topics, columns or datasets that hold no numbers, or too few for a signal.
+    `others` are topics, columns or datasets that hold no numbers, or too few for a signal;
+    `unread` are sentences on those whose numbers cannot be read.
     """
 
     series: tuple[Series, ...]
     time: str = ""
     others: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()

@@ -25,6 +25,7 @@ _BESIDE = {"header", "stamp", "timestamp", "layout", "sec", "nanosec", "nsec"}
 def fields(path: Path, log: str) -> Listed:
     """Numbers of the messages, topic by topic.  ReadError: not to be read."""
     series: dict[str, list[Series]] = {}
+    unread: dict[str, str] = {}
     size = 0
     with path.open("rb") as stream:
         records = Records(stream, ReadReport(), log)
@@ -41,26 +42,30 @@ def fields(path: Path, log: str) -> Listed:
                 if channel is None or channel.topic in series or not len(table):
                     continue
                 schema = records.schemas.get(channel.schema_id)
-                series[channel.topic] = _of_topic(
-                    channel.topic, channel.message_encoding, schema, table
-                )
+                try:
+                    series[channel.topic] = _of_topic(
+                        channel.topic, channel.message_encoding, schema, table
+                    )
+                except ReadError as problem:
+                    series[channel.topic], unread[channel.topic] = [], problem.message
             if size > _MOST_BYTES:
                 break
     found = [one for topic in sorted(series) for one in series[topic]]
-    others = tuple(topic for topic in sorted(series) if not series[topic])
-    return Listed(tuple(found[:MOST_SERIES]), "the messages' stamps", others)
+    others = tuple(topic for topic in sorted(series) if not series[topic] and topic not in unread)
+    why = tuple(unread[topic] for topic in sorted(unread))
+    return Listed(tuple(found[:MOST_SERIES]), "the messages' stamps", others, why)
 
 
 def _of_topic(topic: str, encoding: str, schema: Any, table: Any) -> list[Series]:
-    """What the topic's first message holds; nothing if it does not decode."""
-    try:
-        decoder = ChannelDecoder(topic, encoding, schema)
-        some = decoder.of_bounded_size(table, count=False)
-        if not len(some):
-            return []
-        message = decoder.message(some.take(slice(0, 1)).messages()[0])
-    except (ReadError, FieldError):
+    """What the topic's first message holds.  ReadError: it does not decode."""
+    decoder = ChannelDecoder(topic, encoding, schema)
+    some = decoder.of_bounded_size(table, count=False)
+    if not len(some):
         return []
+    try:
+        message = decoder.message(some.take(slice(0, 1)).messages()[0])
+    except FieldError as problem:
+        raise ReadError(f"topic {topic!r}: its first message {problem}") from None
     return [
         Series(f"{topic}:{path}", note=note)
         for (path, note), _ in zip(_numbers(message, "", 0), range(_MOST_FIELDS), strict=False)
