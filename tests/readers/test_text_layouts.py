@@ -186,6 +186,72 @@ def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
     assert block.flags == (("w", 5, 7, Quality.ERROR_CODE),)
 
 
+@pytest.mark.parametrize(
+    ("name", "codes"),
+    [
+        ("Error status", 2),
+        ("CH1_error", 2),
+        ("FaultBits", 2),
+        ("errorCode", 2),
+        ("default range", 0),
+        ("terrors", 0),
+    ],
+)
+def test_error_codes_are_named_by_a_whole_word(name: str, codes: int) -> None:
+    rows = "".join(f"{i / 10:.4f},{int(i in (5, 9))},{100 + i}\n" for i in range(60))
+    setup = setup_of({"w": {"kind": "temperature", "source": "W"}})
+    reader, block = read(f"time,{name},W\n{rows}", setup)
+    assert reader.report.counts.get("rows_with_error_codes", 0) == codes
+    assert len(block.flags) == codes
+
+
+@pytest.mark.parametrize("time", ["Time  1 - default sample rate", "Time error (s)"])
+def test_the_time_and_a_channel_are_no_error_codes(time: str) -> None:
+    """The first is what HBM catman calls its time."""
+    rows = "".join(f"{i / 10:.4f}\t{100 + i}\n" for i in range(60))
+    setup = setup_of({"w": {"kind": "temperature", "source": "servo error"}})
+    _, block = read(f"{time}\tservo error\n{rows}", setup)
+    assert block.stamps_s is not None
+    np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
+    assert block.flags == ()
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "µs", "ns"])
+@pytest.mark.parametrize("form", ["t_{}", "t {}", "t [{}]", "time_{}", "t({})"])
+def test_short_names_of_times_tell_their_unit(form: str, unit: str) -> None:
+    factor = {"s": 1, "ms": 10**3, "us": 10**6, "µs": 10**6, "ns": 10**9}[unit]
+    rows = "".join(f"{i * factor},{100 + i}\n" for i in range(60))
+    setup = setup_of({"w": {"kind": "temperature", "source": "W"}})
+    _, block = read(f"{form.format(unit)},W\n{rows}", setup)
+    assert block.stamps_s is not None
+    np.testing.assert_allclose(block.stamps_s, np.arange(60.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("said", ["", "\tbrakes on"])
+def test_labview_leaves_out_remarks_that_are_not_made(said: str) -> None:
+    """Its header ends with a column `Comment`, which rows have only if there is one."""
+    head = "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n\t\n"
+    head += "Channels\t2\t\t\nDelta_X\t0.1\t0.1\t\n***End_of_Header***\t\t\t\n"
+    rows = [f"{i / 10:.6f}\t{100 + i}\t{200 + i}" for i in range(60)]
+    rows[7] += said
+    setup = setup_of({n: {"kind": "temperature", "source": n} for n in ("WL1", "WL2")})
+    text = head + "X_Value\tWL1\tWL2\tComment\n" + "\n".join(rows) + "\n"
+    reader, block = read(text, setup)
+    np.testing.assert_array_equal(block.values["WL1"], 100 + np.arange(60))
+    np.testing.assert_array_equal(block.values["WL2"], 200 + np.arange(60))
+    assert block.stamps_s is not None
+    np.testing.assert_allclose(block.stamps_s, np.arange(60) / 10, atol=1e-12)
+    assert reader.report.remarks == reader.report.losses == []
+
+
+def test_a_header_that_does_not_fit_is_not_needed_for_gratings() -> None:
+    rows = "".join(f"{i / 10},{1550 + i / 1e4},{1542 + i / 1e4}\n" for i in range(60))
+    setup = setup_of({"a": {"source": "A"}, "b": {"source": "B", "reference_wavelength_nm": 1542}})
+    reader, block = read("time,x,A,B\n" + rows, setup)
+    np.testing.assert_allclose(block.values["b"], 1542 + np.arange(60) / 1e4, atol=1e-9)
+    assert "gratings are found by wavelength" in reader.report.remarks[0]
+
+
 def test_zero_is_a_reading_where_no_peak_is_read() -> None:
     channels = {
         "e": {"kind": "wheel_encoder", "source": "E", "steps": 48},

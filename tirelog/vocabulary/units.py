@@ -69,6 +69,7 @@ SPELLINGS = {
     "kph": "km/h", "m/s²": "m/s^2", "ms^-2": "m/s^2", "m s-2": "m/s^2", "m/s**2": "m/s^2",
     "sec": "s", "second": "s", "seconds": "s", "volt": "V", "volts": "V", "-": "1", "": "1",
     "counts": "count", "steps": "step", "µm": "um", "nanometer": "nm", "kelvin": "K",
+    "µs": "us", "μs": "us",
 }  # fmt: skip
 
 

@@ -43,6 +43,9 @@ TIME_NAMES = (
     "time_ns",
     "timestamp_ns",
     "t_s",
+    "t_ms",
+    "t_us",
+    "t_ns",
 )
 PICKLE_LIST = {
     "MARK",

@@ -38,6 +38,11 @@ def loose(name: str) -> str:
     return re.sub(r"[\s_.\-]+", "", name).lower()
 
 
+def words(name: str) -> list[str]:
+    """The words of a name in lower case: RunningTime_s is running, time, s."""
+    return [word.lower() for word in re.findall(r"[^\W\d_]?[^\W\d_A-Z]+|[A-Z]+|\d+", name)]
+
+
 def absent(layout: Layout, source: str) -> str:
     """What is wrong with a source that is no column, and which columns there are."""
     if layout.misfit:

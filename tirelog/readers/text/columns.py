@@ -18,7 +18,7 @@ import numpy as np
 
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError
-from tirelog.readers.text.column_names import absent, bare, find_column
+from tirelog.readers.text.column_names import absent, bare, find_column, words
 from tirelog.readers.text.layout import Layout, filled
 from tirelog.readers.text.time_column import (
     TIME_NAMES,
@@ -40,9 +40,12 @@ _NUMBER_NAMES = re.compile(
     r"|sample|frame|scan|record|n",
     re.I,
 )
+#: last columns that rows leave out if they are blank
+_REMARKS = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(en)?", re.I)
 #: a double holds powers of ten up to this one exactly; no instrument writes as many decimals
 MOST_DECIMALS = 22
-_ERROR_NAMES = re.compile(r".*(error|fault).*", re.I)
+#: words of names of columns of error codes: Error status, CH1_error, FaultBits
+_ERROR_WORDS = {"error", "errors", "errorcode", "errorcodes", "errorstatus", "fault", "faults"}
 #: a bracket behind a name that holds letters, so that it may be meant for a unit
 _STRANGE_UNIT = re.compile(r"\S\s*[\[(]\s*([^\[\]()]*[^\W\d_%][^\[\]()]*|%)\s*[\])]$")
 
@@ -103,14 +106,7 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
     if edges and time is not None and form == "number":
         _check_edges(layout, setup, time)
     number = _sample_number(layout, {*values.values(), time})
-    errors = next(
-        (
-            k
-            for k, text in enumerate(layout.names)
-            if _ERROR_NAMES.fullmatch(text) and k not in values.values()
-        ),
-        None,
-    )
+    errors = next(iter(_error_columns(layout, {*values.values(), time, clock, number})), None)
     return Columns(
         values, tuple(peaks), missing, time, clock, form, factor, number, errors, tuple(edges),
         guessed,
@@ -124,7 +120,7 @@ def clock_columns(layout: Layout, setup: Setup) -> tuple[set[int], str]:
     """
     (time, clock, _, _), _ = stamp_columns(layout, setup, set())
     number = _sample_number(layout, {time})
-    errors = [k for k, text in enumerate(layout.names) if _ERROR_NAMES.fullmatch(text)]
+    errors = _error_columns(layout, {time, clock, number})
     taken = {k for k in (time, clock, number, *errors) if k is not None}
     if time is None:
         return taken, ""
@@ -178,14 +174,17 @@ def placed(layout: Layout) -> Layout:
     Without names if that cannot be told.
 
     A header one name shorter than the rows stands one to the right of an unnamed row number, as R
-    writes it and pandas reads it. Any other difference may be a separator too many or too few
-    anywhere, and every column behind it would be its neighbour.
+    writes it and pandas reads it. One that ends with a column of remarks, as LabVIEW's does, may
+    be a name longer: a remark that is not made is not even a blank cell. Any other difference may
+    be a separator too many or too few anywhere, and every column behind it would be its neighbour.
     """
     names = layout.names
     if not names or layout.ragged or layout.counts or len(names) == layout.width:
         return _lone_mark(layout)
     if _trailing(layout):
         return layout
+    if len(names) == layout.width + 1 and _REMARKS.fullmatch(bare(names[-1])):
+        return replace(layout, width=len(names), kinds=(*layout.kinds[: layout.width], "blank"))
     blank = layout.kinds[layout.width - 1] == "blank"
     if len(names) == layout.width - blank - 1 and _is_row_number(layout):
         more = ("",) * blank
@@ -304,6 +303,15 @@ def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
         if usual > 0 and steps.count(usual) >= 0.8 * len(steps):
             return k
     return None
+
+
+def _error_columns(layout: Layout, taken: set[int | None]) -> list[int]:
+    """The columns of error codes: a whole word of their names says so, not a part of "default"."""
+    return [
+        k
+        for k, name in enumerate(layout.names)
+        if k not in taken and _ERROR_WORDS.intersection(words(name))
+    ]
 
 
 def resolution_s(layout: Layout, columns: Columns) -> float:

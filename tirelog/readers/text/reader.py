@@ -86,7 +86,7 @@ class TextReader:
             format="text" if source.kind == "plain" else f"text, {source.kind}"
         )
         self.report.start = start_iso(self.layout, self.columns, self._plan.us)
-        self.report.remarks += said + _about_names(self.layout) + _about_time(self)
+        self.report.remarks += said + _about_names(self.layout, self.columns) + _about_time(self)
         self.report.losses += [
             f"line {line} holds NUL bytes and was left out; copy the log again"
             for line in self.layout.damaged[:3]
@@ -294,7 +294,7 @@ class TextReader:
                 report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
 
 
-def _about_names(layout: Layout) -> list[str]:
+def _about_names(layout: Layout, columns: Columns) -> list[str]:
     """What was done about a header that is not as wide as the rows."""
     if layout.counter:
         return [
@@ -303,9 +303,14 @@ def _about_names(layout: Layout) -> list[str]:
         ]
     if layout.misfit:
         names, cells = len(layout.misfit), layout.width
+        some = (
+            "gratings are found by wavelength, name other columns"
+            if columns.peaks
+            else "name columns"
+        )
         return [
             f"the header's names are not used: it has {names} and the rows have {cells} cells; "
-            f"name columns #1 to #{cells}"
+            f"{some} #1 to #{cells}"
         ]
     return []
 

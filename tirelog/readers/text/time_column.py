@@ -15,14 +15,14 @@ import numpy as np
 from tirelog.data.setup import Setup
 from tirelog.errors import SetupError
 from tirelog.readers.rates import unit_by_size
-from tirelog.readers.text.column_names import absent, bare, find_column, loose
+from tirelog.readers.text.column_names import absent, bare, find_column, loose, words
 from tirelog.readers.text.layout import SAMPLE_ROWS, Layout
 from tirelog.readers.text.times import has_clock
 from tirelog.vocabulary import units
 
 TIME_NAMES = re.compile(
     r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time"
-    r"|t|sec|seconds|zeit|tempo)",
+    r"|t|t[_ ](s|sec|min|[mnuµμ]s)|sec|seconds|zeit|tempo)",
     re.I,
 )
 #: words that make a name one of a time, however they are joined: RunningTime_s, elapsed_ms
@@ -32,6 +32,7 @@ _TIMES = {"xvalue", "ms", "us", "ns", "msec", "usec"}
 #: last words of a time's name that tell its unit, beside the units themselves
 _UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us", "micros": "us",
                "microseconds": "us", "nanos": "ns", "nanoseconds": "ns"}  # fmt: skip
+_TIME_UNITS = {"s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h"}
 #: times whose unit is known from the instrument alone: Xsens sensors count microseconds
 _KNOWN_UNITS = {"sampletimefine": "us"}
 #: steps of a column without a name differ by less than this share of the usual one if it is taken
@@ -92,14 +93,9 @@ def _is_time_name(name: str) -> bool:
     plain = bare(name).lstrip("#%/ ")
     return bool(
         TIME_NAMES.fullmatch(plain)
-        or _TIME_WORDS.intersection(_words(plain))
+        or _TIME_WORDS.intersection(words(plain))
         or loose(plain) in _TIMES
     )
-
-
-def _words(name: str) -> list[str]:
-    """The words of a name in lower case: RunningTime_s is running, time, s."""
-    return [word.lower() for word in re.findall(r"[^\W\d_]?[^\W\d_A-Z]+|[A-Z]+|\d+", name)]
 
 
 def _leading(layout: Layout) -> int:
@@ -198,9 +194,9 @@ def stated_unit(layout: Layout, column: int) -> str | None:
     unit = layout.units[column] if column < len(layout.units) else ""
     if not unit and column < len(layout.names):
         name = layout.names[column]
-        last = _words(name)[-1:] or [""]
+        last = words(name)[-1:] or [""]
         unit = _KNOWN_UNITS.get(loose(name)) or _UNIT_WORDS.get(last[0], "")
-        unit = unit or (last[0] if last[0] in ("s", "sec", "ms", "us", "ns", "min", "h") else "")
+        unit = unit or (last[0] if last[0] in _TIME_UNITS else "")
     known = units.canonical(unit) if unit else None
     return known if known and units.UNITS[known][0] == "time" else None
 
