@@ -13,7 +13,7 @@ import pytest
 from tirelog.errors import OutputError, ReadError, UsageError
 from tirelog.storage.whole import whole_file
 from tirelog.tables.writer import FORMATS, TableWriter, read_table
-from tirelog.vocabulary.columns import COLUMNS, TABLES
+from tirelog.vocabulary.columns import COLUMNS, TABLES, TableColumn, register
 
 PART = {
     "quality": np.array(["ok", "gap;spike", "ok"], dtype=object),
@@ -107,6 +107,15 @@ def test_what_is_no_table(tmp_path: Path, name: str) -> None:
 
 def test_every_table_is_made_of_known_columns() -> None:
     assert {name for columns in TABLES.values() for name in columns} <= set(COLUMNS)
+
+
+def test_a_column_is_registered_once() -> None:
+    """The second of two would take the place of the first, with its unit, meaning and tolerance."""
+    one = TableColumn("share", "1", "float", "of the whole")
+    other = TableColumn("share", "", "float", "of the rest")
+    assert register([one]) == {"share": one}
+    with pytest.raises(ValueError, match="share is registered twice"):
+        register([one, other])
 
 
 @pytest.mark.parametrize("format", FORMATS)

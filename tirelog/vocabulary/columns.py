@@ -9,6 +9,7 @@ below any error bar. The file is longer than others, as one register is to be re
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tirelog.vocabulary.tables import LOG_TABLES
@@ -24,6 +25,19 @@ class TableColumn:
     meaning: str
     absolute: float = 0.0
     relative: float = 1e-6
+
+
+def register(columns: Sequence[TableColumn]) -> dict[str, TableColumn]:
+    """The columns by name.
+
+    ValueError: a name stands there twice, and one of its two meanings would be lost.
+    """
+    found: dict[str, TableColumn] = {}
+    for column in columns:
+        if column.name in found:
+            raise ValueError(f"column {column.name} is registered twice")
+        found[column.name] = column
+    return found
 
 
 def _text(name: str, meaning: str) -> TableColumn:
@@ -423,7 +437,12 @@ _ALL = [
         "speed_ratio", "1", "float", "speed over a beam's critical speed, alpha of P1 (4)", 1e-6
     ),
     TableColumn(
-        "damping_ratio", "1", "float", "sqrt(mu / k) omega_d of a beam, beta of P1 (4)", 1e-6
+        "damping_ratio",
+        "1",
+        "float",
+        "share of the critical damping; of a beam sqrt(mu / k) omega_d, beta of P1 (4)",
+        1e-8,
+        1e-5,
     ),
     TableColumn(
         "hub_longitudinal_N",
@@ -539,7 +558,6 @@ _ALL = [
         1e-6,
         1e-6,
     ),
-    TableColumn("damping_ratio", "", "float", "share of the critical damping", 1e-8, 1e-5),
     _text(
         "shape", "rigid vertical, longitudinal or whirl, rotational, or n-lobe, by kinetic energy"
     ),
@@ -548,7 +566,7 @@ _ALL = [
     TableColumn("share", "", "float", "share of the kinetic energy in that n", 1e-4, 1e-3),
 ]
 
-COLUMNS: dict[str, TableColumn] = {column.name: column for column in _ALL}
+COLUMNS: dict[str, TableColumn] = register(_ALL)
 
 #: the columns of every table; those of a log are named in `tables`
 TABLES: dict[str, tuple[str, ...]] = {
