@@ -478,6 +478,6 @@ def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
             summary.remarks += [
                 remark
                 for remark in check_recording(recording).remarks
-                if remark not in recording.remarks
+                if remark not in summary.remarks
             ]
         return summary

@@ -38,6 +38,7 @@ from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
 from tirelog.runs.chunks import CHUNK, ChunkWriter
 from tirelog.runs.column import DatasetWriter, scaled_to_si
 from tirelog.runs.direct import POSSIBLE, Direct
+from tirelog.runs.held import repeats, without_repeats
 from tirelog.runs.store_checks import (
     COLUMN_DIGEST,
     DIGEST,
@@ -262,6 +263,7 @@ def _recording(
     stored = _with_units(stored, file)
     setup = _with_units(setup, file) if setup else stored
     losses: list[str] = provenance["losses"]
+    said: list[str] = []
     foreign: set[str] = set()
     axes = {name: axis_at(file, name, own=own) for name in walk(file, "groups")}
     channels: dict[str, Channel] = {}
@@ -284,6 +286,11 @@ def _recording(
                 )
             flags = flags_at(file, name, axis.size, foreign, own=own)
             channels[name] = _channel(name, dataset, used, axis, flags, losses, whole)
+            # what is damaged is said when it is asked for
+            held_values = repeats(_channel(name, dataset, used, axis, flags, [], whole))
+            if held_values is not None:
+                channels[name] = without_repeats(channels[name], held_values)
+                said.append(f"{name}: {held_values.remark}")
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -298,7 +305,7 @@ def _recording(
         {name: channels[name] for name in order},
         setup,
         provenance,
-        (*provenance.get("remarks", ()), *_about_foreign(foreign)),
+        (*provenance.get("remarks", ()), *said, *_about_foreign(foreign)),
         losses,
     )
 

@@ -1,0 +1,165 @@
+"""Closed form: values of a known rate, each written several times by a faster logger.
+
+What is read has to be those values at their own times, whatever the file's format; the rounding of
+a signal is no repetition.
+"""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from tirelog.data.recording import Scaled, TimeAxis
+from tirelog.data.setup import parse_setup
+from tirelog.runs.held import held
+from tirelog.runs.ingest import open_recording, write_run
+
+RATE = 2000.0
+
+
+def signal(values: int, seed: int = 0) -> np.ndarray:
+    """A patch 8 times a second at 1 kHz, [microstrain] of two decimals."""
+    phase = (np.arange(values) * 8e-3) % 1.0 - 0.5
+    noise = np.random.default_rng(seed).standard_normal(values)
+    return np.round(3.0 * noise - 1000.0 * np.exp(-((phase / 0.03) ** 2)), 2)
+
+
+def stored(values: np.ndarray) -> Scaled:
+    return Scaled(lambda start, stop: values[start:stop], 1.0, 0.0)
+
+
+def axis(size: int) -> TimeAxis:
+    return TimeAxis.uniform(size, RATE)
+
+
+@pytest.mark.parametrize("every", [2, 3, 7])
+@pytest.mark.parametrize("phase", [0, 1])
+def test_each_value_is_taken_once(every: int, phase: int) -> None:
+    values = np.repeat(signal(6000), every)[phase:]
+    found = held(stored(values), axis(values.size))
+    assert found is not None
+    assert (found.least, found.most) == (every, every)
+    assert found.at.tolist() == list(range((every - phase) % every, values.size, every))
+    np.testing.assert_allclose(found.axis.time(), found.at / RATE, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [2.5, 2.2, 3.7])
+def test_clocks_that_are_no_multiples_give_the_instrument_s_even_times(ratio: float) -> None:
+    values = signal(9000)
+    written = values[10 * np.arange(int(8000 * ratio)) // int(10 * ratio)]
+    found = held(stored(written), axis(written.size))
+    assert found is not None
+    assert found.axis.rate_Hz == pytest.approx(RATE / ratio, rel=1e-5)
+    # a value is new up to a sample of the logger before it is written first
+    true = np.arange(found.at.size) * ratio / RATE
+    late = found.axis.time() - true
+    assert late.min() > 0.0
+    assert late.max() < 1.0 / RATE
+    assert np.ptp(late) < 0.05 / RATE
+    np.testing.assert_array_equal(written[found.at], values[: found.at.size])
+
+
+def test_values_that_are_alike_by_chance_and_lost_ones_do_not_matter() -> None:
+    values = np.round(signal(6000))
+    assert np.mean(np.diff(values) == 0.0) > 0.05
+    values[::97] = np.nan
+    found = held(stored(np.repeat(values, 2)), axis(12_000))
+    assert found is not None
+    assert found.at.tolist() == list(range(0, 12_000, 2))
+
+
+def test_each_segment_begins_a_value_of_its_own() -> None:
+    values = np.repeat(signal(6000), 3)
+    values = np.delete(values, np.arange(9001, 9400))
+    parts = TimeAxis(
+        values.size,
+        RATE,
+        np.array([0, 9001]),
+        np.array([0.0, 9400 / RATE]),
+        np.full(2, 1.0 / RATE),
+    )
+    found = held(stored(values), parts)
+    assert found is not None
+    places = np.concatenate([np.arange(0, 9001, 3), np.arange(9402, 18_000, 3)])
+    np.testing.assert_allclose(found.axis.time(), places / RATE, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("slip", [200, 5000])
+def test_rows_that_a_log_lost_without_a_gap_cost_no_more_than_themselves(slip: int) -> None:
+    values = np.delete(np.repeat(signal(6000), 2), np.arange(101, 12_000, slip))
+    found = held(stored(values), axis(values.size))
+    assert found is not None
+    np.testing.assert_array_equal(values[found.at], signal(6000)[: found.at.size])
+
+
+@pytest.mark.parametrize("step", [0.01, 1.0, 10.0, 50.0, 200.0])
+@pytest.mark.parametrize("speed", [1.0, 0.1, 0.02])
+def test_a_rounded_signal_is_not_held(step: float, speed: float) -> None:
+    phase = (np.arange(60_000) * 8e-3 * speed) % 1.0 - 0.5
+    noise = np.random.default_rng(1).standard_normal(phase.size)
+    smooth = 0.5 * noise - 1000.0 * np.exp(-((phase / 0.03) ** 2))
+    values = np.round(smooth / step) * step
+    assert held(stored(values), axis(values.size)) is None
+
+
+SETUP = """[tire]
+unloaded_radius_m = 0.3
+[channels.slow]
+kind = "strain"
+source = "{slow}"
+unit = "microstrain"
+[channels.fast]
+kind = "strain"
+source = "{fast}"
+unit = "microstrain"
+[log]
+{log}
+"""
+
+
+def text_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
+    rows = (f"{i / RATE:.4f},{a:.2f},{b:.2f}" for i, (a, b) in enumerate(zip(slow, fast)))
+    path.write_text("\n".join(["time_s,slow,fast", *rows]) + "\n")
+    return SETUP.format(slow="slow", fast="fast", log='time = "time_s"')
+
+
+def hdf5_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
+    with h5py.File(path, "w") as file:
+        file["slow"], file["fast"] = slow, fast
+    return SETUP.format(slow="slow", fast="fast", log=f"sampling_rate_Hz = {RATE}")
+
+
+def mcap_log(path: Path, slow: np.ndarray, fast: np.ndarray) -> str:
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("s", "jsonschema", b'{"type": "object"}')
+        channel = writer.register_channel("/s", "json", schema)
+        for i, (a, b) in enumerate(zip(slow.tolist(), fast.tolist(), strict=True)):
+            stamp = int(1e9 * i / RATE)
+            writer.add_message(channel, stamp, json.dumps({"a": a, "b": b}).encode(), stamp)
+        writer.finish()
+    return SETUP.format(slow="/s:a", fast="/s:b", log="")
+
+
+@pytest.mark.parametrize("make", [text_log, hdf5_log, mcap_log])
+def test_a_log_of_any_format_and_its_run(tmp_path: Path, make) -> None:
+    values, fast = signal(1500), signal(3000, 5)
+    log = tmp_path / "log"
+    setup = parse_setup(make(log, np.repeat(values, 2), fast))
+    summary = write_run(str(log), setup, tmp_path / "run.h5")
+    assert any("repeats each value 2 times" in remark for remark in summary.remarks)
+    for path in (log, tmp_path / "run.h5"):
+        with open_recording(str(path), setup) as recording:
+            slow, other = recording.channels["slow"], recording.channels["fast"]
+            np.testing.assert_allclose(slow.read(), 1e-6 * values, atol=1e-12)
+            np.testing.assert_allclose(slow.read(7, 11), 1e-6 * values[7:11], atol=1e-12)
+            assert slow.axis.rate_Hz == pytest.approx(0.5 * RATE, rel=1e-6)
+            assert other.axis.rate_Hz == pytest.approx(RATE, rel=1e-6)
+            assert other.size == fast.size
+            said = [remark for remark in recording.remarks if "repeats each value" in remark]
+            assert len(said) == 1
+            assert said[0].startswith("slow: the log repeats each value 2 times")
