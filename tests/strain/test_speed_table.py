@@ -15,9 +15,10 @@ from tirelog.errors import UsageError
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.passages.find import find_passages
-from tirelog.strain.speed import calibrate_radius, speed_columns, travelled
+from tirelog.strain.speed import calibrate_radius, speed_columns
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import Quality, having
+from tirelog.wheel.rolling import Odometer
 
 SETUP = '[tire]\n{radius}\n[channels.grating]\nkind = "strain"\nsource = "a"\n'
 
@@ -115,11 +116,11 @@ def test_radial_acceleration_tells_the_speed(drive, radius_m):
 
 
 def test_distance_of_a_ramp_is_exact():
-    speed = vehicle_speed([0, 10], [0, 20], rate_Hz=7.0)
-    distance, holes = travelled(speed, np.array([0.0, 1.23, 5.0, 9.9]))
+    meter = Odometer.of(vehicle_speed([0, 10], [0, 20], rate_Hz=7.0))
+    distance, holes = meter.at(np.array([0.0, 1.23, 5.0, 9.9]))
     np.testing.assert_allclose(distance, np.array([0.0, 1.23, 5.0, 9.9]) ** 2, atol=1e-9)
     assert holes.tolist() == [0, 0, 0, 0]
-    assert np.isnan(travelled(speed, np.array([11.0]))[0]).all()
+    assert np.isnan(meter.at(np.array([11.0]))[0]).all()
 
 
 def test_radius_is_calibrated_within_its_error(drive, radius_m):

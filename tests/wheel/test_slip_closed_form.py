@@ -32,10 +32,14 @@ def drive(
     radius="",
     kinds=("wheel_encoder", "vehicle_speed"),
     growth=0.0,
+    late_s=0.0,
+    hold=1,
+    step_m_s=0.0,
 ):
     """A wheel that slips while its vehicle speeds up and brakes; its slip at a time [s].
 
-    `growth`: how much longer the belt is at 25 m/s.
+    `growth`: how much longer the belt is at 25 m/s. The vehicle's speed comes `late_s`, is held for
+    `hold` samples of 10 ms, and goes by steps of `step_m_s`.
     """
     rate = 4000.0
     time = np.arange(int(8.0 * len(stretches) * rate)) / rate
@@ -47,6 +51,9 @@ def drive(
     )
     rng = np.random.default_rng(3)
     slow = slice(None, None, 40)
+    told = np.interp(time[slow] - late_s, time, speed) + rng.normal(0.0, noise, time[slow].size)
+    told = np.repeat(told[::hold], hold)[: told.size]
+    told = np.round(told / step_m_s) * step_m_s if step_m_s else told
     channels = {
         "e": Channel.of_array(
             "e",
@@ -58,8 +65,8 @@ def drive(
         "v": Channel.of_array(
             "v",
             kinds[1],
-            speed[slow] + rng.normal(0.0, noise, speed[slow].size),
-            TimeAxis.uniform(speed[slow].size, rate / 40),
+            told,
+            TimeAxis.uniform(told.size, rate / 40),
         ),
     }
     setup = parse_setup(SETUP.format(radius=radius))
@@ -90,6 +97,66 @@ def test_a_belt_that_grows_with_the_speed_is_no_slip():
     assert abs(error[whole.time_s < 8].mean()) < 3e-4
     assert abs(error[whole.time_s.between(16, 24)].mean()) < 3e-4
     assert abs(error[whole.time_s.between(24, 32)].mean()) < 5e-4
+
+
+def pulls(table, true):
+    """Errors of the slip over their standard errors, of rows with nothing wrong off the borders."""
+    whole = table[(np.abs((table.time_s + 4.0) % 8.0 - 4.0) > 0.3) & (table.quality == "ok")]
+    error = whole.slip - true(whole.time_s.to_numpy())
+    return whole, (error / np.hypot(whole.slip_se, whole.slip_delay_se)).to_numpy()
+
+
+@pytest.mark.parametrize("slips", [0.0, 1.0])
+@pytest.mark.parametrize(
+    "reading",
+    [
+        {"late_s": 0.1},
+        {"late_s": 0.5, "noise": 0.05},
+        {"late_s": 0.2, "hold": 10},
+        {"late_s": 0.2, "hold": 10, "step_m_s": 0.1 / 3.6},
+        {"step_m_s": 0.1 / 3.6},
+    ],
+)
+def test_a_speed_that_comes_late_is_no_slip_and_hides_none(slips, reading):
+    """A delay of 0.5 s at 1.5 m/s^2 and 15 m/s looks like a slip of 0.05; one that follows the
+    acceleration stays.  5 is what no row may be off by, rms 1.5 what rows of one error allow.
+    """
+    stretches = tuple((a, slips * slip) for a, slip in STRETCHES)
+    recording, true = drive(stretches=stretches, **reading)
+    table = tirelog.slip(recording)
+    whole, off = pulls(table, true)
+    assert len(whole) > 0.85 * len(table)
+    assert np.abs(off).max() < 5.0
+    assert np.sqrt(np.mean(off**2)) < 1.5
+    drives = whole[whole.time_s.between(9, 15)]
+    assert drives.slip.median() == pytest.approx(-0.02 * slips, abs=2.5e-3)
+
+
+def test_a_delay_that_the_speeds_do_not_tell_from_slip_is_said():
+    """Between 15 and 15.8 m/s a / v is as good as a: either may be the delay's or the slip's."""
+    gentle = ((0.0, 0.0), (0.25, -0.01), (0.0, 0.0), (-0.25, 0.01), (0.0, 0.0))
+    recording, true = drive(stretches=gentle, late_s=0.3, noise=0.05)
+    table = tirelog.slip(recording)
+    pulling = table[table.time_s.between(9, 15) | table.time_s.between(25, 31)]
+    assert (pulling.slip_delay_se > 0.003).all()
+    assert np.abs(pulls(table, true)[1]).max() < 5.0
+    hard = tuple((16 * a, slip) for a, slip in gentle)[:3]
+    short = drive(stretches=(*hard[:1], (0.4, -0.01), *hard[2:]), noise=0.3, late_s=0.3)[0]
+    table = tirelog.slip(short)
+    assert table.quality[table.time_s.between(9, 15)].eq("delay_unknown").mean() > 0.5
+    assert table.quality[table.time_s.between(1, 7)].eq("ok").mean() > 0.9
+
+
+def test_speed_and_slip_go_by_one_radius():
+    """An accelerating turn counts for neither. (A row's speed is that of its middle: 1e-4.)"""
+    recording, _ = drive(stretches=STRETCHES[:3], late_s=0.3, hold=10, step_m_s=0.1 / 3.6)
+    speed, slip = tirelog.speed(recording, calibrate_radius=True), tirelog.slip(recording)
+    cruise = slip.time_s.between(1, 7) | slip.time_s.between(17, 23)
+    ratio = speed.speed_m_s / (slip.vehicle_speed_m_s * (1.0 - slip.slip))
+    assert ratio[cruise].median() == pytest.approx(1.0, abs=1e-4)
+    turned = 2 * np.pi / speed.period_s * R
+    error = (speed.speed_m_s.to_numpy() / turned - 1.0)[cruise]
+    assert np.abs(np.median(error)) < 3.0 * np.median(speed.speed_se_m_s / speed.speed_m_s)
 
 
 def test_revolutions_know_the_slip_that_encoder_and_vehicle_tell():

@@ -128,7 +128,7 @@ def test_a_radius_that_contradicts_the_speed_is_said():
 
 def test_speed_table_has_a_row_a_turn():
     drive = Drive(*DYNAMIC)
-    columns, _ = encoder_speed(recording(drive, Encoder(seed=1070).signal(drive)))
+    columns, _, _ = encoder_speed(recording(drive, Encoder(seed=1070).signal(drive)))
     turns = int((drive.angle[-1] - drive.angle[0]) / (2 * np.pi))
     assert abs(len(columns["quality"]) - turns) <= 1
     true = np.interp(columns["time_s"], drive.time, drive.speed)

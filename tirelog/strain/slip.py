@@ -1,12 +1,14 @@
 """The table `slip`: longitudinal slip of every turn of the wheel, from the vehicle's speed.
 
     turns of the wheel (encoder, else passages) --distance of the vehicle in each--> metres per turn
-        --those of free rolling--> rolling radius R --> sigma = 1 - omega R / V (P2 (14))
+        --`wheel.rolling`--> delay of the vehicle's speed, rolling radius R of free rolling
+        --> sigma = 1 - omega R / V (P2 (14))
 
-Over one turn omega R / V is 2 pi R over the distance. Positive slip is braking. A radius that is
-off by 1 % is a slip of 0.01, as much as hard braking makes: so R is what the vehicle travels per
-turn while nothing pulls, in this log, and what a tire slips then counts for none. A belt is longer
-at speed: R follows the speed squared if the turns of free rolling surely say so.
+Over whole turns omega R / V is 2 pi R over the distance of one. Positive slip is braking. A radius
+that is off by 1 % is a slip of 0.01, as much as hard braking makes: so R is what the vehicle
+travels per turn while nothing pulls, in this log, and what a tire slips then counts for none. A
+belt is longer at speed: R follows the speed squared if the turns of free rolling surely say so. A
+speed that comes late by d is a slip of -d a / v, which the same turns tell and is taken off.
 """
 
 from __future__ import annotations
@@ -16,29 +18,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.strain.passages.surface import passages_of
-from tirelog.strain.speed import (
-    LEAST_TURNS,
-    speed_by_encoder,
-    speed_channels,
-    speed_columns,
-    travelled,
-)
+from tirelog.strain.speed import speed_channels, speed_columns, turns_around
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.quality import OK
+from tirelog.vocabulary.quality import Quality, marked, quality_column
+from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, Rolling, WheelTurns, rolling
 
-#: acceleration up to which a turn rolls freely [m/s^2]: at a tire's usual 0.1 of slip per g that is
-#: 0.002; doubled, twice as much of it goes into the radius
-FREE_M_S2 = 0.2
-#: standard errors by which a radius must grow with the speed squared; half as many would let one
-#: log of twenty bend by chance. And turns farther than so many standard deviations from the rest
-#: are left out of it: a turn over a border of manoeuvres rolls freely for a part of it only
-_SURE_SIGMAS, _OUTLYING = 4.0, 3.0
+#: slip that the delay's standard error may make of a row before it is marked: a quarter of what
+#: moderate braking makes; doubled, rows are `ok` of which half may be the delay
+_DELAYED = 0.005
 
 
 @dataclass(frozen=True)
@@ -62,75 +54,80 @@ def slip_of(recording: Recording) -> Iterator[SlipOfChannel]:
             do="add it to the setup",
             file=recording.log,
         )
-    for columns, remarks in _turns(recording):
-        yield _slip(recording, references[0], columns, remarks)
+    for columns, wheel, remarks in _turns(recording):
+        yield _slip(recording, references[0], columns, wheel, remarks)
 
 
-def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], Sequence[str]]]:
-    """(columns of the table `speed`, remarks) of each channel that tells the turns."""
+def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], WheelTurns, Sequence[str]]]:
+    """(columns of the table `speed`, its turns, remarks) of each channel that tells the turns."""
     channels = speed_channels(recording)
     if not channels or recording.of_kind("wheel_encoder"):
-        yield speed_by_encoder(recording)
+        from tirelog.wheel.angle import encoder_speed  # only here: it needs more of scipy
+
+        yield encoder_speed(recording)
         return
     for channel in channels:
         passages = passages_of(recording, channel)
         yield (
             speed_columns(recording.log, passages),
+            turns_around(passages),
             [passages.doubt] if passages.doubt else [],
         )
 
 
 def _slip(
-    recording: Recording, reference: Channel, turns: Mapping[str, Any], remarks: Sequence[str]
+    recording: Recording,
+    reference: Channel,
+    columns: Mapping[str, Any],
+    wheel: WheelTurns,
+    remarks: Sequence[str],
 ) -> SlipOfChannel:
-    time, period = np.asarray(turns["time_s"]), np.asarray(turns["period_s"])
-    ends = [travelled(reference, time + side * period) for side in (-0.5, 0.5)]
-    metres = np.where(ends[0][1] == ends[1][1], ends[1][0] - ends[0][0], np.nan)
-    metres = np.where(metres > 0.0, metres, np.nan)
-    good = np.asarray(turns["quality"]) == OK
-    free = good & (np.abs(turns["acceleration_m_s2"]) < FREE_M_S2) & np.isfinite(metres)
-    radius, radius_se, said = _radius(recording, reference, metres, period, free)
-    with np.errstate(invalid="ignore"):
-        slip = 1.0 - TURN_RAD * radius / metres
-    error = np.hypot(_scatter(metres[good]) / metres, radius_se / radius) * np.abs(1.0 - slip)
-    columns = {
-        name: turns[name]
-        for name in ("log", "channel", "revolution", "time_s", "speed_m_s", "quality")
-    }
-    columns |= {
-        "vehicle_speed_m_s": metres / period,
+    found = rolling(reference, wheel)
+    radius, radius_se, said = _radius(recording, reference, found)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        period = (wheel.end_s - wheel.begin_s) / wheel.turns
+        slip = 1.0 - TURN_RAD * radius / found.metres
+        share = np.abs(1.0 - slip)
+        error = np.hypot(found.metres_se / found.metres, radius_se / radius) * share
+        delayed = np.abs(found.change_m_s) * found.delay_se_s / found.metres * share
+    begin, end = (at + found.delay_s for at in (wheel.begin_s, wheel.end_s))
+    outside = (begin < reference.axis.at(0.0)) | (end > reference.axis.at(reference.size - 1.0))
+    lost = (wheel.turns > 0) & ~np.isfinite(found.metres)
+    quality = (
+        wheel.quality
+        | marked(delayed > _DELAYED, Quality.DELAY_UNKNOWN)
+        | marked(lost & outside, Quality.EDGE_OF_LOG)
+        | marked(lost & ~outside, Quality.GAP)
+    )
+    table = {name: columns[name] for name in ("log", "channel", "revolution", "time_s")} | {
+        "speed_m_s": columns["speed_m_s"],
+        "vehicle_speed_m_s": found.metres / period,
         "slip": slip,
         "slip_se": error,
+        "slip_delay_se": delayed,
+        "quality": quality_column(quality),
     }
-    return SlipOfChannel(columns, (*remarks, said))
+    late = f"{reference.name} late by {found.delay_s:.3f} +- {found.delay_se_s:.3f} s, taken off"
+    return SlipOfChannel(table, (*remarks, said, late))
 
 
 def _radius(
-    recording: Recording,
-    reference: Channel,
-    metres: FloatArray,
-    period: FloatArray,
-    free: NDArray[np.bool_],
+    recording: Recording, reference: Channel, found: Rolling
 ) -> tuple[FloatArray | float, FloatArray | float, str]:
-    """(rolling radius, its standard error [m], what was done), from metres per `free` turn."""
-    tire, count = recording.setup.tire, int(free.sum())
-    if count >= LEAST_TURNS:
-        grown = _growing(metres, metres / period, free)
-        if grown is not None:
-            radius, error = grown
-            least, most = (float(edge(radius[free])) for edge in (np.min, np.max))
-            return (
-                radius,
-                error,
-                f"slip against {reference.name}: {least:.5f} to {most:.5f} m per radian, by the "
-                f"speed squared, in {count} turns of free rolling, whose slip counts as none",
-            )
-        radius_m = float(np.median(metres[free])) / TURN_RAD
+    """(rolling radius, its standard error [m], what was done)."""
+    tire, count = recording.setup.tire, int(found.free.sum())
+    if np.isfinite(found.mean_radius_m):
+        ends = found.radius_m[found.free]
+        radii = (
+            f"{ends.min():.5f} to {ends.max():.5f} m per radian, by the speed squared,"
+            if found.grows
+            else f"{found.mean_radius_m:.5f} m per radian"
+        )
         return (
-            radius_m,
-            _scatter(metres[free]) / np.sqrt(count) / TURN_RAD,
-            f"slip against {reference.name}: {radius_m:.5f} m per radian in {count} turns of "
-            "free rolling, whose slip counts as none",
+            found.radius_m,
+            found.radius_se_m,
+            f"slip against {reference.name}: {radii} in {count} turns of free rolling, whose slip "
+            "counts as none",
         )
     if tire.rolling_radius_m is None:
         raise UsageError(
@@ -146,32 +143,3 @@ def _radius(
         f"slip against {reference.name} by the setup's rolling radius, for want of free rolling: "
         "a radius off by 1 % is a slip of 0.01",
     )
-
-
-def _growing(
-    metres: FloatArray, speed_m_s: FloatArray, free: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray] | None:
-    """(radius, its standard error [m]) of all turns by R = a + b V^2; None if b is not sure."""
-    square = speed_m_s**2
-    used = free & np.isfinite(square)
-    for _ in range(2):
-        design = np.stack([np.ones(int(used.sum())), square[used]], axis=1)
-        if design.shape[0] < LEAST_TURNS or np.ptp(design[:, 1]) == 0.0:
-            return None
-        found = np.linalg.lstsq(design, metres[used], rcond=None)[0]
-        left = metres - found[0] - found[1] * square
-        spread = float(np.sqrt(np.mean(left[used] ** 2)))
-        covariance = spread**2 * np.linalg.inv(design.T @ design)
-        with np.errstate(invalid="ignore"):
-            used &= np.abs(left) <= _OUTLYING * spread
-    if found[1] < _SURE_SIGMAS * float(np.sqrt(covariance[1, 1])):
-        return None
-    at = np.stack([np.ones_like(square), square], axis=1)
-    error = np.sqrt(np.einsum("ni,ij,nj->n", at, covariance, at))
-    return (at @ found) / TURN_RAD, error / TURN_RAD
-
-
-def _scatter(metres: FloatArray) -> float:
-    """Standard deviation of one turn's distance [m], from that of neighbours."""
-    change = np.abs(np.diff(metres[np.isfinite(metres)]))
-    return float(np.median(change)) / (0.6745 * np.sqrt(2.0)) if change.size else float("nan")

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.bounds import doubt_of_radius
-from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
+from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.channels import no_channel
 from tirelog.strain.passages.find import Passages
@@ -26,21 +26,10 @@ from tirelog.strain.passages.surface import passages_of
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column
+from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, WheelTurns, rolling
 
-# Errata, Speed: R_e is a setting, or calibrated with a speed reference.
-#
-#     vehicle_speed Channel --distance travelled at the passages' times--> distance per turn
-#         --ratio over pieces of the log--> radius, error
-#
-# The distance over whole turns does not depend on where in a turn the speed was sampled; noise and
-# lag of the reference average out.
-
-#: turns are used up to this acceleration [m/s^2], if there are enough of them: the tire slips
-#: under torque; twice as much has twice the slip in it
-FREE_ROLLING_M_S2 = 1.0
-#: pieces of the log whose scatter gives the error, and the least number of turns; twice as many
-#: pieces have half of the turns each, and tell the scatter to 11 instead of 16 %
-PIECES, LEAST_TURNS = 40, 10
+# Errata, Speed: R_e is a setting, or calibrated with a speed reference (`wheel.rolling`), by the
+# turns that roll freely, as for the slip.
 
 
 @dataclass(frozen=True)
@@ -62,72 +51,27 @@ class RadiusCalibration:
         )
 
 
-def travelled(speed: Channel, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(distance [m], number of holes before) at ascending times, shape (n,) each.
-
-    The speed integrated, straight lines between samples. NaN outside of the channel and in its
-    holes. Between two times with another number of holes samples are missing, and their distance is
-    not known.
-    """
-    distance = np.full(time_s.size, np.nan)
-    hole = np.zeros(time_s.size)
-    total, holes = 0.0, 0
-    longest = 5.0 / speed.axis.rate_Hz
-    for start in range(0, max(speed.size - 1, 0), BLOCK_SAMPLES):
-        stop = min(start + BLOCK_SAMPLES + 1, speed.size)
-        values, times = speed.read(start, stop), speed.axis.time(start, stop)
-        good = np.isfinite(values)
-        values, times = values[good], times[good]
-        if values.size < 2:
-            holes += 1
-            continue
-        step = np.diff(times)
-        run = total + np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * step)])
-        broken = holes + np.concatenate([[0], np.cumsum(step > longest)])
-        inside = np.flatnonzero((time_s >= times[0]) & (time_s <= times[-1]))
-        at = time_s[inside]
-        low = np.clip(np.searchsorted(times, at, side="right") - 1, 0, times.size - 2)
-        rise = at - times[low]
-        slope = (values[low + 1] - values[low]) / step[low]
-        distance[inside] = np.where(
-            step[low] > longest, np.nan, run[low] + values[low] * rise + 0.5 * slope * rise**2
-        )
-        hole[inside] = broken[low]
-        total, holes = float(run[-1]), int(broken[-1])
-    return distance, hole
-
-
 def calibrate_radius(
     speed: Channel, wheels: Sequence[Passages], unloaded_m: float | None = None
 ) -> RadiusCalibration:
     """The rolling radius from the reference `speed` [m/s] and the passages of one wheel's channels.
 
-    UsageError if fewer than LEAST_TURNS whole turns lie within the reference, or the radius
-    cannot go with the unloaded one.
+    UsageError if fewer than LEAST_TURNS turns of free rolling lie within the reference, or the
+    radius cannot go with the unloaded one.
     """
     radii, errors, turns = [], [], 0
     for passages in wheels:
-        distance, holes = travelled(speed, passages.time_s)
-        length = np.diff(distance)
-        whole = passages.turn_after[:-1] & np.isfinite(length) & (np.diff(holes) == 0)
-        slow = (
-            np.abs(0.5 * (passages.acceleration_m_s2[1:] + passages.acceleration_m_s2[:-1]))
-            < FREE_ROLLING_M_S2
-        )
-        free = whole & slow
-        length = length[free if free.sum() >= LEAST_TURNS else whole]
-        if length.size >= LEAST_TURNS:
-            means = np.array(
-                [piece.mean() for piece in np.array_split(length, min(PIECES, length.size // 2))]
-            )
-            radii.append(length.mean() / TURN_RAD)
-            errors.append(means.std(ddof=1) / np.sqrt(means.size) / TURN_RAD)
-            turns += length.size
+        told = rolling(speed, turns_around(passages))
+        if np.isfinite(told.mean_radius_m):
+            radii.append(told.mean_radius_m)
+            errors.append(told.mean_radius_se_m)
+            turns += int(told.free.sum())
     if not radii:
         raise UsageError(
-            f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns lie within {speed.name}",
+            f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns below {FREE_M_S2:g} m/s^2 "
+            f"lie within {speed.name}",
             allowed="allowed is a log with more",
-            do="give a longer one, or rolling_radius_m in the setup",
+            do="give one with a cruise, or rolling_radius_m in the setup",
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better
@@ -166,6 +110,22 @@ def speed_quality(passages: Passages) -> QualityFlags:
         flags |= marked(before, why)
         flags[1:] |= marked(before[:-1], why)
     return flags
+
+
+def turns_around(passages: Passages) -> WheelTurns:
+    """The turns to both sides of each passage, or the one that is known; (n,).
+
+    Whole turns from passage to passage, whatever the speed does in them.
+    """
+    before, after = passages.turn_before, passages.turn_after
+    time = passages.time_s
+    return WheelTurns(
+        np.where(before, np.concatenate([time[:1], time[:-1]]), time),
+        np.where(after, np.concatenate([time[1:], time[-1:]]), time),
+        before.astype(float) + after,
+        passages.acceleration_m_s2,
+        speed_quality(passages),
+    )
 
 
 def period(passages: Passages) -> FloatArray:
@@ -238,7 +198,8 @@ def speed_by_encoder(
     if calibrate:
         _vehicle_speed(recording)
         recording = _without_rolling_radius(recording)
-    return encoder_speed(recording)
+    columns, _, remarks = encoder_speed(recording)
+    return columns, remarks
 
 
 def calibrated_speed(

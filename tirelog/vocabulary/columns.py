@@ -88,6 +88,14 @@ _ALL = [
         "slip", "1", "float", "1 - omega R / V over the turn, positive in braking (P2 (14))", 1e-6
     ),
     TableColumn("slip_se", "1", "float", "standard error of the slip", 1e-6, 1e-3),
+    TableColumn(
+        "slip_delay_se",
+        "1",
+        "float",
+        "the error's share for the delay of the vehicle's speed: in all rows together",
+        1e-6,
+        1e-2,
+    ),
     # footprint
     TableColumn("length_m", "m", "float", "contact length, best estimate", 2e-6, 1e-4),
     TableColumn(

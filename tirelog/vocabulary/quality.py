@@ -80,6 +80,7 @@ class Quality(IntFlag):
     DIRECTION_UNKNOWN = "nothing shows the direction of rolling after a standstill", _WHEEL
     NOT_A_PASSAGE = "no tire passes the patch like this: no speed is told", _PASSAGES
     EXTRAPOLATED = "the speed is not centred, or lies outside a calibration", _ALL, Use.FRONTS
+    DELAY_UNKNOWN = "how late the vehicle's speed is may make up half a per cent of slip", ("slip",)
     # ---- what could be told
     ERROR_UNKNOWN = "an error larger than what it belongs to, left blank", ("speed", "dissipation")
     CUTOFF = "the sampling is too coarse for the low-pass", ("footprint", "dissipation")

@@ -233,7 +233,7 @@ _ALL = (
         "slip",
         "Tell the longitudinal slip of each turn of the wheel, from the vehicle's speed (P2).",
         ("vehicle_speed",),
-        _revolutions("vehicle_speed_m_s", "slip", "slip_se"),
+        _revolutions("vehicle_speed_m_s", "slip", "slip_se", "slip_delay_se"),
         made_by="tirelog.strain.slip:slip_of",
         driven=False,
     ),

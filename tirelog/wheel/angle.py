@@ -30,6 +30,7 @@ from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, quality_column
 from tirelog.wheel.direction import untold_stretches, ways_of
+from tirelog.wheel.rolling import WheelTurns, rolling
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4; twice as wide, at 10 Hz
 SPEED_WINDOW_S = 0.443 / 20.0
@@ -300,12 +301,13 @@ class Radius:
 def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
     """The setup's rolling radius, else a calibrated one, else the unloaded radius.
 
-    Calibrated against `vehicle_speed` (P4: v = r omega). Only stretches above 3 rad/s count; the
-    error comes from the scatter of up to 40 pieces of the log.
+    Calibrated against `vehicle_speed` (P4: v = r omega) by the turns that roll freely. If there
+    are too few, by all above 3 rad/s; the error comes from the scatter of up to 40 pieces of the
+    log.
     """
     tire = recording.setup.tire
     speeds = recording.of_kind("vehicle_speed")
-    measured = _radius_against(speeds[0], wheel) if speeds else None
+    measured = _radius_of_turns(speeds[0], wheel, tire.radius_m) if speeds else None
     if tire.rolling_radius_m is not None:
         if measured and abs(measured[0] / tire.rolling_radius_m - 1) > 0.1:
             ratio = measured[0] / tire.rolling_radius_m
@@ -337,6 +339,42 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
         f"no rolling radius and no vehicle speed: the unloaded radius {tire.radius_m:.4f} m is "
         "used",
     )
+
+
+def _radius_of_turns(
+    speed: Channel, wheel: WheelAngle, radius_m: float
+) -> tuple[float, float] | None:
+    """(radius, standard error) [m] from the turns that roll freely, else from all.
+
+    `radius_m` is the radius for their accelerations. None if the wheel never rolls.
+    """
+    found = rolling(speed, _turns_of(wheel, radius_m)[1])
+    if np.isfinite(found.mean_radius_m):
+        return found.mean_radius_m, found.mean_radius_se_m
+    return _radius_against(speed, wheel)
+
+
+def _turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns]:
+    """(times of the middles, the turns) of the wheel.
+
+    Accelerations are those of the durations of a turn's halves.
+    """
+    lowest, highest = (
+        float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count))
+    )
+    middles = lowest + np.pi * np.arange(
+        1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0
+    )
+    start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
+    with np.errstate(
+        divide="ignore", invalid="ignore", over="ignore"
+    ):  # half a turn between two equal stamps
+        acceleration = (
+            radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start)
+        )
+    acceleration = np.where(np.isfinite(acceleration), acceleration, np.nan)
+    quality = wheel.quality(start, stop)
+    return time, WheelTurns(start, stop, np.ones(time.size), acceleration, quality)
 
 
 def _radius_against(
@@ -401,8 +439,8 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
         raise problem.at(recording.log) from None
 
 
-def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
-    """(columns of the `speed` table, remarks): one row per turn of the wheel.
+def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, list[str]]:
+    """(columns of the `speed` table, the turns, remarks): one row per turn of the wheel.
 
     For a log without a sensor that passes the patch.
 
@@ -412,31 +450,19 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     """
     channel, wheel = encoder_of(recording)
     radius = rolling_radius(recording, wheel)
-    lowest, highest = (
-        float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count))
-    )
-    middles = lowest + np.pi * np.arange(
-        1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0
-    )
-    start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
+    time, turns = _turns_of(wheel, radius.radius_m)
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
-    with np.errstate(
-        divide="ignore", invalid="ignore", over="ignore"
-    ):  # half a turn between two equal stamps
-        acceleration = (
-            radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start)
-        )
     columns = {
         "log": recording.log,
         "channel": channel.name,
         "revolution": np.arange(time.size),
         "time_s": time,
         "speed_m_s": rate * radius.radius_m,
-        "period_s": stop - start,
+        "period_s": turns.end_s - turns.begin_s,
         "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
-        "acceleration_m_s2": np.where(np.isfinite(acceleration), acceleration, np.nan),
-        "quality": quality_column(wheel.quality(start, stop)),
+        "acceleration_m_s2": turns.acceleration_m_s2,
+        "quality": quality_column(turns.quality),
     }
-    return columns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]
+    return columns, turns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]

@@ -58,7 +58,10 @@ def measured_slip(recording: Recording, centre_s: FloatArray) -> FloatArray:
         columns = next(slip_of(recording)).columns
     except TirelogError:
         return unknown
-    time_s, slip, error = (np.asarray(columns[name]) for name in ("time_s", "slip", "slip_se"))
+    time_s, slip, own, late = (
+        np.asarray(columns[name]) for name in ("time_s", "slip", "slip_se", "slip_delay_se")
+    )
+    error = np.hypot(own, late)
     good = (np.asarray(columns["quality"]) == OK) & np.isfinite(slip) & np.isfinite(error)
     if good.sum() < 2 or np.std(slip[good]) < _SLIPS * np.median(error[good]):
         return unknown

@@ -1,0 +1,435 @@
+"""Rolling radius and delay of the vehicle's speed, from the turns of a wheel.
+
+    vehicle_speed --Odometer--> distance at any time
+        --turns of the wheel--> metres per turn
+        --least squares--> delay of the vehicle's speed, metres per turn without it
+        --turns of free rolling--> rolling radius
+
+A vehicle's speed comes late: GPS and CAN filter, hold and pass on. What a delay d adds to the
+distance of a turn is -d times the change of speed in it, a share of -d a / v; slip is a share that
+follows the force, so the acceleration a, at every speed. Over a range of speeds both differ, and
+the delay is found beside any slip that follows the acceleration; where they do not, the delay's
+error says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.data.recording import BLOCK_SAMPLES, Channel
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import QualityFlags
+
+#: acceleration up to which a turn rolls freely [m/s^2]: at a tire's usual 0.1 of slip per g that is
+#: 0.002; doubled, twice as much of it goes into the radius
+FREE_M_S2 = 0.2
+#: turns of free rolling that tell a radius; twice as many tell the scatter to 16 instead of 23 %
+LEAST_TURNS = 10
+#: what is thought of a delay before the log is read, standard deviation about 0 [s]: GPS and CAN
+#: stay below one second. Doubled, logs that do not tell it have twice the error
+_DELAY_S = 1.0
+#: the same of a belt that grows at 25 m/s, share of the radius: tires grow by less than 1 %.
+#: Doubled, logs with little cruising tell the delay less well
+_GROWTH, _GROWTH_M_S = 0.01, 25.0
+#: share by which the slip per force may change from a log's lowest speed to its highest: what that
+#: looks like is a delay. Doubled, the delay's error beside slip is twice as large
+_SLIP_BY_SPEED = 0.1
+#: standard errors by which a radius must grow with the speed squared; half as many would let one
+#: log of twenty bend by chance
+_SURE_SIGMAS = 4.0
+#: scatters that a turn may lie off its neighbours before its own error is larger than others' (a
+#: reference that jumps, a corner of the speed), and off the radius before it is left out (a turn
+#: over a border of manoeuvres rolls freely for a part of it only); half as many do so by chance to
+#: one row of seven
+_OUTLYING = 3.0
+#: runs of equal samples that are shorter than the reference's hold, as a share: a few runs are cut
+#: by jitter. Doubled, a hold is taken for longer where readings stand still
+_SHORT_RUNS = 0.1
+#: longest run that is counted [samples]; mere numerics
+_LONGEST_RUN = 100_000
+#: spacing of the odometer's knots [s], if samples are closer: at 3 m/s^2 between two of them the
+#: speed is straight to 4 mm/s; twice as much halves the memory
+_KNOT_S = 0.005
+#: what is thought of slip: 0 give or take so much, and per acceleration [s^2/m]; a tire's usual is
+#: a tenth of either. Doubled, hardly anything moves: it only bounds what a log does not tell
+_SLIP, _SLIP_M_S2 = 0.1, 0.1
+#: rows over which errors may go together; half as many take slow waves of the reference for noise
+_WAVES = 20
+#: error of a turn's distance that no row goes below, as a share: 2 um per turn; mere numerics
+_LEAST_SHARE = 1e-6
+#: rounds of Gauss and Newton, and the change [s] at which they end; mere numerics
+_ROUNDS, _SETTLED_S = 20, 1e-5
+
+
+@dataclass(frozen=True)
+class Odometer:
+    """Distance that the vehicle's speed sums up to, at knots of shape (k,).
+
+    `time_s`, `distance_m`, `speed_m_s`; `hole`: number of holes in the samples before; `changes`:
+    changes of the reading before. `step_m_s`: the smallest of them, 0 if there is none; `dense`:
+    every sample is a knot, and the speed between them a straight line.
+    """
+
+    time_s: FloatArray
+    distance_m: FloatArray
+    speed_m_s: FloatArray
+    hole: FloatArray
+    changes: FloatArray
+    step_m_s: float
+    dense: bool
+
+    @classmethod
+    def of(cls, speed: Channel) -> Odometer:
+        """That of a vehicle's speed [m/s].
+
+        A reading that is held stands for the middle of its hold, from which a delay of half a hold
+        follows that `rolling` finds.
+        """
+        hold, step = _hold(speed)
+        apart = max(int(_KNOT_S * speed.axis.rate_Hz), 1)
+        longest = 5.0 / speed.axis.rate_Hz
+        parts, tail = [np.zeros((5, 0))], np.zeros(3)
+        for time, value in _samples(speed):
+            span, change = np.diff(time), np.diff(value)
+            rows = np.zeros((5, time.size))
+            rows[0], rows[1] = time, value
+            rows[2, 1:] = np.cumsum(0.5 * (value[1:] + value[:-1]) * span)
+            rows[3, 1:] = np.cumsum(span > longest)
+            rows[4, 1:] = np.cumsum(change != 0.0)
+            rows[2:] += tail[:, None]
+            border = np.flatnonzero((span > longest) | ((hold > 1) & (change != 0.0)))
+            kept = np.zeros(time.size, bool)
+            kept[:: time.size if hold > 1 else apart] = True
+            kept[border] = kept[border + 1] = kept[-1] = True
+            kept[0] = not tail.any()
+            parts.append(rows[:, kept])
+            tail = rows[2:, -1]
+        table = np.concatenate(parts, axis=1)
+        if hold > 1 and table.size:
+            table = _held(table, 0.5 * (hold - 1) / speed.axis.rate_Hz)
+        time, value, distance, hole, changes = table
+        return cls(time, distance, value, hole, changes, step, hold > 1 or apart == 1)
+
+    def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(distance [m], number of holes before) at times of shape (n,).
+
+        NaN outside of the channel and in its holes. Between two times with another number of holes
+        samples are missing, and their distance is not known.
+        """
+        if self.time_s.size < 2:
+            return np.full(time_s.size, np.nan), np.zeros(time_s.size)
+        low = np.clip(
+            np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 2
+        )
+        step = np.maximum(self.time_s[low + 1] - self.time_s[low], np.finfo(float).tiny)
+        rise = time_s - self.time_s[low]
+        mean = (self.distance_m[low + 1] - self.distance_m[low]) / step
+        bend = (self.speed_m_s[low + 1] - self.speed_m_s[low]) / step if self.dense else 0.0
+        distance = self.distance_m[low] + mean * rise + 0.5 * bend * rise * (rise - step)
+        inside = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
+        inside &= self.hole[low] == self.hole[low + 1]
+        return np.where(inside, distance, np.nan), self.hole[low]
+
+    def between(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
+        """Distance [m] from one time to another, (n,); NaN if samples are missing."""
+        first, last = self.at(begin_s), self.at(end_s)
+        return np.where(first[1] == last[1], last[0] - first[0], np.nan)
+
+    def bend(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
+        """Error [m] of the distance between two times, (n,): the speed is no row of straight lines.
+
+        A line over a time h is off by a twelfth of h^2 for each change of the acceleration.
+        """
+        if self.time_s.size < 3:
+            return np.zeros(begin_s.size)
+        step = np.diff(self.time_s)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bends = (
+                np.diff(np.diff(self.speed_m_s) / step)
+                * np.minimum(step[1:], step[:-1]) ** 2
+                / 12.0
+            )
+        bends = np.concatenate([[0.0], np.nan_to_num(bends), [0.0]])
+        near = np.maximum(np.abs(bends[1:]), np.abs(bends[:-1]))
+        low, high = (
+            np.clip(np.searchsorted(self.time_s, at, side="right") - 1, 0, step.size - 1)
+            for at in (begin_s, end_s)
+        )
+        total = np.cumsum(bends)
+        square: FloatArray = (total[high] - total[low]) ** 2 + near[low] ** 2 + near[high] ** 2
+        return np.asarray(np.sqrt(square))
+
+    def changed(self, time_s: FloatArray) -> FloatArray:
+        """Changes of the reading before times of shape (n,)."""
+        return np.interp(time_s, self.time_s, self.changes) if self.time_s.size else 0.0 * time_s
+
+
+def _samples(speed: Channel) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Times and values that are not lost, a block at a time; each begins with the last before."""
+    time = value = np.zeros(0)
+    for start, values in speed.blocks(BLOCK_SAMPLES):
+        good = np.isfinite(values)
+        times = np.asarray(speed.axis.time(start, start + values.size))
+        time, value = np.append(time[-1:], times[good]), np.append(value[-1:], values[good])
+        if time.size > 1:
+            yield time, value
+
+
+def _hold(speed: Channel) -> tuple[int, float]:
+    """(samples that a reading is held for, smallest change of the reading)."""
+    counts = np.zeros(_LONGEST_RUN + 1, np.int64)
+    smallest, since, seen = np.inf, np.zeros(0, np.int64), 0
+    for _, value in _samples(speed):
+        change = np.abs(np.diff(value))
+        at = np.flatnonzero(change > 0.0)
+        smallest = min(smallest, float(change[at].min(initial=np.inf)))
+        edges = np.append(since, seen + at)
+        counts += np.bincount(np.minimum(np.diff(edges), _LONGEST_RUN), minlength=counts.size)
+        since, seen = edges[-1:], seen + change.size
+    total = np.cumsum(counts)
+    hold = int(np.searchsorted(total, _SHORT_RUNS * total[-1], side="right")) if total[-1] else 1
+    return hold, smallest if np.isfinite(smallest) else 0.0
+
+
+def _held(ends: FloatArray, half_s: float) -> FloatArray:
+    """Knots of a held reading from the ends of its runs, (5, k): in the middle of its holds."""
+    time, value, _, hole, changes = ends
+    first = np.concatenate([[True], (changes[1:] != changes[:-1]) | (hole[1:] != hole[:-1])])
+    begins = np.flatnonzero(first)
+    stops = np.append(begins[1:], time.size) - 1
+    early = np.minimum(time[begins] + half_s, 0.5 * (time[begins] + time[stops]))
+    late = np.maximum(time[stops] - half_s, 0.5 * (time[begins] + time[stops]))
+    when = np.stack([early, late], axis=1).ravel()
+    once = np.concatenate([[True], np.diff(when) > 0.0])
+    run = np.repeat(begins, 2)[once]
+    when = when[once]
+    speed = value[run]
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(when))])
+    return np.stack([when, speed, way, hole[run], changes[run]])
+
+
+@dataclass(frozen=True)
+class WheelTurns:
+    """Stretches of whole turns of a wheel, arrays of shape (n,).
+
+    `begin_s`, `end_s`, the `turns` between (0: none is known); `acceleration_m_s2` in it; `quality`
+    words.
+    """
+
+    begin_s: FloatArray
+    end_s: FloatArray
+    turns: FloatArray
+    acceleration_m_s2: FloatArray
+    quality: QualityFlags
+
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        """Stretches with which nothing is wrong."""
+        return np.asarray(self.quality == 0)
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """What the vehicle's speed tells of the turns of a wheel, arrays of shape (n,).
+
+    `metres` per turn, the delay taken off, with the standard error of one row's `metres_se`;
+    `change_m_s`: how much the speed changes per turn, which times `delay_se_s` is the error that
+    the delay leaves in all rows together; `radius_m` with its standard error, NaN if fewer than
+    LEAST_TURNS turns roll freely, `grows`: it follows the speed squared; `delay_s` of the vehicle's
+    speed, with its standard error; `free` turns.
+    """
+
+    metres: FloatArray
+    metres_se: FloatArray
+    change_m_s: FloatArray
+    radius_m: FloatArray
+    radius_se_m: FloatArray
+    grows: bool
+    delay_s: float
+    delay_se_s: float
+    free: NDArray[np.bool_]
+
+    @property
+    def mean_radius_m(self) -> float:
+        """Rolling radius of the free turns."""
+        return float(np.mean(self.radius_m[self.free])) if self.free.any() else float("nan")
+
+    @property
+    def mean_radius_se_m(self) -> float:
+        """Its standard error, which the turns share."""
+        return float(np.mean(self.radius_se_m[self.free])) if self.free.any() else float("nan")
+
+
+def rolling(speed: Channel, wheel: WheelTurns) -> Rolling:
+    """Rolling radius of a wheel, and the delay of the vehicle's speed against it."""
+    meter = Odometer.of(speed)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        period = np.where(wheel.turns > 0, (wheel.end_s - wheel.begin_s) / wheel.turns, np.nan)
+    change = wheel.acceleration_m_s2 * period
+    delay, delay_se = 0.0, _DELAY_S
+    rows = _rows(meter, wheel, period, delay)
+    for _ in range(_ROUNDS):
+        step, delay_se = _delay_step(wheel, rows, change, period, delay)
+        delay += step
+        rows = _rows(meter, wheel, period, delay)
+        if abs(step) < _SETTLED_S:
+            break
+    free = wheel.good & rows.known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
+    radius, radius_se, grows = _radius(rows, period, change * delay_se, free)
+    return Rolling(rows.metres, rows.se, change, radius, radius_se, grows, delay, delay_se, free)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Metres per turn (n,) at some delay, and what their errors are made of.
+
+    `noise` of a row alone, `rounding` of a reading that does not change, which the rows of one
+    `group` share; `turns` of a row, which it shares with its neighbours.
+    """
+
+    metres: FloatArray
+    noise: FloatArray
+    rounding: FloatArray
+    group: IntArray
+    turns: FloatArray
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Rows with a distance and an error."""
+        return np.isfinite(self.metres) & np.isfinite(self.se)
+
+    @property
+    def se(self) -> FloatArray:
+        """Standard error of each row."""
+        return np.hypot(self.noise, self.rounding)
+
+    def error(self, share: FloatArray, used: NDArray[np.bool_], left: FloatArray) -> float:
+        """Standard error of the sum of the `used` rows, each with its `share`.
+
+        By their errors, or by what they `left` of a fit if that is more: its own neighbours tell
+        whether it comes in waves.
+        """
+        noise, turns = self.noise[used], self.turns[used]
+        by_group = np.bincount(self.group[used], share * self.rounding[used])
+        told = float(np.sum(share**2 * noise**2 * turns) + np.sum(by_group**2))
+        part, seen = share * left, 0.0
+        for lag in range(min(_WAVES, part.size)):
+            both = float(part[lag:] @ part[: part.size - lag])
+            seen += (1.0 if lag == 0 else 2.0 * (1.0 - lag / _WAVES)) * both
+        return float(np.sqrt(max(told, seen)))
+
+
+def _rows(meter: Odometer, wheel: WheelTurns, period: FloatArray, delay: float) -> _Rows:
+    """The metres per turn if the vehicle's speed is late by `delay`."""
+    begin, end = wheel.begin_s + delay, wheel.end_s + delay
+    with np.errstate(invalid="ignore", divide="ignore"):
+        metres = np.where(wheel.turns > 0, meter.between(begin, end) / wheel.turns, np.nan)
+    metres = np.where(metres > 0.0, metres, np.nan)
+    changes = np.nan_to_num(meter.changed(end) - meter.changed(begin))
+    rounding = meter.step_m_s / np.sqrt(12.0) * period / np.sqrt(1.0 + changes)
+    middle = np.floor(np.nan_to_num(meter.changed(0.5 * (begin + end))))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bend = meter.bend(begin, end) / wheel.turns
+    group = np.unique(middle, return_inverse=True)[1]
+    return _Rows(
+        metres,
+        np.hypot(_noise(metres, period), bend),
+        rounding,
+        group,
+        np.maximum(wheel.turns, 1.0),
+    )
+
+
+def _noise(metres: FloatArray, period: FloatArray) -> FloatArray:
+    """Standard error of the metres of each row, from its neighbours two rows to either side.
+
+    That of all rows, as the root of the time that a turn takes, or its own if that stands out.
+    """
+    off = np.full(metres.size, np.nan)
+    if metres.size > 4:
+        off[2:-2] = metres[2:-2] - 0.5 * (metres[:-4] + metres[4:])
+    off /= np.sqrt(1.5 * period)
+    known = np.isfinite(off)
+    if not known.any():
+        return np.full(metres.size, np.nan)
+    usual = float(np.median(np.abs(off[known]))) / 0.6745
+    square = np.convolve(np.where(known, off**2, 0.0), np.ones(3), "same")
+    count = np.convolve(known.astype(float), np.ones(3), "same")
+    own = np.sqrt(square / np.maximum(count, 1.0))
+    return np.where(own > _OUTLYING * usual, own, usual) * np.sqrt(period)
+
+
+def _delay_step(
+    wheel: WheelTurns, rows: _Rows, change: FloatArray, period: FloatArray, delay: float
+) -> tuple[float, float]:
+    """(what the delay is more than `delay`, its standard error) [s].
+
+    Least squares of the metres per turn on what a longer belt, slip and a delay make of them.
+    """
+    used = wheel.good & rows.known & np.isfinite(change)
+    if used.sum() < LEAST_TURNS:
+        return -delay, _DELAY_S
+    metres, a = rows.metres[used], wheel.acceleration_m_s2[used]
+    speed = metres / period[used]
+    turn = float(np.median(metres))
+    drives, brakes = (a > FREE_M_S2).astype(float), (a < -FREE_M_S2).astype(float)
+    design = turn * np.stack(
+        [np.ones(a.size), (speed / _GROWTH_M_S) ** 2, drives, brakes, drives * a, brakes * a,
+         -change[used] / turn], axis=1,
+    )  # fmt: skip
+    prior = np.array([0.0, 1 / _GROWTH, *[1 / _SLIP] * 2, *[1 / _SLIP_M_S2] * 2, 1 / _DELAY_S])
+    weight = 1.0 / np.maximum(rows.se[used], _LEAST_SHARE * turn)
+    whole = np.concatenate([design * weight[:, None], np.diag(prior)])
+    wanted = np.concatenate([metres * weight, np.zeros(6), [-delay / _DELAY_S]])
+    inverse = np.linalg.pinv(whole)
+    found = inverse @ wanted
+    share = inverse[-1, : a.size] * weight
+    slips = design[:, 2:6] @ found[2:6]
+    bent = _SLIP_BY_SPEED * slips * (speed - speed.mean()) / max(float(np.ptp(speed)), 1e-9)
+    error = np.array(
+        [
+            rows.error(share, used, metres - design @ found),
+            *inverse[-1, a.size :],
+            float(share @ bent),
+        ]
+    )
+    return float(found[-1]), float(np.sqrt(np.sum(error**2)))
+
+
+def _radius(
+    rows: _Rows, period: FloatArray, delayed: FloatArray, free: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray, bool]:
+    """(radius, its standard error [m] at each row, whether it grows) by the `free` turns.
+
+    R = a + b V^2 if b is sure, else a.  `delayed`: what the delay's error makes of each row [m].
+    """
+    size, turn = free.size, 2.0 * np.pi
+    square = (rows.metres / period / _GROWTH_M_S) ** 2
+    for grows in (True, False):
+        used = free.copy()
+        for _ in range(2):
+            if used.sum() < LEAST_TURNS:
+                return np.full(size, np.nan), np.full(size, np.nan), False
+            least = _LEAST_SHARE * float(np.median(rows.metres[used]))
+            weight = 1.0 / np.maximum(rows.se[used], least)
+            # about the mean, so that the errors of a and b do not go together
+            middle = float(np.average(square[used], weights=weight**2))
+            at = np.stack([np.ones(size), square - middle], axis=1)[:, : 1 + grows]
+            inverse = np.linalg.pinv(at[used] * weight[:, None]) * weight
+            found = inverse @ rows.metres[used]
+            left = rows.metres - at @ found
+            errors = np.array(
+                [
+                    np.hypot(rows.error(share, used, left[used]), share @ delayed[used])
+                    for share in inverse
+                ]
+            )
+            spread = float(np.sqrt(np.average(left[used] ** 2, weights=weight**2)))
+            used &= np.abs(left) <= _OUTLYING * np.maximum(spread, rows.se)
+        if not grows or found[1] > _SURE_SIGMAS * errors[1] > 0.0:
+            break
+    return at @ found / turn, np.sqrt((at * errors) ** 2 @ np.ones(1 + grows)) / turn, grows
