@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -86,6 +87,28 @@ def test_some_of_it_is_lost(folder: Path, tirelog: Command, name: str) -> None:
     assert outcome.status == 3, outcome.err
     assert message(outcome.err).startswith("tirelog: error: log.csv")
     assert len(outcome.out.splitlines()) > 10
+
+
+MISREAD = {
+    "another name": scaled(1.0).replace(b"time_s", b"tine_s"),
+    "another rate": scaled(2.0),
+    "another source": scaled(1.0).replace(b"CH1,CH2", b"CI1,CI2"),
+}
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+@pytest.mark.parametrize("name", MISREAD)
+def test_a_setup_is_not_blamed_for_a_damaged_log(
+    folder: Path, tirelog: Command, name: str, damaged: bool
+) -> None:
+    """What does not go with the setup, under a gzip checksum of its own or of other bytes."""
+    (folder / "log.toml").write_text(SETUP + "sampling_rate_Hz = 2500.0\n")
+    packed = gzip.compress(MISREAD[name])
+    sums = zlib.crc32(b"what was written") if damaged else zlib.crc32(MISREAD[name])
+    (folder / "log.csv.gz").write_bytes(packed[:-8] + sums.to_bytes(4, "little") + packed[-4:])
+    found = tirelog("speed", "log.csv.gz", "--setup", "log.toml")
+    assert found.status == (4 if damaged or name == "another source" else 2), found.err
+    assert ("the gzip stream is damaged" in message(found.err)) == damaged
 
 
 @pytest.mark.parametrize("table", ["speed", "footprint", "dissipation"])

@@ -142,6 +142,16 @@ def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
     assert noticed > len(places) // 2
 
 
+@pytest.mark.parametrize("left", [0.1, 0.5, 0.99])
+def test_a_run_that_is_cut_off_is_not_asked_for_a_setup(
+    tmp_path: Path, written: bytes, left: float
+) -> None:
+    path = tmp_path / "run.h5"
+    path.write_bytes(written[: int(left * len(written))])
+    with pytest.raises(ReadError, match="is cut off at"), open_recording(str(path)):
+        pass
+
+
 def _external_link(file: h5py.File, folder: Path) -> None:
     with h5py.File(folder / "other.h5", "w") as other:
         other["s"] = file["channels/s"][:]

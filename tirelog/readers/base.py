@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.setup import Setup
+from tirelog.errors import ReadError, TirelogError
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality
 
@@ -92,7 +93,7 @@ class ReadReport:
     """What the reader met.
 
     `losses` make status 3; `remarks` are said once; `counts` (bad rows, ...) go into the
-    provenance.
+    provenance. `damage` is the loss by which any row may hold what was never written.
     """
 
     format: str = ""
@@ -100,6 +101,16 @@ class ReadReport:
     losses: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
+    damage: str = ""
+
+
+def of_damaged(damage: str, problem: TirelogError, log: str) -> ReadError:
+    """What is said instead of a `problem` that a damaged log has: the setup may be right."""
+    return ReadError(
+        f"{damage}; what could be read does not go with its setup: {problem.what}",
+        do="copy the log again",
+        file=log,
+    )
 
 
 class LogReader(Protocol):

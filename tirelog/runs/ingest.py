@@ -26,7 +26,7 @@ from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import ReadError, SetupError, UsageError
-from tirelog.readers.base import Group, LogReader, RawBlock
+from tirelog.readers.base import Group, LogReader, RawBlock, of_damaged
 from tirelog.readers.extra.formats import FORMATS
 from tirelog.readers.other.converted import Converted
 from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
@@ -96,11 +96,16 @@ class IngestSummary:
 
 
 def _setup_for(log: str, setup: Setup | None) -> Setup:
-    """The setup given, or the one beside the log.  SetupError: there is none."""
+    """The setup given, or the one beside the log.
+
+    SetupError: there is none. ReadError: nor is it known whether the log, an HDF5 file, is a run.
+    """
     if setup is not None:
         return setup
     beside = None if log == "-" or address(log) else setup_beside(log)
     if beside is None:
+        if is_file(log):
+            _refuse_damaged(log)
         what = (
             "standard input has no setup beside it"
             if log == "-"
@@ -113,6 +118,16 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
             file=log,
         )
     return load_setup(beside)
+
+
+def _refuse_damaged(log: str) -> None:
+    """ReadError: an HDF5 file that cannot be opened as it is."""
+    from tirelog.readers.hdf5.reader import refuse_damaged
+
+    with open_log_bytes(log) as raw:
+        head = read_head(raw, log)
+    if name_of(head) == "HDF5":
+        refuse_damaged(Path(log), log)
 
 
 def open_log_bytes(log: str) -> BinaryIO:
@@ -398,6 +413,8 @@ def _write(
             try:
                 axes[name] = clock.axis()
             except (ReadError, SetupError) as problem:
+                if report.damage:
+                    raise of_damaged(report.damage, problem, summary.log) from None
                 raise problem.at(summary.log) from None
             flags[name] = clock.flags
             summary.repairs[name] = dict(clock.repairs)

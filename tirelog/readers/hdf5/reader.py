@@ -80,6 +80,60 @@ def open_hdf5(path: Path | str, setup: Setup, log_name: str) -> Hdf5Log:
     return Hdf5Log(Path(path), setup, log_name)
 
 
+def refuse_damaged(path: Path, log_name: str) -> None:
+    """ReadError: an HDF5 file that is cut off, or does not even say what it holds."""
+    file, end, declared = _opened(path, log_name)
+    with file:
+        if end is not None:
+            raise ReadError(
+                f"is cut off at {end} of {declared} bytes", do="copy it again", file=log_name
+            )
+        try:
+            list(file.attrs.items()), list(file.items())
+        except LIBRARY_ERRORS as problem:
+            raise _unreadable(problem, log_name) from None
+
+
+def _opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | None]:
+    """(the file, its size and what that should be if it is cut off).  ReadError: it cannot be."""
+    try:
+        size = path.stat().st_size
+    except OSError as problem:
+        raise ReadError(
+            f"cannot be opened ({problem.strerror})",
+            allowed="a log is a readable file",
+            do="mend the path",
+            file=log_name,
+        ) from None
+    if size == 0:
+        raise ReadError(
+            "is empty", allowed="allowed is an HDF5 file", do="record it again", file=log_name
+        )
+    try:
+        return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES), None, None
+    except LIBRARY_ERRORS as problem:
+        declared = declared_size(problem)
+        if declared is None or declared <= size:
+            raise _unreadable(problem, log_name) from None
+    try:
+        return h5py.File(Padded(path, declared), "r", rdcc_nbytes=CACHE_BYTES), size, declared
+    except LIBRARY_ERRORS:
+        raise ReadError(
+            f"is cut off at {size} of {declared} bytes, before its index",
+            do="copy it again",
+            file=log_name,
+        ) from None
+
+
+def _unreadable(problem: BaseException, log_name: str) -> ReadError:
+    return ReadError(
+        f"is no readable HDF5 file ({problem})",
+        allowed="allowed is HDF5",
+        do="repair it or record it again",
+        file=log_name,
+    )
+
+
 class Hdf5Log:
     """An open HDF5 log (see `tirelog.readers.base.LogReader`)."""
 
@@ -87,8 +141,13 @@ class Hdf5Log:
         self.report = ReadReport(format="hdf5")
         self.log_name, self.setup = log_name, setup
         self.stated: dict[str, str] = {}  # units, by channel, as the file spells them
-        self.end: int | None = None  # size of a file that was cut off
-        self.file = self._open(path)
+        # `end`: size of a file that was cut off
+        self.file, self.end, declared = _opened(path, log_name)
+        if self.end is not None:
+            self.report.losses.append(
+                f"the file is cut off at {self.end} of {declared} bytes; samples behind the cut "
+                "are lost; copy it again"
+            )
         try:
             self.clocks = self._clocks(self._channels())
         except LIBRARY_ERRORS as problem:
@@ -101,40 +160,6 @@ class Hdf5Log:
 
     def _error(self, what: str, *, allowed: str = "", do: str = "") -> ReadError:
         return ReadError(what, allowed=allowed, do=do, file=self.log_name)
-
-    def _open(self, path: Path) -> h5py.File:
-        try:
-            size = path.stat().st_size
-        except OSError as problem:
-            raise self._error(
-                f"cannot be opened ({problem.strerror})",
-                allowed="a log is a readable file",
-                do="mend the path",
-            ) from None
-        if size == 0:
-            raise self._error("is empty", allowed="allowed is an HDF5 file", do="record it again")
-        try:
-            return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
-        except LIBRARY_ERRORS as problem:
-            declared = declared_size(problem)
-            if declared is None or declared <= size:
-                raise self._error(
-                    f"is no readable HDF5 file ({problem})",
-                    allowed="allowed is HDF5",
-                    do="repair it or record it again",
-                ) from None
-        try:
-            file = h5py.File(Padded(path, declared), "r", rdcc_nbytes=CACHE_BYTES)
-        except LIBRARY_ERRORS:
-            raise self._error(
-                f"is cut off at {size} of {declared} bytes, before its index", do="copy it again"
-            ) from None
-        self.end = size
-        self.report.losses.append(
-            f"the file is cut off at {size} of {declared} bytes; samples behind the cut are "
-            "lost; copy it again"
-        )
-        return file
 
     def _channels(self) -> list[_Channel]:
         channels, problems = [], []

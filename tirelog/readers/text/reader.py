@@ -25,8 +25,15 @@ from typing import BinaryIO
 import numpy as np
 
 from tirelog.data.setup import Setup
-from tirelog.errors import ReadError
-from tirelog.readers.base import Group, RawBlock, ReadReport, Samples, lost_samples
+from tirelog.errors import ReadError, SetupError
+from tirelog.readers.base import (
+    Group,
+    RawBlock,
+    ReadReport,
+    Samples,
+    lost_samples,
+    of_damaged,
+)
 from tirelog.readers.rates import rate_in_words
 from tirelog.readers.text.columns import (
     Columns,
@@ -59,10 +66,17 @@ _EXACT_ABOVE_S = 1e6
 def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> TextReader:
     """A reader of the text log at a path or in a binary stream (which need not seek).
 
-    ReadError: no text, no rows, or none of the setup's channels in it. SetupError: `[log] time`
-    names no column.
+    ReadError: no text, no rows, none of the setup's channels in it, or a SetupError's reason in a
+    log that is damaged. SetupError: `[log] time` names no column.
     """
-    return TextReader(ByteSource(source, log_name), setup, log_name)
+    opened = ByteSource(source, log_name)
+    try:
+        return TextReader(opened, setup, log_name)
+    except (ReadError, SetupError) as problem:
+        damage = opened.damage()
+        if not damage or damage in problem.message:
+            raise
+        raise of_damaged(damage, problem, log_name) from None
 
 
 class TextReader:
@@ -283,6 +297,7 @@ class TextReader:
                 "read"
             )
         if self._source.problem:
+            report.damage = self._source.problem
             report.losses.append(f"{self._source.problem}; the rows before it were read")
         if not rows:
             raise ReadError(

@@ -30,6 +30,9 @@ LONGEST_LINE_BYTES = 8 << 20
 #: compressed bytes read at once, and those unpacked at once: zstd turns 4 bytes into 128 KB, so 2
 #: KB become 64 MB at most
 _PIECE_BYTES, _UNPACKED_BYTES = 1 << 14, 1 << 11
+#: unpacked bytes, a second's, in which damage is looked for that may have spoilt the head; twice as
+#: many keep who has misspelt a setup waiting for twice as long
+_LOOKED_BYTES = 1 << 28
 
 _MAGIC = {
     "gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00", "zip": b"PK\3\4"
@@ -145,6 +148,16 @@ class ByteSource:
             more = bytearray(HEAD_BYTES - len(self._held))
             self._held += more[: self._into(more)]
         return self._held
+
+    def damage(self) -> str:
+        """`problem`, after reading on: a checksum stands behind what it is of.
+
+        Nothing can be read after this.
+        """
+        buffer = bytearray(BLOCK_BYTES)
+        while self.kind != "plain" and self.unpacked_bytes < _LOOKED_BYTES and self._into(buffer):
+            pass
+        return self.problem
 
     def _into(self, buffer: bytearray, at: int = 0) -> int:
         """Fills the buffer from the byte `at` on; the bytes read.
