@@ -11,6 +11,8 @@ ROOT = Path(__file__).parents[1]
 #: where an `ignore` hides a mistake in the physics
 PIPELINE = ("physics/model/", "physics/moving/")
 MOST_IGNORED = 3
+#: of tests, as CONTRIBUTING.md has them
+KINDS = ("Closed form", "Property", "Literature", "Golden", "Faults")
 
 
 def ignored() -> list[tuple[str, str]]:
@@ -54,6 +56,17 @@ def test_every_mark_of_a_group_is_one_that_the_scheduler_sees() -> None:
     ]
     assert len(marked) > 10
     assert [path.name for path in marked if not group_of(path)] == []
+
+
+def test_every_file_of_tests_says_of_which_kind_it_is() -> None:
+    """As the first word of its docstring, and of one kind alone."""
+    said = {
+        path.relative_to(ROOT).as_posix(): ast.get_docstring(ast.parse(path.read_text("utf-8")))
+        for path in sorted((ROOT / "tests").rglob("test_*.py"))
+    }
+    begins = tuple(f"{kind}: " for kind in KINDS)
+    assert len(said) > 200
+    assert [file for file, text in said.items() if not (text or "").startswith(begins)] == []
 
 
 def test_every_number_of_a_module_says_what_it_is() -> None:

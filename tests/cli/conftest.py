@@ -79,3 +79,15 @@ def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
         return Outcome(status, out.decode(), err.decode())
 
     return call
+
+
+@pytest.fixture
+def model(folder: Path, tirelog: Command) -> Path:
+    """The file of a new beam model, in the folder of the log."""
+    assert (
+        tirelog(
+            "model", "new", "--carcass", "beam", "--setup", "log.toml", "-o", "beam.toml"
+        ).status
+        == 0
+    )
+    return folder / "beam.toml"

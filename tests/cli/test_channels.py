@@ -1,4 +1,4 @@
-"""`--channel` on the tables: those rows, as they are without it, and no others."""
+"""Property: `--channel` on the tables gives those rows, as they are without it, and no others."""
 
 from pathlib import Path
 

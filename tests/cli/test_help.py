@@ -1,4 +1,4 @@
-"""What help promises: every command has examples that it takes, and words for its values."""
+"""Property: every command's help has examples that it takes, and words for its values."""
 
 import shlex
 import shutil

@@ -1,4 +1,4 @@
-"""What a terminal shows while a command works, and that nothing else shows it."""
+"""Property: a terminal shows what a command is working on, and nothing else shows it."""
 
 import importlib
 import io

@@ -1,4 +1,4 @@
-"""compare, diagnose and ladder from the command line, on a log with a hidden effect."""
+"""Property: compare, diagnose and ladder from the command line, on a log with a hidden effect."""
 
 import csv
 import errno

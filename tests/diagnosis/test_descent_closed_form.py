@@ -1,4 +1,4 @@
-"""The one descent and the one error formula on problems whose answers are known in closed form."""
+"""Closed form: the one descent and the one error formula, on problems whose answers are known."""
 
 import numpy as np
 import pytest

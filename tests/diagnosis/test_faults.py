@@ -1,4 +1,4 @@
-"""Input that cannot be diagnosed is said to be so, and so is a disk that has no room for it."""
+"""Faults: input that cannot be diagnosed is said to be so, and so is a disk without room for it."""
 
 import resource
 import tempfile

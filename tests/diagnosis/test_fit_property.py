@@ -1,5 +1,5 @@
-"""Fits: the truth comes back within its errors, from several logs and channels; what cannot be
-known is said.
+"""Property: a fit finds the truth within its errors, from several logs and channels, and says what
+cannot be known.
 
 The truth is collocation (no formula of the package) plus noise. Fits are those of `model fit`,
 which are those of `compare`.

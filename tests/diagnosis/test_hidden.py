@@ -1,4 +1,5 @@
-"""A small part of the self-test: planted effects, from the scenario to the verdict.
+"""Property: planted effects are named, from the scenario to the verdict; a small part of the
+self-test.
 
 The truth is solved apart from the models.
 """

@@ -1,4 +1,4 @@
-"""Hum of the supply goes, what repeats with the wheel stays, and nothing else is taken.
+"""Property: hum of the supply goes, what repeats with the wheel stays, and nothing else is taken.
 
 The waveform, its speeds and the hum are made here, revolution by revolution, without the package's
 simulator.

@@ -1,5 +1,5 @@
-"""Samples that lock to fixed angles: the mean waveform of a cell follows the truth, however close
-two bins' angles are.
+"""Closed form: the mean waveform of a cell follows the truth when samples lock to fixed angles,
+however close two bins' angles are.
 """
 
 from dataclasses import replace

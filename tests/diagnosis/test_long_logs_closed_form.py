@@ -1,4 +1,4 @@
-"""Sums over chunks, blocks and stretches are the sums over the whole."""
+"""Closed form: sums over chunks, blocks and stretches are the sums over the whole."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
-"""One door from logs to measured revolutions: every command gives the same number, and says what
-was set apart.
+"""Property: every command gives the same number, by one door from logs to measured revolutions, and
+says what was set apart.
 """
 
 import gzip

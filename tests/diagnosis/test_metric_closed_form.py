@@ -1,4 +1,4 @@
-"""Whitening and held-out solutions against dense linear algebra."""
+"""Closed form: whitening and held-out solutions against dense linear algebra."""
 
 from dataclasses import replace
 

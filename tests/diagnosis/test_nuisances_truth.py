@@ -1,4 +1,4 @@
-"""A nuisance of the wheel or the road is none of the tire's effects: truth by `simulate`."""
+"""Property: a nuisance of wheel or road is none of the tire's effects. Truth by `simulate`."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The pictures of `compare` and `diagnose`: what stands in them, by a result made by hand."""
+"""Closed form: what the pictures of `compare` and `diagnose` show of a result made by hand."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,5 +1,5 @@
-"""Values in steps: what rounding leaves of a mean however many revolutions it has, against made-up
-means with known truth.
+"""Closed form: what rounding leaves of a mean of values in steps, however many revolutions it has,
+against made-up means with known truth.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The table of verdicts: each rule by hand."""
+"""Closed form: the table of verdicts, each rule by hand."""
 
 from dataclasses import replace
 from types import SimpleNamespace

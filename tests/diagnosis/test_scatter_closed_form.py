@@ -1,4 +1,4 @@
-"""Scatter of manoeuvres and the errors that it leaves, against direct sums."""
+"""Closed form: scatter of manoeuvres and the errors that it leaves, against direct sums."""
 
 import numpy as np
 

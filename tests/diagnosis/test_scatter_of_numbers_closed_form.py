@@ -1,4 +1,6 @@
-"""The scatter of numbers per revolution, by piece: a few revolutions do not tell their own."""
+"""Closed form: the scatter of numbers per revolution, by piece; a few revolutions do not tell the
+scatter of their own piece.
+"""
 
 from dataclasses import dataclass
 

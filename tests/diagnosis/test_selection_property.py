@@ -1,5 +1,5 @@
-"""The sign-flip test keeps its rate where revolutions are correlated inside manoeuvres, and sees
-what repeats.
+"""Property: the sign-flip test keeps its rate where revolutions are correlated inside manoeuvres,
+and sees what repeats.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""From samples to cells: angles, manoeuvres, and scatter that is measured as what was put in."""
+"""Property: from samples to cells, angles, manoeuvres and scatter are those that were put in."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""Masses and damping out of the answer to an obstacle: what was put in is found from a start that
-is off.
+"""Property: masses and damping that were put in are found in the answer to an obstacle, from a
+start that is off.
 """
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
-"""What holds for every comparison on an obstacle: bands add up, a hit that was put in is found with
-the error that is said.
+"""Property: in every comparison on an obstacle bands add up, and a hit that was put in is found
+with the error that is said.
 """
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
-"""`compare` of a coupled ring with logs of a tire that moved, simulated by finite elements: from
-the outside.
+"""Property: `compare` of a coupled ring finds the hits in logs of a tire that moved, simulated by
+finite elements; from the outside.
 
 The model has the truth's numbers but for what the steady fit moves; what it misses of the obstacle
 is the difference of two solutions and what the fit leaves.

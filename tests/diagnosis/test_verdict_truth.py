@@ -1,5 +1,5 @@
-"""A verdict is true as a sentence: "the noise floor" only where held-out error and chi-square say
-so. Truth by `simulate`.
+"""Property: a verdict is true as a sentence; "the noise floor" is said only where held-out error
+and chi-square say so. Truth by `simulate`.
 """
 
 from dataclasses import replace

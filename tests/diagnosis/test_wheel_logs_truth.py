@@ -1,5 +1,5 @@
-"""The shipped logs of encoder and in-tire accelerometer: what their truth holds is named, and
-gravity is not taken for an effect.
+"""Property: of the shipped logs of encoder and in-tire accelerometer, what their truth holds is
+named, and gravity is not taken for an effect.
 """
 
 import json

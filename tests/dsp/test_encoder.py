@@ -1,6 +1,4 @@
-"""Tooth passages, counted teeth and the pitch table against a sine whose phase is known in closed
-form, and properties of both.
-"""
+"""Closed form: tooth passages, counted teeth and the pitch table of a sine whose phase is known."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""The compiled kernels against a plain reference that shares nothing with them: loops, scipy's
-filters, root finding, splines.
+"""Closed form: the compiled kernels against a plain reference that shares nothing with them (loops,
+scipy's filters, root finding, splines).
 """
 
 import numpy as np

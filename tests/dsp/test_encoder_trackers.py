@@ -1,5 +1,5 @@
-"""P4's frequency trackers against a known frequency, and against the speed that the tooth passages
-give.
+"""Closed form: P4's frequency trackers against a known frequency, and against the speed that the
+tooth passages give.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Faults of formats that a library reads: a sentence, bounded memory, no code of the file's."""
+"""Faults: formats that a library reads: a sentence, bounded memory, no code of the file's."""
 
 import dataclasses
 import io

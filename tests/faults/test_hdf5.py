@@ -1,5 +1,5 @@
-"""Hostile and damaged HDF5 files: refused or read in part, always in a sentence, never beyond
-bounded memory.
+"""Faults: hostile and damaged HDF5 files are refused or read in part, always in a sentence, never
+beyond bounded memory.
 """
 
 import resource

@@ -1,5 +1,5 @@
-"""Damaged and foreign MCAP files: good chunks are kept, what is lost is named, and nothing but our
-own errors comes out.
+"""Faults: of damaged and foreign MCAP files good chunks are kept, what is lost is named, and
+nothing but our own errors comes out.
 """
 
 import io

@@ -1,4 +1,4 @@
-"""Faults of MATLAB, Parquet, WAV and zip logs: a sentence and a status, or what can be kept."""
+"""Faults: MATLAB, Parquet, WAV and zip logs: a sentence and a status, or what can be kept."""
 
 import io
 import struct
@@ -13,34 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat, wavfile
 
-from tirelog.data.setup import Setup, parse_setup
-from tirelog.errors import ReadError, TirelogError
+from tests.readers.other_files import A, N, read, refusal, setup_of
+from tirelog.errors import TirelogError
 from tirelog.runs.ingest import open_recording
 
-N = 4000
-A = np.sin(np.arange(N) * 0.37) + 1e-3 * np.arange(N)
 TEXT = "time,a\n" + "".join(f"{i / 100:.2f},{x:.4f}\n" for i, x in enumerate(A))
-
-
-def setup_of(source: str = "a") -> Setup:
-    return parse_setup(
-        f'[channels.a]\nkind = "signal"\nsource = "{source}"\n[log]\nsampling_rate_Hz = 100.0\n'
-    )
-
-
-def read(data: bytes, folder: Path, source: str = "a") -> tuple[np.ndarray, str]:
-    """(samples, what was lost)."""
-    path = folder / "log"
-    path.write_bytes(data)
-    with open_recording(str(path), setup_of(source)) as recording:
-        return recording.channels["a"].read(), "; ".join(recording.losses)
-
-
-def refusal(data: bytes, folder: Path, source: str = "a") -> str:
-    with pytest.raises(ReadError) as caught:
-        read(data, folder, source)
-    assert str(caught.value).startswith(f"{folder / 'log'}: ")
-    return str(caught.value)
 
 
 def matlab(packed: bool = False, **variables: object) -> bytes:
@@ -230,14 +207,6 @@ def test_a_channel_that_a_wav_does_not_have(tmp_path: Path) -> None:
     assert "allowed are #1 to #1" in refusal(MADE["wav"][0], tmp_path, "#2")
 
 
-def test_samples_of_24_bits(tmp_path: Path) -> None:
-    whole = np.array([0, 1, -1, 1 << 22, -(1 << 23), (1 << 23) - 1])
-    body = b"".join(int(x).to_bytes(3, "little", signed=True) for x in whole)
-    head = b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 1, 1, 100, 300, 3, 24)
-    data = head + b"LIST\x05\0\0\0abcde\0" + b"data" + struct.pack("<I", len(body)) + body
-    np.testing.assert_array_equal(read(data, tmp_path, "#1")[0], whole / 2.0**23)
-
-
 def encrypted() -> bytes:
     data = bytearray(zipped())
     data[6] |= 1
@@ -276,24 +245,3 @@ def test_text_in_a_table_is_handed_to_nobody(tmp_path: Path) -> None:
     data = parquet(words=words, time=np.arange(N) / 100.0, a=A)
     np.testing.assert_array_equal(read(data, tmp_path)[0], A)
     assert "no column 'words'" in refusal(data, tmp_path, "words")
-
-
-ARRAYS = {
-    "columns": np.column_stack([np.arange(N) / 100.0, A]),
-    "rows": np.vstack([np.arange(N) / 100.0, A]),
-    "records": np.rec.fromarrays([np.arange(N) / 100.0, A], names="t,a"),
-}
-
-
-@pytest.mark.parametrize("name", ARRAYS)
-def test_the_line_that_converts_a_numpy_array_does(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    np.save(tmp_path / "log", ARRAYS[name])
-    (tmp_path / "log.npy").rename(tmp_path / "log")
-    message = refusal((tmp_path / "log").read_bytes(), tmp_path)
-    code = message.split('convert it first: python -c "')[1].removesuffix('"')
-    monkeypatch.chdir(tmp_path)
-    exec(code.replace("FILE", "log"), {})  # what a shell would hand to Python
-    data = (tmp_path / "log.csv").read_bytes()
-    np.testing.assert_array_equal(read(data, tmp_path, "a" if name == "records" else "#2")[0], A)

@@ -1,5 +1,5 @@
-"""P1 Fig. 11: the measured dissipation factor falls almost linearly with speed; P1's own model does
-not do that.
+"""Literature: by P1 Fig. 11 the measured dissipation factor falls almost linearly with speed; P1's
+own model does not do that.
 
 The first example of a model that fails on a measurement: with P1's Table 1 (mu corrected) the
 factor *rises* 1.15 x from 3 to 24 m/s at light damping, and falls only above a damping of about

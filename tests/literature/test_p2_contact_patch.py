@@ -1,5 +1,5 @@
-"""P2's passages rebuilt from its own beam (Table 1 with mu corrected) with the measured L = 63 mm,
-read off as the paper reads them.
+"""Literature: P2's passages rebuilt from its own beam (Table 1 with mu corrected) with the measured
+L = 63 mm, read off as the paper reads them.
 
 The tolerances are the paper's: whole milliseconds in the stamps give +-0.4 cm at 13.5 km/h per edge
 and +-1.3 cm at 45 km/h.

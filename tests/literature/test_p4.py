@@ -1,5 +1,5 @@
-"""P4: every sentence of section V, and the numbers of section IV, on drives with known forces
-(rear-wheel drive, as in P4 section II).
+"""Literature: P4, every sentence of section V and the numbers of section IV, on drives with known
+forces (rear-wheel drive, as in P4 section II).
 
 Wheels, forces and trends are those of the test's own car: the shift is wind-up in proportion to
 F_x, the width follows the square root of F_z, both carry one trend with speed for front and rear,

@@ -1,5 +1,5 @@
-"""The beam against its exact roots and against collocation, 1e-6 relative; refusal at the critical
-speed.
+"""Closed form: the beam against its exact roots and against collocation, 1e-6 relative; refusal at
+the critical speed.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""P1 and P2: printed numbers, and the errata shown."""
+"""Literature: printed numbers of P1 and P2, and the errata shown."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""The catalogue's belt in shear against Timoshenko's two equations in finite differences."""
+"""Closed form: the catalogue's belt in shear against Timoshenko's two equations, solved by finite
+differences.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""`tirelog model` and `tirelog effects` from the outside: what they write, print and refuse."""
+"""Property: what `tirelog model` and `tirelog effects` write, print and refuse."""
 
 import json
 

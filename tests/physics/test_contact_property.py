@@ -1,5 +1,5 @@
-"""One-sided contact with a flat road: carries the load, never pulls, and what it presses follows
-its own law.
+"""Property: one-sided contact with a flat road carries the load, never pulls, and what it presses
+follows its own law.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""`tirelog model predict` of a coupled ring driven in time, from the outside."""
+"""Property: `tirelog model predict` of a coupled ring driven in time, from the outside."""
 
 import io
 import re

@@ -1,5 +1,5 @@
-"""`carcass = "coupled_ring"` in model files: the ring where it rolls steadily, with a hub of its
-own beside.
+"""Property: `carcass = "coupled_ring"` in model files is the ring where it rolls steadily, with a
+hub of its own beside.
 """
 
 import numpy as np

@@ -1,5 +1,5 @@
-"""The coupled ring against a chain of masses in space (`node_ring`), dropped on a road as it rolls:
-transients by another discretisation.
+"""Property: the coupled ring moves as a chain of masses in space (`node_ring`), dropped on a road
+as it rolls: transients by another discretisation.
 
 At a small load, where the ring's linear kinematics hold: at 100 N the spindle's force differs by
 0.5 % rms, at 1000 N (20 mm) by 13 %.

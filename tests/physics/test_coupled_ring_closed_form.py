@@ -1,5 +1,5 @@
-"""The coupled ring in time against closed forms: the belt's free vibration, rest and steady rolling
-on the road, momentum and torque.
+"""Closed form: the coupled ring in time, by the belt's free vibration, rest and steady rolling on
+the road, momentum and torque.
 """
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
-"""Tires, roads, speeds and steps that the coupled ring cannot take: one sentence each, with what is
-allowed.
+"""Faults: tires, roads, speeds and steps that the coupled ring cannot take are refused in one
+sentence, with what is allowed.
 """
 
 from dataclasses import replace

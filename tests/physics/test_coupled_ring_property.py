@@ -1,5 +1,5 @@
-"""What holds for every motion of the coupled ring: energy, friction's limit, the answer to a cleat;
-and that steps converge.
+"""Property: what holds for every motion of the coupled ring (energy, friction's limit, the answer
+to a cleat), and that steps converge.
 """
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
-"""What holds for every transient of a coupled ring model: where nothing happens it is the steady
-ring, and sensors read one motion.
+"""Property: every transient of a coupled ring model is the steady ring where nothing happens, and
+its sensors read one motion.
 """
 
 import numpy as np

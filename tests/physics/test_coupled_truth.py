@@ -1,12 +1,12 @@
-"""The coupled ring of the models against the simulator's tire in motion: modes in space against
+"""Property: the coupled ring of the models moves as the simulator's tire: modes in space against
 finite elements that turn with the belt.
 
-Property. They share no formula: modal amplitudes in the frame that does not turn, exact between
-kicks, against quintic splines in the wheel's frame, implicit midpoint, found by virtual work. What
-stands behind the limits (range of the waveform, 0.15 s from 0.5 m ahead of a 5 mm cleat, 20 m/s,
-3000 N): with both at half the step and a finer grid they come together to 0.6 % (spindle), 0.5 %
-(strain below 300 Hz) and 0.6 % (below 600 Hz). Above that the tread's own ringing against the road,
-840 Hz, runs out of step.
+They share no formula: modal amplitudes in the frame that does not turn, exact between kicks,
+against quintic splines in the wheel's frame, implicit midpoint, found by virtual work. What stands
+behind the limits (range of the waveform, 0.15 s from 0.5 m ahead of a 5 mm cleat, 20 m/s, 3000 N):
+with both at half the step and a finer grid they come together to 0.6 % (spindle), 0.5 % (strain
+below 300 Hz) and 0.6 % (below 600 Hz). Above that the tread's own ringing against the road, 840 Hz,
+runs out of step.
 """
 
 from functools import cache

@@ -1,5 +1,5 @@
-"""One shared test for every effect of the catalogue: off is the base, slopes, bounds, units,
-conditions, order, load carried.
+"""Property: every effect of the catalogue passes one shared test: off is the base, slopes, bounds,
+units, conditions, order, load carried.
 """
 
 import pickle

@@ -1,4 +1,4 @@
-"""`tirelog model forces`, and `model predict` of several conditions, from the outside."""
+"""Property: `tirelog model forces`, and `model predict` of several conditions, from the outside."""
 
 import json
 import shutil

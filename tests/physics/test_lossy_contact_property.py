@@ -1,5 +1,6 @@
-"""Contact with a flat road of a ring that takes power: the law of the springs still holds, the
-pressure leans to the entry edge, and without losses it is the even contact."""
+"""Property: on a flat road the contact of a ring that takes power keeps the law of the springs, its
+pressure leans to the entry edge, and without losses it is the even contact.
+"""
 
 from dataclasses import replace
 

@@ -1,4 +1,6 @@
-"""Hostile and mistaken models: refused with what is wrong, what is allowed, what to do."""
+"""Faults: hostile and mistaken models are refused in a sentence that says what is wrong, what is
+allowed, what to do.
+"""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Model files: what is written is read again, comments stay, and nothing half-written is left."""
+"""Property: model files are read as they were written, comments stay, none is left half-written."""
 
 import numpy as np
 import pytest

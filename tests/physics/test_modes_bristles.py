@@ -1,5 +1,5 @@
-"""Modes on a road with friction against the motion in time, whose bristles, contact and steps are
-its own; what friction does.
+"""Property: modes on a road with friction agree with the motion in time, whose bristles, contact
+and steps are its own; what friction does.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Natural frequencies of the coupled ring against textbook forms, and P3's turning frame."""
+"""Closed form: natural frequencies of the coupled ring against textbooks and P3's turning frame."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""`tirelog model modes` from the outside."""
+"""Property: `tirelog model modes` from the outside."""
 
 import json
 import re

@@ -1,4 +1,6 @@
-"""The ring (P3 with the errata): what holds exactly, and against collocation of its equation."""
+"""Closed form: what holds exactly of the ring (P3 with the errata), and the ring against
+collocation of its equation.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""P3 Figs. 3 to 7 with Table 2: what the figures show."""
+"""Literature: what P3's Figs. 3 to 7 show, with Table 2."""
 
 import numpy as np
 import pytest

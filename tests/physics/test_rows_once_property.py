@@ -1,5 +1,6 @@
-"""Rows that are alike to belt and load are computed once: what a row's waveform is depends on that
-row's conditions alone, whatever the rows beside it."""
+"""Property: rows that are alike to belt and load are computed once, and what a row's waveform is
+depends on that row's conditions alone, whatever the rows beside it.
+"""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
-"""Pressure and shear under traction against P2 (13), and a ring that is pulled along by the shear
-itself.
+"""Closed form: pressure and shear under traction against P2 (13), and a ring that is pulled along
+by the shear itself.
 """
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
-"""HDF5 logs of every layout: the values, rates, stamps, units and groups that come out are those
-that were written.
+"""Property: of HDF5 logs of every layout, the values, rates, stamps, units and groups that come out
+are those that were written.
 
 `data/pandas_layouts.h5` was written by pandas 3.0 through PyTables: 20 rows a millisecond apart,
 CH1_FBG1 = 1549 + row / 16, CH1_FBG2 = 1540 + row / 32, n = row, as `fixed`, `table`, `columns`

@@ -1,4 +1,4 @@
-"""MCAP logs: what comes out is what was written, by whatever path it is decoded."""
+"""Property: what comes out of an MCAP log is what was written, by whatever path it is decoded."""
 
 import io
 

@@ -1,5 +1,5 @@
-"""The recorded MCAP files of ROS 2's own tests: each opens, and gives the messages that the library
-counts.
+"""Faults: the MCAP files that ROS 2 recorded for its own tests are foreign here; each opens, and
+gives the messages that the library counts.
 """
 
 from collections import Counter

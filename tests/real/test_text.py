@@ -1,5 +1,5 @@
-"""Real logs, where they are at hand: an interrogator's export at 20 Hz, and wheel speeds off a
-vehicle's bus.
+"""Faults: foreign logs are read, where they are at hand: an interrogator's export at 20 Hz, and
+wheel speeds off a vehicle's bus.
 """
 
 from pathlib import Path

@@ -1,5 +1,5 @@
-"""Two solutions that share no line of code: the truth (differences on a grid) and the models
-(modes), 1e-4 of the peak or better.
+"""Property: the truth (differences on a grid) and the models (modes) share no line of code, and
+agree to 1e-4 of the peak or better.
 
 Only the exact forms can agree; the other forms are there to differ.
 """

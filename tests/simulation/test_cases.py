@@ -1,4 +1,6 @@
-"""Cases by a few arguments: reproducible, null when nothing is planted, dialled by strength."""
+"""Property: cases by a few arguments can be repeated, are null with nothing planted, and are
+dialled by strength.
+"""
 
 from __future__ import annotations
 

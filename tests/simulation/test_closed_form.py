@@ -1,4 +1,4 @@
-"""The truth's carcasses against solutions that are known in closed form or as sums."""
+"""Closed form: the truth's carcasses against solutions that are known on paper or as sums."""
 
 from __future__ import annotations
 

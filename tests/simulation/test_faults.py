@@ -1,5 +1,5 @@
-"""Scenarios that cannot be carried out: refused with what is allowed and what to do, on the command
-line too.
+"""Faults: scenarios that cannot be carried out are refused with what is allowed and what to do, on
+the command line too.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Effects that no catalogue has: each is where, of the parity, exponent and frequency that its
-truth states.
+"""Closed form: each effect that no catalogue has is where, of the parity, exponent and frequency
+that its truth states.
 """
 
 from __future__ import annotations

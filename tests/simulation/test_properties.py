@@ -1,5 +1,5 @@
-"""What must hold for every scenario: nulls repeat, strength zero is off, interpolation leaves no
-trace, seeds decide everything.
+"""Property: for every scenario nulls repeat, strength zero is off, interpolation leaves no trace,
+seeds decide everything.
 """
 
 from __future__ import annotations

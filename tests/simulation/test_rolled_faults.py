@@ -1,5 +1,5 @@
-"""Tires in motion that cannot be: refused with what is allowed and what to do, status 2 on the
-command line.
+"""Faults: tires in motion that cannot be are refused with what is allowed and what to do, status 2
+on the command line.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""sample_data is what its README says: complete, small, untouched, and still what the simulator
-makes of its scenarios.
+"""Golden: sample_data is what its README says: complete, small, untouched, and still what the
+simulator makes of its scenarios.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A form "apart" is really another shape, also of what it leaves beside a fitted model."""
+"""Property: a form "apart" is really another shape, also of what a fitted model leaves of it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The wall: the truth imports none of the models and estimators, and none of them imports the
-truth.
+"""Property: the truth imports none of the models and estimators, and none of them imports the
+truth: the wall.
 """
 
 from __future__ import annotations

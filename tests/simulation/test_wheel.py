@@ -1,4 +1,4 @@
-"""Encoder, accelerometer and the wheel's forces: signs and sizes of P4 and the errata."""
+"""Closed form: signs and sizes of encoder, accelerometer and wheel forces, by P4 and the errata."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A simulated log written, read back by the package's own readers, and compared with the one in
-memory.
+"""Property: a simulated log that is written and read back by the package's own readers is the one
+in memory.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Dissipation against finite-difference truths, closed forms of its pieces, and bad input.
+"""Closed form: dissipation by finite-difference truths, its pieces on paper, and bad input.
 
 Seeds from 1000: none was used for tuning.
 """

@@ -1,5 +1,5 @@
-"""`tirelog footprint`, `dissipation` and `inflation` on the command line: options, refusals,
-pictures, statuses.
+"""Property: `tirelog footprint`, `dissipation` and `inflation` on the command line: options,
+refusals, pictures, statuses.
 """
 
 from __future__ import annotations

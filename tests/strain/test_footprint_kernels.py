@@ -1,5 +1,5 @@
-"""The compiled inside of the footprint against plain numpy and scipy on the same input: least
-squares, spectra, windows, derivatives.
+"""Closed form: the compiled inside of the footprint against plain numpy and scipy on the same input
+(least squares, spectra, windows, derivatives).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Footprint and dissipation under bad input, and for any block size: no row may be lost, each fault
-has its own word.
+"""Faults: footprint and dissipation lose no row under bad input, whatever the block size, and each
+fault has its own word.
 """
 
 from __future__ import annotations

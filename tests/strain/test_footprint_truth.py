@@ -1,4 +1,4 @@
-"""Contact length against finite-difference truths of both carcasses.
+"""Property: contact length is that of finite-difference truths of both carcasses.
 
 Seeds from 1000: none was used for tuning.
 """

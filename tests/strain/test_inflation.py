@@ -1,5 +1,5 @@
-"""Strain against inflation pressure: a ramp with two stops and leaks (P2 Fig. 15), and what is
-refused.
+"""Closed form: strain against inflation pressure over a ramp with two stops and leaks (P2 Fig. 15),
+and what is refused.
 """
 
 from __future__ import annotations

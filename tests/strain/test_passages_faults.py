@@ -1,4 +1,4 @@
-"""Lost samples, gaps, spikes, jumps, clipping, and logs with next to nothing in them."""
+"""Faults: lost samples, gaps, spikes, jumps, clipping, and logs with next to nothing in them."""
 
 from __future__ import annotations
 

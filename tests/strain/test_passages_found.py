@@ -1,4 +1,4 @@
-"""Every passage found and none invented, whatever the drive and the instrument do.
+"""Property: every passage is found and none invented, whatever the drive and the instrument do.
 
 Seeds from 1000: none was used for tuning.
 """

@@ -1,4 +1,4 @@
-"""Slip onset against P2's brush on a finite-difference beam.
+"""Property: slip onset is that of P2's brush on a finite-difference beam.
 
 Seeds from 1000: none was used for tuning.
 """

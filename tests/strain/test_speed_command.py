@@ -1,5 +1,5 @@
-"""`tirelog speed` on logs: the radius option, channels that tell no speed, few revolutions, nothing
-in the strain.
+"""Faults: `tirelog speed` on logs without a radius, with channels that tell no speed, few
+revolutions, or nothing in the strain; and its radius option.
 """
 
 from __future__ import annotations

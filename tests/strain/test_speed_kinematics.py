@@ -1,4 +1,4 @@
-"""Closed forms: what the parabola through three passages gives exactly, and its errors."""
+"""Closed form: what the parabola through three passages gives exactly, and its errors."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The columns of the speed table, which channel tells the speed, and the rolling radius against a
-vehicle's speed.
+"""Property: the columns of the speed table, which channel tells the speed, and the rolling radius
+against a vehicle's speed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Pictures of revolutions: what they show of waveforms that are known, a panel per log."""
+"""Closed form: what pictures of revolutions show of waveforms that are known, a panel per log."""
 
 from pathlib import Path
 from types import SimpleNamespace

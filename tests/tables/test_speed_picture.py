@@ -1,4 +1,4 @@
-"""`speed --plot`: rows by hand, and what is drawn of them."""
+"""Closed form: what `speed --plot` draws of rows made by hand."""
 
 from types import SimpleNamespace
 

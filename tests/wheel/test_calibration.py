@@ -1,4 +1,6 @@
-"""Speed maps, cross-talk, delay, forces and the calibration file, against planted values."""
+"""Property: planted speed maps, cross-talk, delay and forces are found, and the calibration file
+gives them back.
+"""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""A telemetry delay beside drag and inertia: what a ramp tells of it, with the longitudinal force
-measured and without.
+"""Property: a telemetry delay beside drag and inertia: what a ramp tells of it, with the
+longitudinal force measured and without.
 """
 
 from dataclasses import replace

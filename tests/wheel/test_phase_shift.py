@@ -1,4 +1,4 @@
-"""Fronts, zero and words of `phase-shift` against an accelerometer of known patch."""
+"""Property: `phase-shift` gives fronts, zero and words of an accelerometer whose patch is known."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""`tirelog phase-shift` from a file: rows, calibration there and back, statuses, pictures."""
+"""Property: `tirelog phase-shift` on a file: rows, calibration there and back, statuses and the
+pictures that it draws.
+"""
 
 import csv
 import io

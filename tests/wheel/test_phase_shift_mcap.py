@@ -1,5 +1,5 @@
-"""`phase-shift` and `speed` from MCAP: encoder and accelerometer in batches, the vehicle's speed a
-message each; the rows of the same log in HDF5.
+"""Property: `phase-shift` and `speed` from MCAP (encoder and accelerometer in batches, the
+vehicle's speed a message each) give the rows of the same log in HDF5.
 """
 
 import csv

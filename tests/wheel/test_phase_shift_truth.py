@@ -1,5 +1,5 @@
-"""Fronts of a simulated carcass, whose soft flanks nobody drew for the estimator: the goals at 10
-m/s, where the noise tells most.
+"""Property: fronts of a simulated carcass, whose soft flanks nobody drew for the estimator, meet
+the goals at 10 m/s, where the noise tells most.
 """
 
 from dataclasses import replace

@@ -1,4 +1,6 @@
-"""Wheel angle, speed and rolling radius against an encoder of known motion and pitch errors."""
+"""Property: wheel angle, speed and rolling radius are those of an encoder whose motion and pitch
+errors are known.
+"""
 
 import numpy as np
 import pytest

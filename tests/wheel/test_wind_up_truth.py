@@ -1,5 +1,5 @@
-"""Truth by `simulate`: with the longitudinal force measured, the phase shift tells how far the
-sidewalls wind up from how late the telemetry is.
+"""Property: with the longitudinal force measured, the phase shift tells how far the sidewalls wind
+up from how late the telemetry is. Truth by `simulate`.
 """
 
 from dataclasses import replace

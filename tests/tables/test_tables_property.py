@@ -1,6 +1,4 @@
-"""Property and faults: a table says the same in every format, and stands whole under its name or
-not at all.
-"""
+"""Property: a table says the same in every format, and is made of columns that are known."""
 
 import json
 from pathlib import Path
@@ -10,19 +8,12 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from tirelog.errors import OutputError, ReadError, UsageError
-from tirelog.storage.whole import whole_file
-from tirelog.tables.writer import FORMATS, TableWriter, read_table
+from tests.tables.speed_rows import PART
+from tirelog.errors import UsageError
+from tirelog.tables.writer import TableWriter, read_table
 from tirelog.vocabulary.columns import COLUMNS, TABLES, TableColumn, register
+from tirelog.vocabulary.tables import TABLE_FORMATS
 
-PART = {
-    "quality": np.array(["ok", "gap;spike", "ok"], dtype=object),
-    "log": "a, b.csv",
-    "channel": "strain_1",
-    "revolution": np.array([0, 1, 2]),
-    "time_s": np.array([0.1, 1234.5678901234, 1e-7]),
-    "speed_m_s": np.array([14.0000000001234, np.nan, 3.0]),
-}
 ORDER = ["log", "channel", "revolution", "time_s", "speed_m_s", "quality"]
 
 
@@ -61,50 +52,6 @@ def test_an_empty_table_has_its_columns(tmp_path: Path) -> None:
     assert (tmp_path / "t.csv").read_text().strip().split(",") == list(TABLES["speed"])
 
 
-def test_nothing_stands_under_the_name_when_the_work_fails(tmp_path: Path) -> None:
-    with (
-        pytest.raises(RuntimeError, match="in the middle"),
-        TableWriter("speed", tmp_path / "t.csv", None) as table,
-    ):
-        table.write(PART)
-        raise RuntimeError("in the middle")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_failed_write_leaves_the_older_file(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text("older")
-    with pytest.raises(OutputError, match="disk is full"), whole_file(tmp_path / "t.csv") as part:
-        part.write_text("half")
-        raise OSError(28, "No space left on device")
-    assert (tmp_path / "t.csv").read_text() == "older"
-    assert list(tmp_path.iterdir()) == [tmp_path / "t.csv"]
-
-
-def test_output_folder_missing(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="folder has to exist"):
-        TableWriter("speed", tmp_path / "no" / "t.csv", None)
-
-
-def test_output_is_a_folder(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").mkdir()
-    with pytest.raises(OutputError, match="it is a folder"):
-        TableWriter("speed", tmp_path / "t.csv", None)
-
-
-def test_unknown_suffix_and_format(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"no format has the suffix '.xls'"):
-        TableWriter("speed", tmp_path / "t.xls", None)
-    with pytest.raises(UsageError, match="nearest: parquet"):
-        TableWriter("speed", None, "parket")
-
-
-@pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.json"])
-def test_what_is_no_table(tmp_path: Path, name: str) -> None:
-    (tmp_path / name).write_bytes(b"")
-    with pytest.raises(ReadError, match="is not a table"):
-        read_table(tmp_path / name)
-
-
 def test_every_table_is_made_of_known_columns() -> None:
     assert {name for columns in TABLES.values() for name in columns} <= set(COLUMNS)
 
@@ -118,7 +65,7 @@ def test_a_column_is_registered_once() -> None:
         register([one, other])
 
 
-@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("format", TABLE_FORMATS)
 def test_a_later_log_may_say_less(tmp_path: Path, format: str) -> None:
     """What the setup of a later log leaves open is empty there; what only a later one has stands
     nowhere, so it is refused.

@@ -1,0 +1,59 @@
+"""Faults: a setup file that is wrong is refused: what is wrong, where, and what is allowed."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.data.good_setup import GOOD
+from tirelog.data.setup import load_setup, parse_setup
+from tirelog.errors import SetupError
+
+BAD = [
+    (
+        "strain_gain",
+        "strian_gain",
+        15,
+        r"unknown key 'strian_gain'.*nearest: strain_gain.*allowed are kind, source",
+    ),
+    ('kind = "fbg_strain"', 'kind = "fbg_strian"', 11, r"nearest: fbg_strain"),
+    ('unit = "nm"', 'unit = "nanobar"', 13, r"unit 'nanobar' is not one of m, mm"),
+    ('unit = "nm"', 'unit = "bar"', 13, r"unit 'bar' is not one of"),
+    ("load_N = 3434.0", "load_N = 0", 7, r"a number above 0"),
+    ("load_N = 3434.0", "load_N = nan", 7, r"a number above 0"),
+    ("load_N = 3434.0", "load_N = true", 7, r"a number above 0"),
+    ("steps = 48", "steps = 48.5", 26, r"whole"),
+    ('surface = "inner"', 'surface = "iner"', 17, r"allowed are outer, inner"),
+    ("[1549.0, 1551.5]", "[1551.5, 1549.0]", 18, r"pair \[low, high\]"),
+    ('"temp_1"', '"temp_2"', 16, r"no other channel.*nearest: temp_1"),
+    ("[conditions]", "[condition]", 6, r"unknown table \[condition\].*nearest: conditions"),
+    ("reference_wavelength_nm = 1550.0\n", "", 10, r"a grating needs its wavelength at rest"),
+    ("driven = true", "driven = 1", 9, r"true or false"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "message"), BAD)
+def test_a_bad_setup_is_refused_with_file_line_and_advice(
+    old: str, new: str, line: int, message: str
+) -> None:
+    with pytest.raises(SetupError, match=message) as caught:
+        parse_setup(GOOD.replace(old, new, 1), "s.toml")
+    assert caught.value.line == line
+    assert str(caught.value).startswith(f"s.toml:{line}: ")
+
+
+def test_broken_toml_says_the_line(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text("[tire]\nname = \n")
+    with pytest.raises(SetupError, match="not TOML"):
+        load_setup(tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"x" * (2 << 20)])
+def test_what_is_no_setup_at_all(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "s.toml").write_bytes(content)
+    with pytest.raises(SetupError, match=r"UTF-8|larger than"):
+        load_setup(tmp_path / "s.toml")
+
+
+def test_no_channels() -> None:
+    with pytest.raises(SetupError, match="at least one"):
+        parse_setup("[tire]\nname='x'\n")

@@ -1,0 +1,65 @@
+"""Values of three channels whose strain has a temperature twin, and a run that holds them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tirelog.data.recording import TimeAxis
+from tirelog.data.setup import parse_setup
+from tirelog.readers.base import Group, RawBlock
+from tirelog.runs.chunks import CHUNK
+from tirelog.runs.store import RunWriter
+from tirelog.vocabulary.quality import Quality
+
+SETUP = """[tire]
+unloaded_radius_m = 0.3
+[channels.s]
+kind = "fbg_strain"
+source = "a"
+reference_wavelength_nm = 1550.0
+strain_gain = 1.25
+thermal_expansion_1_K = 2e-6
+temperature_channel = "t"
+[channels.t]
+kind = "fbg_temperature"
+source = "b"
+reference_wavelength_nm = 1540.0
+[channels.v]
+kind = "vehicle_speed"
+source = "c"
+unit = "km/h"
+"""
+
+SIZE = 2 * CHUNK + 777
+
+
+def source() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(3)
+    s = np.round(1550 + 0.5 * rng.standard_normal(SIZE), 4)
+    s[rng.random(SIZE) < 0.01] = np.nan
+    t = np.round(1540 + 0.01 * rng.standard_normal(SIZE), 4)
+    v = rng.random(SIZE).astype(np.float32).astype(float)
+    return {"s": s, "t": t, "v": v}
+
+
+def write(
+    path: Path,
+    values: dict[str, np.ndarray],
+    *,
+    block: int,
+    compress: bool = True,
+    decimals: int | None = 4,
+) -> None:
+    group = Group("g", ("s", "t", "v"), decimals={"s": decimals, "t": 4, "v": None})
+    writer = RunWriter(path, parse_setup(SETUP), (group,), compress=compress)
+    for start in range(0, SIZE, block):
+        part = {name: v[start : start + block] for name, v in values.items()}
+        flags = (("s", 1, 3, Quality.SPURIOUS_PEAK),) if start == 0 else ()
+        writer.append(RawBlock("g", part, flags=flags))
+    axis = TimeAxis(SIZE, 2500.0, np.array([0, 5000]), np.array([0.0, 3.0]), np.array([4e-4, 4e-4]))
+    writer.finish(
+        {"g": axis},
+        {"g": [(5000, 5001, Quality.GAP)]},
+        {"sha256": "00", "remarks": ["a remark"], "losses": ["a loss"]},
+    )
+    writer.close()

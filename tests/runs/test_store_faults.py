@@ -1,0 +1,107 @@
+"""Faults: lost samples and damage cost a run only what they hit, and never pass as data."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.runs.stored import SIZE, source, write
+from tirelog.errors import ReadError, SetupError
+from tirelog.runs.chunks import CHUNK
+from tirelog.runs.store import is_run, open_run
+from tirelog.runs.store_checks import contents_digest
+from tirelog.vocabulary.quality import Quality
+
+
+@pytest.mark.parametrize("block", [500, CHUNK])
+def test_a_lost_twin_reading_does_not_cost_the_strain(tmp_path: Path, block: int) -> None:
+    values = source()
+    values["t"] = 1540.0 + np.round(1e-5 * np.arange(SIZE), 4)
+    values["t"][20_000:21_000] = np.nan  # bridged
+    values["t"][40_000:60_000] = np.nan  # the middle of it is out of reach of any reading
+    write(tmp_path / "r.h5", values, block=4000)
+    temperature = (1540.0 + 1e-5 * np.arange(SIZE) - 1540) / 0.010
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        strain = np.concatenate([v for _, v in run.channels["s"].blocks(block)])
+    want = 1.25 * (values["s"] - 1550) / 1550 - 2e-6 * temperature
+    near = np.r_[0:40_000, 60_000:SIZE]
+    np.testing.assert_allclose(strain[near], want[near], atol=2e-6 * 0.011)
+    assert np.isnan(strain[45_000:55_000]).all()
+    assert np.isfinite(strain[41_000:41_010]).any()
+
+
+def test_a_flipped_bit_is_never_data(tmp_path: Path) -> None:
+    """Every flip is refused, or costs whole chunks that are NaN and named; what is read is what was
+    written.
+    """
+    path = tmp_path / "r.h5"
+    write(path, source(), block=CHUNK)
+    with open_run(path, "r.h5") as run:
+        truth = {name: channel.read() for name, channel in run.channels.items()}
+    clean = path.read_bytes()
+    rng = np.random.default_rng(8)
+    met = {"refused": 0, "lost": 0, "harmless": 0}
+    for _ in range(120):
+        damaged = bytearray(clean)
+        damaged[rng.integers(len(clean))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            with open_run(path, "r.h5") as run:
+                read = {name: channel.read() for name, channel in run.channels.items()}
+                losses = [loss for loss in run.losses if "checksum" in loss]
+        except (ReadError, SetupError):
+            met["refused"] += 1
+            continue
+        different = [
+            name for name in truth if not np.array_equal(read[name], truth[name], equal_nan=True)
+        ]
+        for name in different:
+            changed = ~(
+                (read[name] == truth[name]) | (np.isnan(read[name]) & np.isnan(truth[name]))
+            )
+            bridged = (name == "s") & (
+                np.abs(read[name] - truth[name]) < 2e-5
+            )  # temperature from the nearest twin readings
+            assert (np.isnan(read[name]) | bridged)[changed].all()
+        assert bool(losses) >= bool(different)
+        met["lost" if losses else "harmless"] += 1
+    assert met["lost"] > 60
+
+
+@pytest.mark.parametrize("keep", [0, 8, 100, 1000, 5000, 50_000])
+def test_a_run_that_was_cut_off(tmp_path: Path, keep: int) -> None:
+    path = tmp_path / "r.h5"
+    write(path, source(), block=CHUNK)
+    path.write_bytes(path.read_bytes()[:keep])
+    assert not is_run(path)
+    with pytest.raises(ReadError, match="ingest it again"), open_run(path, "r.h5"):
+        pass
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("decimals", [None, 4])
+def test_a_number_at_the_end_of_floats_warns_nobody(tmp_path: Path, decimals: int | None) -> None:
+    values = source()
+    values["s"][7], values["v"][8] = 1e308, -1e308
+    write(tmp_path / "r.h5", values, block=CHUNK, decimals=decimals)
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        assert np.isfinite(run.channels["s"].read()[9:100]).any()
+        assert not np.isnan(run.channels["v"].read(8, 9)).any()
+
+
+def test_a_word_of_another_version_is_a_foreign_doubt(tmp_path: Path) -> None:
+    """Nothing is dropped in silence: its samples stay doubted, and the word is told."""
+    write(tmp_path / "r.h5", source(), block=CHUNK)
+    with h5py.File(tmp_path / "r.h5", "r+") as file:
+        words = file["flags/s/word"][:]
+        del file["flags/s/word"]
+        words = np.array([b"wobbly\x1b", *words[1:]])
+        file["flags/s"].create_dataset("word", data=words, chunks=True, fletcher32=True)
+        file.attrs["contents_sha256"] = np.bytes_(contents_digest(file))
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        assert run.channels["s"].flags == ((1, 3, Quality.FOREIGN_DOUBT), (5000, 5001, Quality.GAP))
+        assert run.channels["t"].flags == ((5000, 5001, Quality.GAP),)
+        assert len(run.remarks) == 2
+        assert "wobbly" in run.remarks[1]
+        assert "foreign_doubt" in run.remarks[1]

@@ -1,0 +1,97 @@
+"""Property: a run gives back what was written to the last bit."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.runs.stored import SETUP, source, write
+from tirelog.data.recording import TimeAxis
+from tirelog.data.setup import parse_setup
+from tirelog.errors import SetupError
+from tirelog.readers.base import Group, RawBlock
+from tirelog.runs.chunks import CHUNK
+from tirelog.runs.store import RunWriter, open_run
+from tirelog.vocabulary.quality import Quality
+
+
+@pytest.mark.parametrize("block", [333, CHUNK, 10 * CHUNK])
+def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
+    values = source()
+    write(tmp_path / "r.h5", values, block=block)
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        temperature = (values["t"] - 1540) / 0.010
+        np.testing.assert_allclose(
+            run.channels["s"].read(),
+            1.25 * (values["s"] - 1550) / 1550 - 2e-6 * temperature,
+            rtol=1e-9,
+            atol=1e-14,
+        )
+        np.testing.assert_allclose(
+            run.channels["v"].read(10, 20), values["v"][10:20] / 3.6, rtol=1e-15
+        )
+        assert run.channels["s"].flags == ((1, 3, Quality.SPURIOUS_PEAK), (5000, 5001, Quality.GAP))
+        assert run.channels["s"].axis.gaps() == [(5000, pytest.approx(3.0 - 4999 * 4e-4))]
+        assert run.channels["s"].resolution == pytest.approx(1.25e-4 / 1550)
+        assert run.remarks == ("a remark",)
+        assert run.losses == ["a loss"]
+    with h5py.File(tmp_path / "r.h5") as file:
+        assert file["channels/s"].dtype == np.int32
+        assert file["channels/v"].dtype == np.float32
+
+
+@pytest.mark.parametrize("size", [2, 69, CHUNK - 1, CHUNK, CHUNK + 1])
+def test_irregular_stamps_come_back_however_few(tmp_path: Path, size: int) -> None:
+    times = np.cumsum(np.random.default_rng(size).uniform(0.005, 0.05, size))
+    none = np.zeros(0)
+    writer = RunWriter(
+        tmp_path / "r.h5", parse_setup(SETUP), (Group("g", ("s", "t", "v")),), compress=True
+    )
+    writer.append(RawBlock("g", {name: np.full(size, 1550.0) for name in ("s", "t", "v")}))
+    axis = TimeAxis(
+        size, 36.0, none.astype(np.int64), none, none, lambda start, stop: times[start:stop]
+    )
+    writer.finish({"g": axis}, {}, {})
+    writer.close()
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        np.testing.assert_array_equal(run.channels["v"].axis.time(0, size), times)
+
+
+@pytest.mark.parametrize("late", [1550.00001, 5e5, 1550 + 1 / 3])
+def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path: Path, late: float) -> None:
+    values = source()
+    values["s"][-1] = late
+    write(tmp_path / "r.h5", values, block=1000)
+    with h5py.File(tmp_path / "r.h5") as file:
+        stored = file["channels/s"][:]
+        assert file["channels/s"].dtype == np.float64
+        np.testing.assert_array_equal(stored, values["s"])
+        assert sorted(file["channels"]) == ["s", "t", "v"]
+
+
+def test_slices_are_the_whole(tmp_path: Path) -> None:
+    write(tmp_path / "r.h5", source(), block=4000)
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        channel = run.channels["s"]
+        np.testing.assert_array_equal(
+            np.concatenate([v for _, v in channel.blocks(999)]), channel.read()
+        )
+
+
+def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path) -> None:
+    write(tmp_path / "r.h5", source(), block=4000)
+    other = parse_setup(SETUP.replace("1.25", "2.5").replace("2e-6", "0.0"))
+    with open_run(tmp_path / "r.h5", "r.h5", other) as run:
+        np.testing.assert_allclose(
+            run.channels["s"].read(), 2.5 * (source()["s"] - 1550) / 1550, rtol=1e-9, atol=1e-14
+        )
+    with (
+        pytest.raises(SetupError, match="is vehicle_speed in the run"),
+        open_run(
+            tmp_path / "r.h5",
+            "r.h5",
+            parse_setup(SETUP.replace("vehicle_speed", "strain").replace('unit = "km/h"', "")),
+        ),
+    ):
+        pass
