@@ -88,6 +88,55 @@ def test_an_input_is_never_an_output(folder: Path, tirelog: Command, name: str) 
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
+TWO_OUTPUTS = {
+    "a table and a picture": ["footprint", "log.csv", "-o", "p.png", "--plot", "p.png"],
+    "by another path": ["footprint", "log.csv", "-o", "made/../p.png", "--plot", "./p.png"],
+    "by a link": ["footprint", "log.csv", "-o", "p_link", "--plot", "p.png"],
+    "by a folder's link": ["footprint", "log.csv", "-o", "made/p.png", "--plot", "same/p.png"],
+    "an answer and a picture": [
+        "compare",
+        "log.csv",
+        "--model",
+        "m",
+        "-o",
+        "p.png",
+        "--plot",
+        "p.png",
+    ],
+    "a table and a model": [
+        "ladder",
+        "log.csv",
+        "--model",
+        "m",
+        "-o",
+        "b.toml",
+        "--save",
+        "b.toml",
+    ],
+}
+
+
+@pytest.mark.parametrize("name", TWO_OUTPUTS)
+def test_two_outputs_are_never_one_file(folder: Path, tirelog: Command, name: str) -> None:
+    (folder / "made").mkdir()
+    (folder / "same").symlink_to("made")
+    (folder / "p_link").symlink_to("p.png")
+    (folder / "m").write_text("")
+    before = sorted(folder.rglob("*"))
+    outcome = tirelog(*TWO_OUTPUTS[name], "--format", "csv")
+    assert outcome.status == 2, outcome.err
+    assert "is given for two outputs" in outcome.err
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_two_outputs_may_both_go_nowhere(folder: Path, tirelog: Command) -> None:
+    outcome = tirelog("dissipation", "log.csv", "-o", "/dev/null", "--format", "csv", "--plot",
+                      "p.png")  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    outcome = tirelog("phase-shift", "log.csv", "-o", "/dev/null", "--calibrate", "/dev/null")
+    assert "two outputs" not in outcome.err
+
+
 def test_a_new_model_takes_no_setup_s_place(folder: Path, tirelog: Command) -> None:
     setup = (folder / "log.toml").read_text()
     outcome = tirelog("model", "new", "-o", "log.toml")

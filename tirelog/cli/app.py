@@ -91,9 +91,9 @@ OUTPUTS = ("output", "plot", "save", "calibrate", "figures")
 def _keep_inputs(given: dict[str, Any]) -> None:
     """Tell which files a command reads, before it does.
 
-    UsageError: it would write on one of them.
+    UsageError: it would write on one of them, or two outputs on one file.
     """
-    from tirelog.storage.whole import refuse_inputs, taken_as_input
+    from tirelog.storage.whole import refuse_inputs, refuse_one_for_two, taken_as_input
 
     outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
     for place in _inputs(given, outputs):
@@ -101,7 +101,9 @@ def _keep_inputs(given: dict[str, Any]) -> None:
             taken_as_input(0, "standard input")
         else:
             taken_as_input(place)
-    refuse_inputs(*(given[name] for name in outputs if given.get(name) is not None))
+    written = [given[name] for name in outputs if given.get(name) is not None]
+    refuse_inputs(*written)
+    refuse_one_for_two(*written)
     refuse_inputs(1, name="standard output")
 
 

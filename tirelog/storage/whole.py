@@ -220,6 +220,23 @@ def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:
                 )
 
 
+def refuse_one_for_two(*outputs: Path | str) -> None:
+    """UsageError if two outputs of a command, through links too, are one file."""
+    seen: set[str] = set()
+    for output in outputs:
+        if address(output) is None and _streams(Path(output)):
+            continue
+        place = address(output) or os.path.realpath(output)
+        if place in seen:
+            raise UsageError(
+                "is given for two outputs",
+                allowed="one would take the place of the other",
+                do="give each a name of its own",
+                file=output,
+            )
+        seen.add(place)
+
+
 # ---- outputs -------------------------------------------------------------------------------------
 
 
