@@ -2,6 +2,7 @@
 status.
 """
 
+import errno
 import gzip
 import json
 import os
@@ -87,6 +88,20 @@ def test_some_of_it_is_lost(folder: Path, tirelog: Command, name: str) -> None:
     assert outcome.status == 3, outcome.err
     assert message(outcome.err).startswith("tirelog: error: log.csv")
     assert len(outcome.out.splitlines()) > 10
+
+
+def test_a_full_disk_is_told_of_the_run_that_was_asked_for(
+    folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tirelog.runs.store.RunWriter.append", full)
+    outcome = tirelog("ingest", "log.csv", "-o", "a.h5")
+    assert outcome.status == 2
+    assert message(outcome.err).startswith("tirelog: error: a.h5: cannot be written (No space")
+    assert not list(folder.glob("*a.h5*"))
+    assert "run.h5: cannot be written (No space" in message(tirelog("speed", "log.csv").err)
 
 
 MISREAD = {

@@ -43,6 +43,8 @@ NOTHING = {
     ),
     "nothing but nul": (HEADER.encode() + b"\0" * 4096, "is not text .a NUL byte at"),
     "utf-16": (log().encode("utf-16"), "UTF-16.*iconv"),
+    "utf-32": (log().encode("utf-32"), "UTF-32.*iconv -f UTF-32"),
+    "utf-32 big-endian": (b"\0\0\xfe\xff" + log().encode("utf-32-be"), "iconv -f UTF-32"),
     "utf-16 without its mark": (log().encode("utf-16-le"), "UTF-16.*iconv"),
     "utf-16 big-endian": (log().encode("utf-16-be"), "UTF-16.*iconv"),
     "gzip cut off at once": (gzip.compress(log().encode())[:12], "gzip stream is cut off"),

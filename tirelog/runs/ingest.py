@@ -105,7 +105,9 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
     beside = None if log == "-" or address(log) else setup_beside(log)
     if beside is None:
         if is_file(log):
-            _refuse_damaged(log)
+            from tirelog.readers.hdf5.reader import refuse_damaged
+
+            refuse_damaged(Path(log), log)
         what = (
             "standard input has no setup beside it"
             if log == "-"
@@ -118,16 +120,6 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
             file=log,
         )
     return load_setup(beside)
-
-
-def _refuse_damaged(log: str) -> None:
-    """ReadError: an HDF5 file that cannot be opened as it is."""
-    from tirelog.readers.hdf5.reader import refuse_damaged
-
-    with open_log_bytes(log) as raw:
-        head = read_head(raw, log)
-    if name_of(head) == "HDF5":
-        refuse_damaged(Path(log), log)
 
 
 def open_log_bytes(log: str) -> BinaryIO:
@@ -292,7 +284,8 @@ def ingest(
     """Write the run of `log` ('-' for standard input) to `path`.
 
     In one pass over its blocks (or the first `blocks` of them). With `hashed` its sha256 is in the
-    provenance, which for a text log takes as long as reading it: for who keeps or prints it.
+    provenance, which for a text log takes as long as reading it: for who keeps or prints it. What
+    the system raises if `path` cannot be written is left to the caller, who knows its name.
     ReadError: nothing could be read. SetupError: no setup, or it does not fit. What was lost,
     though the rest could be read, is in the summary's `losses` and in the run.
     """
@@ -374,7 +367,7 @@ def _write(
 ) -> None:
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
     clocks = {group.name: clock_of(group, setup) for group in reader.groups}
-    with failed_writes(path), RunWriter(path, setup, reader.groups, compress=compress) as writer:
+    with RunWriter(path, setup, reader.groups, compress=compress) as writer:
         whole = True
         for number, block in enumerate(_blocks(reader, summary)):
             if number == blocks:
@@ -482,7 +475,8 @@ def open_recording(
         return
     with temporary_folder() as folder:
         run = folder / "run.h5"
-        ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
+        with failed_writes(run):
+            ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
         with open_run(run, shown(log), setup, temporary=True) as recording:
             yield check_recording(recording) if check else recording
 

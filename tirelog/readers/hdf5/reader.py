@@ -36,6 +36,7 @@ from tirelog.readers.hdf5.source import (
     first_number,
     is_foreign_type,
 )
+from tirelog.readers.other.formats import HEAD_BYTES, is_hdf5
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
@@ -82,6 +83,9 @@ def open_hdf5(path: Path | str, setup: Setup, log_name: str) -> Hdf5Log:
 
 def refuse_damaged(path: Path, log_name: str) -> None:
     """ReadError: an HDF5 file that is cut off, or does not even say what it holds."""
+    with path.open("rb") as raw:
+        if not is_hdf5(raw.read(HEAD_BYTES)):
+            return
     file, end, declared = _opened(path, log_name)
     with file:
         if end is not None:

@@ -189,13 +189,15 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
         )
     pairs = head[:4096]
     even, odd = pairs[::2].count(0), pairs[1::2].count(0)
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff") or (
+    if head.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff")) or (
         max(even, odd) > len(pairs) // 5 and min(even, odd) * 9 < max(even, odd)
     ):
+        wide = head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff"))
+        found = "UTF-32" if wide else "UTF-16"
         raise ReadError(
-            "is UTF-16 text",
+            f"is {found} text",
             allowed="allowed are UTF-8 and cp1252",
-            do="convert it first: iconv -f UTF-16 -t UTF-8 LOG",
+            do=f"convert it first: iconv -f {found} -t UTF-8 LOG",
             file=name,
         )
     strange = sum(
