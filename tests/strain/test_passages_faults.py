@@ -139,6 +139,24 @@ def test_doubts_of_the_reader_reach_their_rows_only(steady, radius_m):
     assert np.flatnonzero(having(found.quality, Quality.SPURIOUS_PEAK)).tolist() == [60]
 
 
+@pytest.mark.parametrize("share", [-0.2, -0.1, 0.1, 0.2])
+def test_speeds_beside_a_clock_set_back_are_those_of_their_own_side(steady, radius_m, share):
+    """A share of a turn lacks or stands twice, and the time runs on; 25 m/s from 8 s to 16 s."""
+    turn = 2 * np.pi * radius_m / 25.0
+    before = steady.time_s[(steady.time_s > 12.0)][0]
+    cut, shift = round((before + 0.4 * turn) * 2500), round(share * turn * 2500)
+    values = np.concatenate([steady.values[:cut], steady.values[cut - shift :]])
+    axis = TimeAxis.uniform(values.size, 2500.0)
+    doubt = (cut - 1, cut + 1, Quality.CLOCK_SET_BACK)
+    channel = Channel.of_array("grating", "strain", values, axis, flags=(doubt,))
+    found = find_passages(channel, radius_m)
+    cruise = (found.time_s > 9.0) & (found.time_s < 15.0)
+    assert np.abs(found.speed_m_s[cruise] / 25.0 - 1.0).max() < 0.002
+    beside = np.flatnonzero(cruise & (found.sides < 2))
+    assert np.abs(found.time_s[beside] - before - [0.0, (1.0 + share) * turn]).max() < 1e-3
+    assert having(found.break_after, Quality.GAP).sum() == 1
+
+
 @pytest.mark.parametrize("samples", [0, 1, 2, 3, 5, 7, 100])
 @pytest.mark.parametrize("fill", [0.0, np.nan])
 def test_next_to_nothing_gives_no_rows(radius_m, samples, fill):

@@ -178,7 +178,9 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     )
     turns = turns_between(time_s, omega)
     turned = matched.backwards[1:] != matched.backwards[:-1]
-    linked = np.append(one_turn(turns) & ~turned, False)
+    index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
+    untimed = marks.clock_between(channel, index)
+    linked = np.append(one_turn(turns) & ~turned & ~untimed, False)
     window_rad = (
         template.window_rad
         if template
@@ -193,7 +195,6 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     motion = kinematics(time_s, matched.time_se_s, turns_after.astype(float))
     alone = motion.sides == 0
     blind = matched.standing | (time_s.size < 3)
-    index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
     quality = (
         marks.window_quality(channel, found, index, window_rad / omega * channel.axis.rate_Hz)
         | marked(matched.standing, Quality.STANDSTILL)
@@ -212,7 +213,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
         time_se_s=matched.time_se_s,
         turn_before=np.concatenate([[False], linked[:-1]]),
         turn_after=linked,
-        break_after=marks.breaks(channel, index, turns, turns_after > 0, turned),
+        break_after=marks.breaks(channel, index, turns, turns_after > 0, turned, untimed),
         omega_rad_s=np.where(alone, np.where(blind, np.nan, found.omega), motion.omega),
         omega_se_rad_s=np.where(alone, np.where(blind, np.nan, found.omega_se), motion.omega_se),
         alpha_rad_s2=motion.alpha,

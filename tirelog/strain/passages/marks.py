@@ -106,21 +106,34 @@ def between(t0: float, t1: float, omega0: float, omega1: float, count: int) -> F
     )
 
 
+def clock_between(channel: Channel, index: FloatArray) -> NDArray[np.bool_]:
+    """Whether the clock was set back between each passage at `index` (n,) and the next, (n - 1,).
+
+    Its time runs on, as if no sample lacked or came twice: what lies between is not known.
+    """
+    doubts = [
+        (start, stop - 1) for start, stop, why in channel.flags if why == Quality.CLOCK_SET_BACK
+    ]
+    low, high = np.array(doubts, float).reshape(-1, 2).T
+    return _touched(index[:-1], index[1:], low, high)
+
+
 def breaks(
     channel: Channel,
     index: FloatArray,
     turns: FloatArray,
     linked: NDArray[np.bool_],
     turned: NDArray[np.bool_],
+    untimed: NDArray[np.bool_],
 ) -> QualityFlags:
     """Why a passage and the next are not known to be one turn apart, shape (n,).
 
     No word if they are (and for the last), else gap, reversing (it came back before a turn was
     done, or passed the other way round: `turned`) or standstill (the wheel took longer than its
-    speeds allow).
+    speeds allow). Where the clock was set back (`untimed`) that is as a gap.
     """
     apart = ~linked[:-1]
-    gap = np.diff(np.searchsorted(channel.axis.first[1:], index)) != 0
+    gap = untimed | (np.diff(np.searchsorted(channel.axis.first[1:], index)) != 0)
     still = (turns > 1) & ~turned
     why = (
         marked(apart & gap, Quality.GAP)
