@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Channel, TimeAxis
+from tirelog.dsp.encoder.counter import counter_knots
 from tirelog.dsp.encoder.knots import KnotBuilder, angle_function
 from tirelog.dsp.encoder.pitch import PitchLearner
 from tirelog.dsp.encoder.signal import Crossings, crossings, probe
@@ -143,6 +145,44 @@ def test_a_hole_is_told():
 )
 def test_a_signal_without_teeth_is_dead(values):
     assert probe(reader(values), values.size).form == "dead"
+
+
+@pytest.mark.parametrize("share", [0.5, 0.1])
+def test_a_converter_that_flickers_between_two_codes_is_dead(share):
+    values = np.where(np.random.default_rng(9).random(200_000) < share, 5e-3, 0.0)
+    assert probe(reader(values), values.size).form == "dead"
+
+
+@pytest.mark.parametrize("half", [2.6, 3.1, 4.0, 5.5, 9.98, 400.0, 9000.0])
+def test_pulses_of_any_length_are_square_and_all_found(half):
+    """Pulses that last `half` samples; a piece that is probed has from 700 to none."""
+    edges = np.floor((np.arange(200_000) + 0.3) / half)
+    values = 5.0 * np.mod(edges, 2)
+    assert probe(reader(values), values.size).form == "square"
+    assert passages(values)[1].index.size == pytest.approx(edges[-1], abs=1)
+
+
+@pytest.mark.parametrize(
+    "count",
+    [
+        lambda n: -n,
+        lambda n: 80_000 - n,
+        lambda n: np.mod(-n, 256),
+        lambda n: np.mod(-n, 65_536),
+        lambda n: np.mod(n + 32_768, 65_536) - 32_768,
+    ],
+)
+def test_counters_that_fall_or_have_a_sign_climb_with_the_wheel(count):
+    _, turns = wheel(60.0, 25.0)
+    values = count(np.floor(turns * STEPS)).astype(float)
+    assert probe(reader(values), values.size).form == "counter"
+    axis = TimeAxis.uniform(values.size, RATE)
+    time, found, backward = counter_knots(
+        Channel.of_array("e", "wheel_encoder", values, axis), STEPS, False
+    )
+    error = found - np.interp(time, axis.time(), turns)
+    assert not backward.any()
+    assert np.ptp(error) < 1.01 * 25.0 / RATE
 
 
 def test_forms_are_told_apart():

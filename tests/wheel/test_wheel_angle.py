@@ -91,6 +91,18 @@ def test_right_number_of_steps_is_not_doubted():
         assert not wheel_of(drive, Encoder(pitch_deg=pitch, seed=1050).signal(drive)).remarks
 
 
+@pytest.mark.parametrize("steps", [1, 2, 4])
+def test_few_pulses_a_turn_give_the_speed(steps):
+    drive = Drive((0, 10, 20, 30), (10, 10, 14, 14))
+    pulses = np.where(np.sin(steps * drive.angle + 0.3) > 0, 5.0, 0.0)
+    columns, remarks = encoder_speed(recording(drive, pulses, steps=steps))
+    assert not remarks
+    assert set(columns["quality"]) == {"ok"}
+    assert columns["time_s"].size >= int(drive.angle[-1] / (2 * np.pi)) - 2
+    error = columns["speed_m_s"] - np.interp(columns["time_s"], drive.time, drive.speed)
+    assert np.abs(error).max() < 0.03
+
+
 @pytest.mark.parametrize("form", ["square", "counter", "wrapped"])
 def test_pulses_and_counters(form):
     """Whole samples only: at 10 kHz and 25 m/s half a sample is 0.23 degree."""

@@ -25,8 +25,8 @@ def counter_knots(
     Knots shape (n,), `backward` True if it rolls back.
 
     A counter that jumps from c to d between two samples has passed (c + d + 1) / 2 in their middle.
-    A counter that falls by more than half of the next power of two has wrapped; an angle wraps at a
-    turn.
+    A counter that jumps by more than half of the next power of two has wrapped; one that has been
+    below zero has a sign, and twice as many numbers. An angle wraps at a turn.
     """
     times, counts = [], []
     wrap, offset, last = (size, 0.0, np.nan) if is_angle else (0.0, 0.0, np.nan)
@@ -38,7 +38,9 @@ def counter_knots(
         if x.size == 0:
             continue
         if not is_angle:
-            wrap = max(wrap, 2.0 ** max(np.ceil(np.log2(max(float(x.max()), 1.0) + 1)), 8))
+            low, high = float(x.min()), float(x.max())
+            bits = max(np.ceil(np.log2(max(high + 1.0, -low, 2.0))), 7 if low < 0 else 8)
+            wrap = max(wrap, 2.0 ** (bits + (low < 0)))
         before = np.concatenate([[last if np.isfinite(last) else x[0]], x[:-1]])
         step = x - before
         turned = np.where(step < -wrap / 2, wrap, 0.0) - np.where(step > wrap / 2, wrap, 0.0)

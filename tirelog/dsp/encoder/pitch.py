@@ -285,7 +285,7 @@ def _placing(reference: PitchTable, table: PitchTable) -> Placing:
     )
     best = forth if forth.max() >= back.max() else back
     place = int(np.argmax(best))
-    other = max(float(np.max(np.delete(best, place))), 0.0)
+    other = float(np.max(np.delete(best, place), initial=0.0))
     if best[place] < BETTER_PLACE * other:
         return Placing(1, 0, False)
     told = best[place] > BETTER_PLACE * max(min(forth.max(), back.max()), 0.0)

@@ -55,6 +55,16 @@ STILL_SIGMA = 6.0
 #: the speed (a Hall sensor); nearer to one, a Hall sensor whose teeth differ counts as an
 #: inductive one
 STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
+#: samples this near to the upper or the lower level, in half ranges, are on it; a signal with more
+#: than this share of its samples there is square. Twice the distance takes a sine for one
+ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
+#: so many of a square's levels may last one sample only, as a share: pulses last for two and more,
+#: a converter that flickers between two codes changes at every other one; half of it refuses a
+#: wheel whose pulses last two samples and a half
+SHORT_LEVELS = 0.25
+#: a count goes one way in more than this share of a piece's samples, and over more than so many of
+#: its own steps in the log; twice as many do not know a counter that has just begun
+ONE_WAY, COUNTED_STEPS = 0.998, 2.5
 
 Read = Callable[[int, int], FloatArray]
 #: whole numbers of whatever size
@@ -65,11 +75,11 @@ Integers = NDArray[np.integer[Any]]
 class Probe:
     """What a few pieces of an encoder channel show.
 
-    `form`: 'sine', 'square' (two levels), 'counter' (monotone whole numbers, or an angle) or 'dead'
-    (no teeth). `amplitude` is half of the range, `noise` the standard deviation of one sample, in
-    the channel's unit. A swing below `least` is no tooth: noise at a standstill, or part of a
-    period if the sensor's amplitude does not follow the speed. Levels are taken from a window of
-    `follow_s`.
+    `form`: 'sine', 'square' (two levels), 'counter' (whole numbers that climb or fall, or an angle)
+    or 'dead' (no teeth). `amplitude` is half of the range, `noise` the standard deviation of one
+    sample, in the channel's unit. A swing below `least` is no tooth: noise at a standstill, or part
+    of a period if the sensor's amplitude does not follow the speed. Levels are taken from a window
+    of `follow_s`.
     """
 
     form: str
@@ -112,29 +122,34 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     From `pieces` short pieces of it, evenly spread.
     """
     starts = np.unique(np.linspace(0, max(size - length, 0), pieces).astype(np.int64))
-    amplitudes, noises, squares, monotone, swings = [], [], [], [], []
+    amplitudes, noises, squares, swings, steps = [], [], [], [], []
+    ways: list[tuple[float, float]] = []
+    lowest, highest = np.inf, -np.inf
     for start in starts:
         x = read(int(start), int(min(start + length, size)))
         x = x[np.isfinite(x)]
         if x.size < 16:
             continue
         low, high = float(x.min()), float(x.max())
+        lowest, highest = min(low, lowest), max(high, highest)
         amplitudes.append((high - low) / 2)
-        noises.append(
-            float(np.median(np.abs(np.diff(x[: x.size // 2], 4)))) / (0.6745 * np.sqrt(70.0))
-        )
-        squares.append(
-            float(np.mean(np.abs(x - (high + low) / 2) > 0.8 * (high - low) / 2))
-            if high > low
-            else 0.0
-        )
+        square = _level_share(x, low, high)
+        squares.append(square)
+        noises.append(_noise(x, square > SQUARE_SHARE))
         swings.append(_swings(x, low, high))
         if high > low:
-            monotone.append(float(np.mean(np.diff(x) >= 0)))
+            change = np.diff(x)
+            ways.append((float(np.mean(change >= 0)), float(np.mean(change <= 0))))
+            steps.append(float(np.median(np.abs(change[change != 0]))))
     if not amplitudes:
         return Probe("dead", 0.0, 0.0)
     amplitude, noise = float(np.quantile(amplitudes, 0.9)), float(np.quantile(noises, 0.2))
-    if monotone and float(np.median(monotone)) > 0.998:
+    # slow pulses also go one way within a piece, but never on from there
+    if (
+        ways
+        and float(np.median(ways, axis=0).max()) > ONE_WAY
+        and highest - lowest > COUNTED_STEPS * float(np.median(steps))
+    ):
         return Probe("counter", amplitude, noise)
     if (
         not np.isfinite(amplitude) or not amplitude > STILL_SIGMA * noise
@@ -146,8 +161,31 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     usual = float(np.quantile(np.array(amplitudes)[moving], 0.25))
     steady = float(np.min(np.array(amplitudes)[moving])) > STEADY_AMPLITUDE * amplitude
     least = max(STILL_SIGMA * noise, 0.7 * usual if steady else 0.01 * amplitude)
-    form = "square" if np.median(np.array(squares)[moving]) > 0.7 else "sine"
+    form = "square" if np.median(np.array(squares)[moving]) > SQUARE_SHARE else "sine"
     return Probe(form, amplitude, noise, least, FOLLOW_STEADY_S if steady else FOLLOW_S)
+
+
+def _level_share(x: FloatArray, low: float, high: float) -> float:
+    """Share of the samples (n,) that are on the levels `low` or `high`; 0 if these are equal."""
+    half = 0.5 * (high - low)
+    return float(np.mean(np.abs(x - low - half) > (1 - ON_LEVEL) * half)) if half > 0 else 0.0
+
+
+def _noise(x: FloatArray, square: bool) -> float:
+    """Standard deviation of one sample of `x` (n,), from its fourth differences.
+
+    Of a `square` signal about its two levels: if pulses last a few samples the differences see
+    edges only. All of it is noise if it changes at every other sample.
+    """
+    if not square:
+        return float(np.median(np.abs(np.diff(x[: x.size // 2], 4))) / (0.6745 * np.sqrt(70.0)))
+    low, high = float(x.min()), float(x.max())
+    upper = x > 0.5 * (low + high)
+    lasting = np.diff(np.flatnonzero(upper[1:] != upper[:-1]))
+    if lasting.size and float(np.mean(lasting == 1)) > SHORT_LEVELS:
+        return 0.5 * (high - low)
+    away = np.abs(x - np.where(upper, np.median(x[upper]), np.median(x[~upper])))
+    return float(np.median(away) / 0.6745)
 
 
 def _swings(x: FloatArray, low: float, high: float) -> int:
