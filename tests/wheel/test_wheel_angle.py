@@ -95,7 +95,7 @@ def test_right_number_of_steps_is_not_doubted():
 def test_few_pulses_a_turn_give_the_speed(steps):
     drive = Drive((0, 10, 20, 30), (10, 10, 14, 14))
     pulses = np.where(np.sin(steps * drive.angle + 0.3) > 0, 5.0, 0.0)
-    columns, remarks = encoder_speed(recording(drive, pulses, steps=steps))
+    columns, _, remarks = encoder_speed(recording(drive, pulses, steps=steps))
     assert not remarks
     assert set(columns["quality"]) == {"ok"}
     assert columns["time_s"].size >= int(drive.angle[-1] / (2 * np.pi)) - 2
