@@ -220,7 +220,7 @@ def test_a_calibration_stands_beside_the_manifest_and_its_content_counts(
 def test_pieces_that_were_cut_are_damaged_and_no_defect() -> None:
     whole = pieces_bytes(pieces_of(stack(1)))
     for size in (0, 1, len(whole) // 2, len(whole) - 40):
-        with pytest.raises(ValueError):  # noqa: PT011
+        with pytest.raises(ValueError):
             read_pieces(whole[:size])
 
 

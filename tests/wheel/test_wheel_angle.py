@@ -12,12 +12,15 @@ from tests.wheel.phase_truth import (
     RATE_HZ,
     Drive,
     Encoder,
+    Tread,
     angle_errors,
     recording,
 )
 from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary.quality import Quality
-from tirelog.wheel.angle import encoder_of, encoder_speed, rolling_radius
+from tirelog.wheel.angle import encoder_of, rolling_radius
+from tirelog.wheel.angle_table import wheel_angle_of
+from tirelog.wheel.speed_table import encoder_speed
 
 
 def wheel_of(drive, signal, **more):
@@ -101,6 +104,19 @@ def test_few_pulses_a_turn_give_the_speed(steps):
     assert columns["time_s"].size >= int(drive.angle[-1] / (2 * np.pi)) - 2
     error = columns["speed_m_s"] - np.interp(columns["time_s"], drive.time, drive.speed)
     assert np.abs(error).max() < 0.03
+
+
+@pytest.mark.parametrize("true", [48, 60])
+def test_the_speed_is_refused_if_the_patch_shows_other_steps(true):
+    drive = Drive((0, 12), (10, 12))
+    found = recording(drive, Encoder(steps=true).signal(drive), Tread().signal(drive))
+    if true == 48:
+        columns, _ = encoder_speed(found)
+        assert len(columns["quality"])
+        return
+    for made in (lambda: encoder_speed(found), lambda: next(wheel_angle_of(found))):
+        with pytest.raises(SetupError, match=r"every 60\.0. steps, not every 48"):
+            made()
 
 
 @pytest.mark.parametrize("form", ["square", "counter", "wrapped"])

@@ -62,7 +62,7 @@ def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], WheelTurns
     """(columns of the table `speed`, its turns, remarks) of each channel that tells the turns."""
     channels = speed_channels(recording)
     if not channels or recording.of_kind("wheel_encoder"):
-        from tirelog.wheel.angle import encoder_speed  # only here: it needs more of scipy
+        from tirelog.wheel.speed_table import encoder_speed  # only here: it needs more of scipy
 
         yield encoder_speed(recording)
         return

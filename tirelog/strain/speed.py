@@ -192,8 +192,9 @@ def speed_by_encoder(
     """(columns of the `speed` table, remarks) of a log whose encoder tells the speed.
 
     `calibrate` takes the rolling radius from the log's `vehicle_speed`. UsageError: it has none.
+    SetupError: an accelerometer's patch shows that the encoder has other steps.
     """
-    from tirelog.wheel.angle import encoder_speed  # only here: it needs more of scipy
+    from tirelog.wheel.speed_table import encoder_speed  # only here: it needs more of scipy
 
     if calibrate:
         _vehicle_speed(recording)

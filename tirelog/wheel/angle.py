@@ -3,7 +3,6 @@
     encoder channel --teeth--> counted passages
         --pitch table learnt from the log--> WheelAngle (angle and rate at any time)
     WheelAngle, vehicle_speed --> rolling radius with its error
-    Recording --encoder_speed--> columns of the `speed` table, one row per turn of the wheel
 
 Angles [rad] grow in the direction of rolling; their zero is the first tooth that was seen. Sine,
 square pulses, counters and angles are taken as they come.
@@ -11,9 +10,8 @@ square pulses, counters and angles are taken as they come.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +26,7 @@ from tirelog.dsp.encoder.teeth import Teeth, count_teeth
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.quality import Quality, QualityFlags, marked, quality_column
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.wheel.direction import untold_stretches, ways_of
 from tirelog.wheel.rolling import WheelTurns, rolling
 
@@ -348,13 +346,13 @@ def _radius_of_turns(
 
     `radius_m` is the radius for their accelerations. None if the wheel never rolls.
     """
-    found = rolling(speed, _turns_of(wheel, radius_m)[1])
+    found = rolling(speed, turns_of(wheel, radius_m)[1])
     if np.isfinite(found.mean_radius_m):
         return found.mean_radius_m, found.mean_radius_se_m
     return _radius_against(speed, wheel)
 
 
-def _turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns]:
+def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns]:
     """(times of the middles, the turns) of the wheel.
 
     Accelerations are those of the durations of a turn's halves.
@@ -437,32 +435,3 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
         return encoders[0], wheel_angle(encoders[0], unit, speeds[0] if speeds else None)
     except (DataLoss, SetupError) as problem:
         raise problem.at(recording.log) from None
-
-
-def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, list[str]]:
-    """(columns of the `speed` table, the turns, remarks): one row per turn of the wheel.
-
-    For a log without a sensor that passes the patch.
-
-    `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz,
-    `period_s` the turn's duration, `acceleration_m_s2` from the durations of its two halves. The
-    standard error holds angle noise and the radius' error.
-    """
-    channel, wheel = encoder_of(recording)
-    radius = rolling_radius(recording, wheel)
-    time, turns = _turns_of(wheel, radius.radius_m)
-    rate = wheel.speed_rad_s(time)
-    noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
-    share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
-    columns = {
-        "log": recording.log,
-        "channel": channel.name,
-        "revolution": np.arange(time.size),
-        "time_s": time,
-        "speed_m_s": rate * radius.radius_m,
-        "period_s": turns.end_s - turns.begin_s,
-        "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
-        "acceleration_m_s2": turns.acceleration_m_s2,
-        "quality": quality_column(turns.quality),
-    }
-    return columns, turns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]

@@ -15,6 +15,7 @@ from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
 from tirelog.vocabulary.quality import quality_column
 from tirelog.wheel.angle import encoder_of, rolling_radius
+from tirelog.wheel.doubts import refuse_steps_by_patch
 
 #: seconds that are told if none are asked for: P4 Fig. 4 shows 100 ms; the table is as long as
 #: that
@@ -57,10 +58,12 @@ def wheel_angle_of(
 ) -> Iterator[AngleOfLog]:
     """The wheel's angle at each sample of the encoder, or each `every`-th, of a stretch [s].
 
-    By default 0.1 s from the middle of the log on.  SetupError: no encoder.  DataLoss: no teeth.
+    By default 0.1 s from the middle of the log on.  SetupError: no encoder, or
+    an accelerometer's patch shows that it has other steps.  DataLoss: no teeth.
     UsageError: no sample lies there, or more than MOST_ROWS do.
     """
     channel, wheel = encoder_of(recording)
+    refuse_steps_by_patch(recording, wheel)
     radius = rolling_radius(recording, wheel)
     ends = channel.axis.at(0.0), channel.axis.at(float(channel.size - 1))
     middle = 0.5 * (float(ends[0]) + float(ends[1]))

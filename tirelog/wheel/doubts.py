@@ -14,11 +14,13 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.encoder.signal import crossings, probe
 from tirelog.errors import SetupError
 from tirelog.wheel.angle import Radius, WheelAngle
-from tirelog.wheel.fronts.fronts import Fronts
+from tirelog.wheel.fronts.fronts import Fronts, patch_turn
 
 #: times between swings more alike than this (shorter over longer, median) are an encoder's; twice
 #: as far from one, 0.4, is still far above the 0.05 of passages and the rest of their turns
 EVEN = 0.7
+#: the patch comes this near to once per turn, as a share; twice as much takes 47 steps for 48
+OFF_TURN = 0.01
 #: level outside over Omega^2 R: beyond these the time axis or a unit is wrong. It goes with the
 #: square of the sampling rate, so a rate that is wrong by a factor of 0.84 to 1.18
 #: still passes
@@ -60,6 +62,38 @@ def _evenness(channel: Channel) -> float:
     )
 
 
+def refuse_steps(recording: Recording, wheel: WheelAngle, turn_rad: float) -> None:
+    """SetupError if the patch does not come once per turn, but every `turn_rad` of wheel angle."""
+    turns = turn_rad / (2 * np.pi)
+    if not abs(turns - 1) > OFF_TURN:
+        return
+    steps = wheel.steps * turns
+    table = (
+        ", and the learnt pitch table does not repeat"
+        if any("does not repeat" in remark for remark in wheel.remarks)
+        else ""
+    )
+    raise SetupError(
+        f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every "
+        f"{wheel.steps}{table}",
+        allowed="the setup's steps must be those of a whole turn",
+        do=f"write steps = {round(steps)}",
+        file=recording.log,
+    )
+
+
+def refuse_steps_by_patch(recording: Recording, wheel: WheelAngle) -> None:
+    """`refuse_steps` by the first accelerometer that shows the patch, for who needs no fronts.
+
+    It reads as much of a log as shows a few passages, most often its first hundred turns.
+    """
+    for channel in recording.of_kind("radial_acceleration"):
+        turn = patch_turn(channel, wheel)
+        if np.isfinite(turn):
+            refuse_steps(recording, wheel, turn)
+            return
+
+
 def doubts(
     recording: Recording,
     channel: Channel,
@@ -69,22 +103,8 @@ def doubts(
     share: float,
 ) -> list[str]:
     """Sentences on the whole channel. SetupError: the patch does not come once in `steps` steps."""
-    said = []
-    turns = fronts.turn_rad / (2 * np.pi)
-    if abs(turns - 1) > 0.01:
-        steps = wheel.steps * turns
-        table = (
-            ", and the learnt pitch table does not repeat"
-            if any("does not repeat" in remark for remark in wheel.remarks)
-            else ""
-        )
-        raise SetupError(
-            f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every "
-            f"{wheel.steps}{table}",
-            allowed="the setup's steps must be those of a whole turn",
-            do=f"write steps = {round(steps)}",
-            file=recording.log,
-        )
+    said: list[str] = []
+    refuse_steps(recording, wheel, fronts.turn_rad)
     ratio = fronts.level_m / radius.radius_m
     if share < 0.01 and not LEVEL_RATIO[0] < ratio < LEVEL_RATIO[1]:
         said.append(
