@@ -49,6 +49,21 @@ def test_errors_at_10_m_s(noise_g, shift_deg, width_deg, seed):
     assert width.std() < width_deg
 
 
+@pytest.mark.parametrize("speed", [15.05, 20.02])
+def test_the_shift_has_the_error_of_edges_between_two_samples(speed):
+    """At 20.02 m/s a half tooth takes 9.97 samples: the errors of the edges around a patch are the
+    same, and do not average out. At 15.05 m/s it takes 13.26, and they do. Bound as in
+    test_wheel_angle.
+    """
+    drive, tread = Drive((0, 15), (speed, speed)), Tread(noise_g=0.6)
+    pulses = np.where(Encoder(noise=0, wobble=0, pitch_deg=0).clean(drive) > 0, 5.0, 0.0)
+    found = recording(drive, pulses, tread.signal(drive))
+    passages = next(measure_phase_shift(found, "none"))
+    shift, width, _ = front_errors(passages, drive, tread)
+    for error, se in ((shift, passages.shift_se_deg), (width, passages.width_se_deg)):
+        assert np.sqrt(np.mean(error**2)) < 1.4 * np.nanmedian(se)
+
+
 def bound_deg(drive, tread):
     """Cramer-Rao bound of (shift, width) for a flank of known form in white noise: information is
     the squared slope over angle of the samples of a passage, up to the patch's middle for the entry

@@ -18,7 +18,7 @@ from tests.wheel.phase_truth import (
 )
 from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary.quality import Quality
-from tirelog.wheel.angle import encoder_of, rolling_radius
+from tirelog.wheel.angle import SPEED_WINDOW_S, encoder_of, rolling_radius
 from tirelog.wheel.angle_table import wheel_angle_of
 from tirelog.wheel.speed_table import encoder_speed
 
@@ -104,6 +104,62 @@ def test_few_pulses_a_turn_give_the_speed(steps):
     assert columns["time_s"].size >= int(drive.angle[-1] / (2 * np.pi)) - 2
     error = columns["speed_m_s"] - np.interp(columns["time_s"], drive.time, drive.speed)
     assert np.abs(error).max() < 0.03
+
+
+def pulses_of(drive, form, pitch_deg=0.0):
+    """(signal, unit) of a digital sensor on the wheel of the drive."""
+    if form == "count":
+        return np.floor((drive.angle + 0.3) * 48 / (2 * np.pi)), "count"
+    clean = Encoder(noise=0, wobble=0, pitch_deg=pitch_deg, seed=1080).clean(drive)
+    return np.where(clean > 0, 5.0, 0.0), "V"
+
+
+@pytest.mark.parametrize("form", ["square", "uneven", "count"])
+@pytest.mark.parametrize(
+    "speeds",
+    [(7.3, 7.3), (19.964, 19.964), (27.7, 27.7), (39.93, 39.93), (9, 14), (25, 18)],
+)
+def test_edges_between_two_samples_have_errors_that_hold(form, speeds):
+    """At 19.964 m/s a half tooth is 10.000 samples, at 39.93 m/s 5.000: there the errors of a
+    turn's edges are the same. The bound was chosen on other speeds (pulls of 0.4 to 1.3). An
+    uneven wheel's errors differ from place to place, so all of the turn is looked at.
+    """
+    drive = Drive((0, 12), speeds)
+    signal, unit = pulses_of(drive, form, 0.2 if form == "uneven" else 0.0)
+    wheel = wheel_of(drive, signal, unit=unit)
+    assert not wheel.remarks
+    time = np.arange(0.2, 11.8, 7e-4)
+    noise = wheel.angle.noise_at(time)
+    speed = wheel.speed_rad_s(time) - np.interp(time, drive.time, drive.speed) / RADIUS_M
+    angle = wheel.angle.at(time) - np.interp(time, drive.time, drive.angle)
+    for error, se in (
+        (speed, np.sqrt(2) * noise / SPEED_WINDOW_S),
+        (angle - np.median(angle), noise),
+    ):
+        assert np.sqrt(np.mean((error / se) ** 2)) < 1.4
+        assert np.abs(np.mean(error / se)) < 0.2
+    # no more than an edge alone; the rate that it is told with moves where the samples slip by one
+    alone = np.interp(time, drive.time, drive.speed) / RADIUS_M / RATE_HZ / np.sqrt(12)
+    assert (noise < 1.05 * alone).all()
+
+
+def test_noise_of_edges_goes_with_the_speed():
+    drive = Drive(*DYNAMIC)
+    wheel = wheel_of(drive, pulses_of(drive, "square")[0])
+    slow, fast = wheel.angle.noise_at(np.array([5.0, 18.0]))
+    assert 1.2 < fast / slow < 4.0
+
+
+@pytest.mark.parametrize("speed", [12.0, 17.3, 20.0, 26.1])
+def test_the_sampling_grid_is_no_pattern_of_the_wheel(speed):
+    drive = Drive((0, 20), (speed, speed))
+    assert not wheel_of(drive, pulses_of(drive, "square")[0]).remarks
+
+
+def test_a_wrong_number_of_uneven_pulses_is_still_found():
+    drive = Drive((0, 40), (10, 10.5))
+    signal = np.where(Encoder(steps=44, noise=0, pitch_deg=0.5).clean(drive) > 0, 5.0, 0.0)
+    assert "it does with 44" in " ".join(wheel_of(drive, signal).remarks)
 
 
 @pytest.mark.parametrize("true", [48, 60])

@@ -53,11 +53,13 @@ def strain_shift_of(recording: Recording) -> Iterator[StrainShiftOfChannel]:
         # whole turns apart: the mean direction, then what each differs from it
         zero = np.angle(np.exp(1j * middle[first]).mean()) if first.size else np.nan
         shift = np.angle(np.exp(1j * (middle - zero)))
-        noise = np.sqrt(0.5) * wheel.angle.noise_rad
+        time = np.asarray(table["time_s"], float)
+        noise = np.sqrt(0.5) * wheel.angle.noise_at(time)
+        shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
         speed = np.asarray(table["speed_m_s"], float)
         times = np.asarray(table["length_se_m"], float) / np.where(speed > 0.0, speed, np.nan)
-        rate = wheel.speed_rad_s(np.asarray(table["time_s"], float))
-        error = np.hypot(noise, 0.5 * times * rate)
+        rate = wheel.speed_rad_s(time)
+        error = np.hypot(np.hypot(noise, shared), 0.5 * times * rate)
         columns = {
             name: table[name]
             for name in ("log", "channel", "revolution", "time_s", "speed_m_s", "quality")

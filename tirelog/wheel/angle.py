@@ -107,7 +107,8 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     found = probe(channel.read, channel.size)
     if quantity == "angle" or found.form == "counter":
         return _counted(channel, quantity == "angle", steps)
-    learner, builder = PitchLearner(steps), KnotBuilder(np.pi / steps, 2 * steps)
+    edges = found.form == "square"
+    learner, builder = PitchLearner(steps), KnotBuilder(np.pi / steps, 2 * steps, edges)
     passages, missing, extra = 0, 0, 0
     for teeth in _teeth(channel, found, steps):
         time = channel.axis.at(teeth.index)
@@ -127,10 +128,12 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
         np.array([getattr(p, name) for p in placings], np.int32) for name in ("sign", "offset")
     )
     noise = builder.noise_rad(otherwise=_noise(found, steps))
-    function = angle_function(knots, pitch.error_rad, sign, offset, np.pi / steps, noise)
+    sample_s = 1.0 / channel.axis.rate_Hz
+    function = angle_function(knots, pitch.error_rad, sign, offset, np.pi / steps, noise, sample_s)
     backward = ~knots.forward | (sign[knots.stretch] < 0)
     untold = untold_stretches(function, placings)
-    remarks = _remarks(channel, (missing, extra), (backward, untold), pitch, learner, steps)
+    grid_s = sample_s / np.sqrt(12.0) if edges else 0.0
+    remarks = _remarks(channel, (missing, extra), (backward, untold), pitch, learner, grid_s)
     return WheelAngle(
         channel.name, steps, found.form, function, pitch, backward, untold, tuple(remarks)
     )
@@ -192,16 +195,19 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
             allowed=f"a counter climbs by {size:g} a turn",
             do="check the source",
         )
-    steps = steps or 360
+    steps, sample_s = steps or 360, 1.0 / channel.axis.rate_Hz
     rate = np.gradient(2 * np.pi * turns, time)
+    grid = np.zeros(0, np.float32)
     if is_angle:
         noise = max(2.0 * np.pi * _scatter(turns), channel.resolution / np.sqrt(12.0))
     else:
-        noise = float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
+        grid = (np.abs(rate) * sample_s / np.sqrt(12.0)).astype(np.float32)
+        noise = float(np.median(grid))
     count = np.rint(turns * size).astype(np.int64)
     stretch = np.zeros(time.size, np.int32)
     if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
-        function = AngleFunction(time, turns, 2 * np.pi, rate.astype(np.float32), stretch, noise)
+        slope = rate.astype(np.float32)
+        function = AngleFunction(time, turns, 2 * np.pi, slope, stretch, noise, grid)
         form = "angle" if is_angle else "counter"
         return WheelAngle(
             channel.name,
@@ -213,12 +219,10 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
             np.zeros(1, bool),
             (),
         )
-    builder = KnotBuilder(2 * np.pi / size, 1)
+    builder = KnotBuilder(2 * np.pi / size, 1, edges=True)
     builder.add(time, count, stretch, ~backward)
     knots, one = builder.knots(), np.ones(1, np.int32)
-    function = angle_function(
-        knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, builder.noise_rad(noise)
-    )
+    function = angle_function(knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, noise, sample_s)
     return WheelAngle(
         channel.name,
         steps,
@@ -247,10 +251,10 @@ def _remarks(
     ways: tuple[np.ndarray, np.ndarray],
     pitch: PitchTable,
     learner: PitchLearner,
-    steps: int,
+    grid_s: float,
 ) -> list[str]:
-    """Sentences on the encoder of this log."""
-    said = []
+    """Sentences on the encoder of this log; `grid_s` [s] the error of an edge between samples."""
+    said, steps = [], learner.steps
     if any(repaired):
         said.append(
             f"channel {channel.name}: {repaired[0]} missing and {repaired[1]} extra teeth were "
@@ -274,7 +278,7 @@ def _remarks(
             "pitch errors are not learnt",
         ]
     if pitch.repeats < REPEATS:
-        other, share, own = steps_that_repeat(learner.sample, steps)
+        other, share, own = steps_that_repeat(learner.sample, steps, grid_s)
         if share > own + BETTER and steps % other:
             said.append(
                 f"channel {channel.name}: the learnt pitch table does not repeat with {steps} "

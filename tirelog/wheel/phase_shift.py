@@ -170,6 +170,8 @@ def _passages(
         ]
     without = _without_zero(zero) if np.isnan(offset) else ""
     se = np.hypot(fronts.entry_se_rad, fronts.exit_se_rad) * DEG
+    # what both fronts have in common stays in their middle
+    middle_se = np.hypot(se / 2, np.sqrt(0.5) * wheel.angle.shared_noise_at(time) * DEG)
     width = (leave - entry) * DEG
     means = (
         {
@@ -182,7 +184,7 @@ def _passages(
     return EdgeTimes(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
         speed, acceleration, turn - width / 2, turn + width / 2, width, se * fronts.magnified,
-        turn - offset, se / 2,
+        turn - offset, middle_se,
         steady, quality, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, clean),
     )  # fmt: skip

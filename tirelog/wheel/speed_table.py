@@ -32,7 +32,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], WheelTurns, 
     radius = rolling_radius(recording, wheel)
     time, turns = turns_of(wheel, radius.radius_m)
     rate = wheel.speed_rad_s(time)
-    noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
+    noise = np.sqrt(2.0) * wheel.angle.noise_at(time) / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
     columns = {
         "log": recording.log,

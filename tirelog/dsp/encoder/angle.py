@@ -9,7 +9,7 @@ angles and rates, so it is continuous with its rate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -67,6 +67,10 @@ class AngleFunction:
     `time_s` ascending, `count` in units of `unit_rad`, `rate_rad_s`, `stretch` the run without a
     loss of the count; `noise_rad` standard deviation of an angle read from it. The types are small:
     an hour has millions of knots.
+
+    The edges of pulses and counts lie between two samples, so such errors grow with the speed and
+    are alike from tooth to tooth: `grid_rad` has their standard deviation at each knot, `noise_rad`
+    is their median. It is empty for other sensors.
     """
 
     time_s: FloatArray
@@ -75,6 +79,18 @@ class AngleFunction:
     rate_rad_s: NDArray[np.float32]
     stretch: NDArray[np.int32]
     noise_rad: float
+    grid_rad: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    def noise_at(self, time_s: FloatArray) -> FloatArray:
+        """Standard deviation [rad] of the angles at times, of which NaN counts as the end."""
+        if not self.grid_rad.size:
+            return np.full(time_s.shape, self.noise_rad)
+        at = np.searchsorted(self.time_s, time_s, side="right") - 1
+        return self.grid_rad[np.clip(at, 0, self.time_s.size - 1)].astype(np.float64)
+
+    def shared_noise_at(self, time_s: FloatArray) -> FloatArray:
+        """The part of `noise_at` [rad] that angles a patch apart have in common, at times."""
+        return self.noise_at(time_s) if self.grid_rad.size else np.zeros(time_s.shape)
 
     def knots(self, low: int, high: int) -> tuple[FloatArray, FloatArray]:
         """Times [s] and angles [rad] of the knots [low, high)."""

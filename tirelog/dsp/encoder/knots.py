@@ -8,6 +8,10 @@
 Time as a function of the count is a cubic over the passages within SPAN_S, by least squares.
 Smoothing is linear in the times, so the pitch errors are taken off afterwards: what the same least
 squares make of the pitch errors of those counts is the error of the knot.
+
+An edge of a pulse is known to lie between two samples: its error is uniform, of a known size. If a
+tooth takes nearly a whole number of samples the errors of neighbours are alike, and the cubic
+follows them instead of averaging: what the cubics leave of that size tells how much.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from numpy.typing import NDArray
 from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.encoder.kernels import SUMS
 from tirelog.dsp.encoder.signal import Integers
+from tirelog.dsp.sliding import sliding_mean
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
@@ -30,6 +35,9 @@ KNOT_STEP_S = 4e-3
 #: the local least squares take the passages within this time, at least and at most so many on each
 #: side; twice as long averages noise of the teeth over twice as many, and flattens shakes of 20 Hz
 SPAN_S, LEAST_REACH, MOST_REACH = 14e-3, 3, 9
+#: knots around one, with itself, whose scatter tells what the sampling grid does to it: half a
+#: second; twice as many tell it to 0.7 of the error, and follow a changing speed half as well
+GRID_KNOTS = 129
 #: whole teeth in the window may differ by this factor, for a cubic to follow them; twice as much
 #: lays cubics across starts and stops
 EVEN = 2.0
@@ -92,22 +100,24 @@ def _local_cubics(
     stop: int,
     last: float,
     sums: Records,
-) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.int8]]:
-    """Which passages become knots (k,); their times, rates [rad/s] and reaches.
+) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.int8], FloatArray]:
+    """Which passages become knots (k,); their times, rates [rad/s], reaches, and lateness [s].
 
     Of the passages [first, stop) those KNOT_STEP_S after the one before them, which is at `last`
-    [s], and all beside uneven ones. Reach 0: no cubic could be laid, the rate is the neighbours'.
+    [s], and all beside uneven ones. Late is the passage behind its cubic. Reach 0: no cubic could
+    be laid, the rate is the neighbours', and the lateness NaN.
 
     `time` (n,) [s], `count` and `stretch` (n,); `unit` per count [rad]. Added to: what the cubics
     of each reach left of the passages, `sums` (MOST_REACH + 1, classes) of SUMS, by the count
     modulo the classes.
     """
     n, run, classes = time.size, _even_runs(time, count, stretch), sums.shape[1]
-    knot, smooth, rate, reaches = (
+    knot, smooth, rate, reaches, late = (
         np.empty(stop - first, np.int64),
         np.empty(n),
         np.empty(n),
         np.zeros(n, np.int8),
+        np.empty(n),
     )
     k = 0
     for i in range(first, stop):
@@ -136,7 +146,7 @@ def _local_cubics(
                 time[i + reach] - time[i + reach - 2],
             )
             if steepness > 0 and begin < EVEN * end and end < EVEN * begin:
-                smooth[k], reaches[k] = here + at, reach
+                smooth[k], reaches[k], late[k] = here + at, reach, -at
                 rate[k] = (count[i + 1] - count[i]) * unit / steepness
                 residual = -at * rate[k]
                 if abs(residual) < 0.2 * unit:
@@ -149,9 +159,10 @@ def _local_cubics(
             before = i - 1 if i > 0 and stretch[i - 1] == stretch[i] else i
             after = i + 1 if i + 1 < n and stretch[i + 1] == stretch[i] else i
             span = time[after] - time[before]
-            smooth[k], rate[k] = (
+            smooth[k], rate[k], late[k] = (
                 time[i],
                 (count[after] - count[before]) * unit / span if span > 0 else 0.0,
+                np.nan,
             )
         last = smooth[k]
         k += 1
@@ -160,6 +171,7 @@ def _local_cubics(
         smooth[:k].copy(),
         rate[:k],
         reaches[:k].copy(),
+        late[:k],
     )  # views would keep the whole arrays alive
 
 
@@ -167,8 +179,8 @@ def _local_cubics(
 class Knots:
     """Knots of a piece or of a log, arrays of shape (n,).
 
-    What `Teeth` says of them, `rate_rad_s`, and the `reach` of the cubic that was laid through it,
-    0 for none.
+    What `Teeth` says of them, `rate_rad_s`, the `reach` of the cubic that was laid through it, 0
+    for none, and how much `late_s` its passage was behind the cubic, empty if it does not matter.
     """
 
     time_s: FloatArray
@@ -177,16 +189,18 @@ class Knots:
     stretch: NDArray[np.int32]
     forward: NDArray[np.bool_]
     reach: NDArray[np.int8]
+    late_s: NDArray[np.float32]
 
 
 class KnotBuilder:
     """Takes passages piece by piece, and gives their knots.
 
-    `unit_rad` per count and `classes` counts per turn (1 if the counts have no pitch errors).
+    `unit_rad` per count and `classes` counts per turn (1 if the counts have no pitch errors);
+    `edges` if the passages are edges between two samples.
     """
 
-    def __init__(self, unit_rad: float, classes: int) -> None:
-        self.unit_rad, self.classes = unit_rad, classes
+    def __init__(self, unit_rad: float, classes: int, edges: bool = False) -> None:
+        self.unit_rad, self.classes, self.edges = unit_rad, classes, edges
         self._parts: list[Knots] = []
         self._held: tuple[Any, ...] | None = None
         self._first = 0  # of the held passages, the first that is not a knot yet
@@ -223,7 +237,7 @@ class KnotBuilder:
             self._held = parts
             return
         sums = np.zeros((MOST_REACH + 1, self.classes), SUMS)
-        at, smooth, rate, reach = _local_cubics(
+        at, smooth, rate, reach, late = _local_cubics(
             time, count, stretch, self.unit_rad, first, stop, self._last, sums
         )
         self._note_scatter(sums)
@@ -234,7 +248,8 @@ class KnotBuilder:
                 rate.astype(np.float32),
                 stretch[at].astype(np.int32),
             )
-            self._parts.append(Knots(smooth, *small, forward[at], reach))
+            kept = late.astype(np.float32) if self.edges else np.zeros(0, np.float32)
+            self._parts.append(Knots(smooth, *small, forward[at], reach, kept))
         begin = max(stop - margin, 0)
         self._held, self._first = tuple(p[begin:] for p in parts), stop - begin
 
@@ -284,12 +299,13 @@ def angle_function(
     offset: Integers,
     unit_rad: float,
     noise_rad: float,
+    sample_s: float = 0.0,
 ) -> AngleFunction:
     """The wheel angle through `knots`, whose arrays it keeps and changes.
 
     `error_rad` the pitch error of each count modulo its size; `sign`, `offset` of shape
     (stretches,): what makes the counts of a stretch those of the wheel; `noise_rad` standard
-    deviation of a knot.
+    deviation of a knot; `sample_s` the time between two samples, for knots of edges.
     """
     value, slope = (
         np.stack([_around(error_rad, row) for row in weights]) for weights in (VALUE, SLOPE)
@@ -306,11 +322,39 @@ def angle_function(
         count[:] = sign[stretch] * count + offset[stretch]
         rate *= sign[stretch]
         place = np.mod(count, error_rad.size)
-        late = np.where(rate == 0, 0.0, value[reach, place] / np.where(rate == 0, 1.0, rate))
+        pace = np.where(rate == 0, np.inf, rate)
+        late = value[reach, place] / pace
+        if knots.late_s.size:
+            knots.late_s[piece] -= (error_rad[place] - value[reach, place]) / pace
         rate /= 1 - slope[reach, place] / unit_rad
         time[piece] = np.maximum.accumulate(np.maximum(time[piece] - late, latest))
         latest = float(time[piece][-1])
-    return AngleFunction(time, knots.count, unit_rad, knots.rate_rad_s, knots.stretch, noise_rad)
+    grid = np.zeros(0, np.float32)
+    if knots.late_s.size:
+        grid = np.abs(knots.rate_rad_s) * _grid_s(knots, sample_s).astype(np.float32)
+        noise_rad = float(np.median(grid))
+    return AngleFunction(
+        time, knots.count, unit_rad, knots.rate_rad_s, knots.stretch, noise_rad, grid
+    )
+
+
+def _grid_s(knots: Knots, sample_s: float) -> FloatArray:
+    """Standard deviation [s] of the times of knots of edges, shape (n,).
+
+    An edge is uniform between two samples: its variance is known. A cubic that keeps w of its
+    middle edge leaves 1 - w of that if edges are independent, and less if neighbours are alike; the
+    knot has the rest. Whatever is left, the knot has w / (1 - w) of it at least: chance of any
+    other kind is independent from edge to edge.
+    """
+    laid = knots.reach > 0
+    share = np.maximum(sliding_mean(laid.astype(np.float64), GRID_KNOTS), 0.5 / GRID_KNOTS)
+    left, kept = (
+        sliding_mean(np.where(laid, values, 0.0), GRID_KNOTS) / share
+        for values in (knots.late_s.astype(np.float64) ** 2, VALUE[knots.reach, MOST_REACH])
+    )
+    alone = sample_s**2 / 12
+    variance = np.maximum(alone - left, kept / (1 - kept) * left)
+    return np.sqrt(np.where(laid, variance, alone))
 
 
 def _around(error_rad: FloatArray, weights: FloatArray) -> FloatArray:

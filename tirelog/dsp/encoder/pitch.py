@@ -309,7 +309,7 @@ def _match(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def steps_that_repeat(
-    sample: tuple[FloatArray, Integers], steps: int, most: int = 256
+    sample: tuple[FloatArray, Integers], steps: int, grid_s: float = 0.0, most: int = 256
 ) -> tuple[int, float, float]:
     """(steps per turn that repeat best, their share of the variance, that of `steps`).
 
@@ -317,11 +317,16 @@ def steps_that_repeat(
     chance. The passages are smoothed over a few teeth only, so that the turn of the setup is not
     presumed. Of multiples the least that explains as much as the best. Shares are zero if the log
     is too short.
+
+    At a constant speed errors of edges between samples, of standard deviation `grid_s` [s], repeat
+    with any number of steps. The best one's share is what they cannot have made.
     """
     time_s, count = sample
     if count.size < 64 or count[-1] - count[0] != count.size - 1:
         return steps, 0.0, 0.0
-    deviation = ((time_s - sliding_mean(time_s, 9)) / np.gradient(time_s))[16:-16]
+    pace = np.gradient(time_s)
+    deviation = ((time_s - sliding_mean(time_s, 9)) / pace)[16:-16]
+    grid = float(np.sum((grid_s / pace[16:-16]) ** 2))
     deviation = deviation - np.mean(deviation)
     squares = float(deviation @ deviation)
     shares = np.zeros(most + 1)
@@ -337,4 +342,5 @@ def steps_that_repeat(
             squares, np.finfo(float).tiny
         )
     best = int(np.argmax(shares > shares.max() - 0.03))
-    return best, float(shares[best]), float(shares[steps]) if steps <= most else 0.0
+    share = shares[best] - grid / max(squares, np.finfo(float).tiny)
+    return best, float(share), float(shares[steps]) if steps <= most else 0.0

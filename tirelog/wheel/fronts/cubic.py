@@ -110,6 +110,6 @@ def _solve(
     noise = np.hypot(share, 0.5 * flanks.level_share) * flanks.noise / level
     falls = np.where(entries, slope < 0, slope > 0)
     sure = enough & falls & (np.abs(root) < 1)
-    se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows, wheel.angle.noise_rad)
+    se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows, flanks.angle_noise)
     place = flanks.angle + root * windows
     return np.where(sure, np.stack([place, se, slope / windows]), np.nan), lost

@@ -247,7 +247,7 @@ def _shifts(
         )
         lost |= np.isinf(known)
         place[group] = np.where(lost, np.nan, part.angle + moved)
-        se[group] = np.hypot(noise, wheel.angle.noise_rad)
+        se[group] = np.hypot(noise, part.angle_noise)
         at = u - moved[owner]
         weight, (level, _) = form.weight(at), form.values(at)
         square = np.bincount(owner, weight * (y - level) ** 2, group.size)

@@ -32,7 +32,7 @@ class Flanks:
     `angle` at which the front is thought to be, `middle` the patch's middle, `level`, `tilt` of a /
     Omega^2 outside with gravity's part taken off, `gravity` [m/s^2] in the signal, `ahead` the
     vehicle's acceleration, `noise` [m/s^2] of a sample, `level_share` standard error of the level
-    for a noise of one.
+    for a noise of one, `angle_noise` [rad] of the wheel angle.
     """
 
     angle: FloatArray
@@ -44,6 +44,7 @@ class Flanks:
     gravity: float
     ahead: FloatArray
     rate: FloatArray
+    angle_noise: FloatArray
 
     def take(self, which: IntArray) -> Flanks:
         fewer: dict[str, Any] = {
@@ -82,9 +83,10 @@ def flanks_of(
             dips.level_share,
             np.nan_to_num(ahead),
             wheel.speed_rad_s(time),
+            wheel.angle.noise_at(time),
         )
     ]
-    middle2, level2, tilt2, noise2, share2, ahead2, rate2 = twice
+    middle2, level2, tilt2, noise2, share2, ahead2, rate2, angle2 = twice
     return Flanks(
         np.concatenate([dips.entry_rad, dips.exit_rad]),
         middle2,
@@ -95,6 +97,7 @@ def flanks_of(
         gravity,
         ahead2,
         rate2,
+        angle2,
     )
 
 
