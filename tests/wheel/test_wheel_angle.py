@@ -167,7 +167,7 @@ def test_the_speed_is_refused_if_the_patch_shows_other_steps(true):
     drive = Drive((0, 12), (10, 12))
     found = recording(drive, Encoder(steps=true).signal(drive), Tread().signal(drive))
     if true == 48:
-        columns, _ = encoder_speed(found)
+        columns, _, _ = encoder_speed(found)
         assert len(columns["quality"])
         return
     for made in (lambda: encoder_speed(found), lambda: next(wheel_angle_of(found))):
