@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.strain.strain_truth import Beam, Ring
-from tirelog.data.recording import Recording
+from tirelog.data.recording import Recording, TimeAxis
 from tirelog.data.setup import LogConditions, Setup, Tire
 from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.plots.tables.dissipation import said
@@ -19,6 +19,7 @@ from tirelog.strain.dissipation_fit import regression
 from tirelog.strain.dissipation_table import by_speed, regressions
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
+from tirelog.vocabulary.quality import Quality, good, having
 
 CALM = {"height": 1.0, "drift": 0.0}
 
@@ -68,6 +69,28 @@ def test_the_factor_of_a_ring_with_humps_at_its_edges(drive, radius_m, speed):
     _, found = measured(made.channel, radius_m)
     wanted = np.trapezoid(np.gradient(strain, xi) ** 2, xi)
     assert np.median(found.factor_1_m[1:-1]) == pytest.approx(wanted, rel=0.004)
+
+
+@pytest.mark.parametrize(("rows_missing", "seed"), [(1, 1760), (2, 1761), (40, 1762)])
+def test_gaps_are_bridged_or_said(drive, radius_m, rows_missing, seed):
+    truth = Beam(speeds=(10.0, 10.0))
+    made = drive([0, 40], [10, 10], seed=seed, pulse=truth, **CALM)
+    kept, rng = np.ones(made.values.size, bool), np.random.default_rng(seed)
+    for first in rng.integers(500, made.values.size - 500, 150):
+        kept[first : first + rows_missing] = False
+    rows = np.flatnonzero(kept)
+    first = np.flatnonzero(np.diff(rows, prepend=-2) > 1)
+    axis = TimeAxis(rows.size, 2500.0, first, rows[first] / 2500.0, np.full(first.size, 1 / 2500.0))
+    passages, found = measured(made.with_values(made.values[rows], axis), radius_m)
+    ratio = found.factor_1_m / truth.dissipation_factor(10.0)
+    clean = good(found.quality)
+    assert clean.sum() > 30
+    np.testing.assert_allclose(ratio[clean], 1.0, atol=0.02)
+    gap = having(found.quality, Quality.GAP)
+    assert gap[np.abs(ratio - 1.0) > 0.02].all()
+    # a lone sample spoils no more revolutions than those in whose patch it lies
+    if rows_missing == 1:
+        np.testing.assert_array_equal(gap, having(passages.quality, Quality.GAP))
 
 
 def test_noise_brings_no_bias_and_the_errors_cover(drive, radius_m):

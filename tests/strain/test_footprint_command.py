@@ -69,6 +69,24 @@ def resting():
     return {"time_s": time, "grating": strain, "pressure": pressure}
 
 
+@pytest.mark.parametrize("speed", [0.4, 0.25])
+def test_a_creeping_wheel_is_measured_or_said_to_be_too_slow(command, drive, speed):
+    truth = Beam(speeds=(speed, speed))
+    made = drive(
+        [0, 60], [speed, speed], seed=1902, rate_Hz=200.0, pulse=truth, height=1.0, drift=0.0
+    )
+    columns = {"time_s": made.channel.axis.time(), "grating": made.values, "pressure": 2.2}
+    status, table, err = command(columns, "footprint")
+    assert status == 0
+    assert "too few passages" not in err
+    if speed > 0.3:
+        inner = table.iloc[1:-1]
+        assert (inner.quality == "ok").all()
+        assert inner.length_m.median() == pytest.approx(2 * truth.half_length_m, rel=0.02)
+    else:
+        assert f"{len(table)} of {len(table)} passages are slower than 0.3 m/s" in err
+
+
 def test_footprint(command, rolling):
     status, table, err = command(rolling, "footprint", "--cutoff", "400Hz", "--plot", "page.svg")
     assert status == 0

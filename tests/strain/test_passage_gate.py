@@ -85,6 +85,8 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
         if len(found):
             assert having(found.quality, Quality.NOT_A_PASSAGE).all()
             assert "not a patch signal?" in found.doubt
+            # the number that is told is that of the table's rows
+            assert f" {len(found)} " in found.doubt.split("pulses found")[0]
             assert not found.turn_after.any()
     assert rows > 0 or name in ("white", "ramp")
 

@@ -113,11 +113,26 @@ class TimeAxis:
 
         The gaps are those between segments.
         """
+        return list(zip(self.first[1:].tolist(), self._jumps_s.tolist(), strict=True))
+
+    @property
+    def missing(self) -> FloatArray:
+        """Samples that are missing before each segment, as its time tells; (k,), the first 0."""
+        samples: FloatArray = np.maximum(self._jumps_s * self.rate_Hz - 1.0, 0.0)
+        return np.concatenate([np.zeros(min(self.first.size, 1)), samples])
+
+    def missing_before(self, index: FloatArray | float) -> FloatArray:
+        """Samples that are missing before a fractional sample index; in a gap: all of it."""
+        behind = np.searchsorted(self.first[1:], index, side="right")
+        total: FloatArray = np.append(0.0, np.cumsum(self.missing[1:]))[behind]
+        return total
+
+    @property
+    def _jumps_s(self) -> FloatArray:
+        """Time [s] from the last sample of each segment to the next one's first, (k - 1,)."""
         ends = self.start_s[:-1] + (self.first[1:] - 1 - self.first[:-1]) * self.period_s[:-1]
-        return [
-            (int(i), float(start - end))
-            for i, start, end in zip(self.first[1:], self.start_s[1:], ends, strict=True)
-        ]
+        jumps: FloatArray = self.start_s[1:] - ends
+        return jumps
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.kernels import compiled
 from tirelog.strain.passages.find import Passages
+from tirelog.strain.passages.marks import in_gap
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
@@ -170,6 +171,10 @@ OVERSAMPLING = 4.0
 WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
 #: the patch with its shoulders, in half windows of the passages
 SHOULDERS = 1.6
+#: a gap in the patch with its shoulders is bridged up to so many means, half a period of the pass
+#: edge, and elsewhere up to this share of a turn; twice as many means bridge a whole period, whose
+#: slope is lost, and twice the share half a turn
+BRIDGED_MEANS, BRIDGED_TURNS = 2.0, 0.25
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
 #: a standard error above so many factors, the row's or the log's usual one, tells nothing and is
@@ -236,12 +241,56 @@ def _filter(channel: Channel, passages: Passages) -> _Filter:
     )
 
 
-def _bounds(passages: Passages) -> tuple[FloatArray, FloatArray]:
-    """First and last sample (fractional) of each passage's revolution.
+class _Filled:
+    """A channel with the samples that are missing in its gaps laid out as lost ones.
+
+    They are bridged like these, so that a gap of a few samples costs a revolution nothing. Longer
+    gaps than what is worked on at once stay out.
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        axis = channel.axis
+        missing = np.rint(axis.missing).astype(np.int64)
+        self._channel = channel
+        #: samples laid out before each segment, (k,)
+        self._before = np.cumsum(np.where(missing > MOST_AT_ONCE, 0, missing))
+        self._first = axis.first
+        self.size = channel.size + int(self._before[-1] if self._before.size else 0)
+        #: places with which the recording goes on after a gap that is not laid out
+        self.breaks = (axis.first + self._before)[missing > MOST_AT_ONCE]
+
+    def place(self, index: FloatArray) -> FloatArray:
+        """The place of a fractional sample index, (n,)."""
+        segment = np.searchsorted(self._first[1:], index, side="right")
+        place: FloatArray = index + (self._before[segment] if self._before.size else 0)
+        return place
+
+    def read(self, start: int, stop: int) -> FloatArray:
+        """Values of the places [start, stop) as far as there are, NaN where lost or missing."""
+        stop = min(stop, self.size)
+        low, high = self._samples(start), self._samples(stop)
+        values = np.asarray(self._channel.read(low, high), dtype=np.float64)
+        if values.size == stop - start:
+            return values
+        filled = np.full(stop - start, np.nan)
+        filled[self.place(np.arange(low, high, dtype=np.float64)).astype(np.int64) - start] = values
+        return filled
+
+    def _samples(self, place: int) -> int:
+        """How many samples lie before a place."""
+        if not self._before.size:
+            return place
+        first = self._first + self._before
+        segment = max(int(np.searchsorted(first, place, side="right")) - 1, 0)
+        ends = np.append(self._first[1:], self._channel.size)
+        return int(min(place - self._before[segment], ends[segment]))
+
+
+def _bounds(passages: Passages, index: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """First and last sample (fractional) of each passage's revolution, whose centre is at `index`.
 
     Half way to a neighbour that is one turn away, else half a turn.
     """
-    index = passages.index
     step = np.diff(index)
     before = np.where(passages.turn_before, np.concatenate([[np.nan], step]), np.nan)
     after = np.where(passages.turn_after, np.concatenate([step, [np.nan]]), np.nan)
@@ -269,8 +318,9 @@ def _energies(
 
     The squared derivative, and its own squared slope (for the error).
     """
-    bounds = [np.round(b / how.averaged) for b in _bounds(passages)]
-    last = channel.size // how.averaged
+    filled = _Filled(channel)
+    bounds = [np.round(b / how.averaged) for b in _bounds(passages, filled.place(passages.index))]
+    last = filled.size // how.averaged
     known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
     low, high = (np.clip(np.where(known, b, 0.0), 0, last).astype(np.int64) for b in bounds)
     wild = max(
@@ -285,11 +335,7 @@ def _energies(
         * FOUR
     )
     sums, scratch = np.zeros(len(passages), ENERGY), scratch_of(step + 2 * (half + 3))
-    breaks = (
-        np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]])
-        if channel.axis.explicit is None
-        else np.array([0, last])
-    )
+    breaks = np.concatenate([[0], filled.breaks // how.averaged, [last]])
     # rows are in order, and their revolutions nearly so: those of a block stand together
     furthest, nearest = (
         np.maximum.accumulate(high),
@@ -303,13 +349,22 @@ def _energies(
             )
             if rows.size:
                 first, final = max(start - half - 3, begin), min(stop + half + 3, end)
-                raw = np.asarray(
-                    channel.read(first * how.averaged, final * how.averaged), dtype=np.float64
-                )
+                raw = filled.read(first * how.averaged, final * how.averaged)
                 means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
                 within = np.maximum(low[rows], start) - begin, np.minimum(high[rows], stop) - begin
                 revolution_sums(means, first - begin, side, scratch, rows, *within, sums)
     return sums["slope2"], sums["change2"], (high - low).astype(float) * known
+
+
+def _in_long_gap(channel: Channel, passages: Passages, how: _Filter) -> NDArray[np.bool_]:
+    """Whether a gap is too long to be bridged in each passage's revolution, (n,)."""
+    axis, index = channel.axis, passages.index
+    turn = 2.0 * np.pi / passages.omega_rad_s * axis.rate_Hz
+    shoulders = SHOULDERS * passages.window_rad / (2.0 * np.pi) * turn
+    near = in_gap(axis, index, shoulders, BRIDGED_MEANS * how.averaged)
+    low, high = index - 0.5 * turn, index + 0.5 * turn
+    missing = axis.missing_before(high) - axis.missing_before(low)
+    return np.asarray(near | (missing > BRIDGED_TURNS * turn))
 
 
 def steady_stretches(
@@ -407,6 +462,7 @@ def dissipation(
         )
     error = np.where(absurd, np.nan, error)
     quality = quality | marked(absurd, Quality.ERROR_UNKNOWN)
+    quality = quality | marked(_in_long_gap(channel, passages, how), Quality.GAP)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
     clean = good(quality)

@@ -44,6 +44,12 @@ LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up; twice as much
 #: keeps starts that have three times the misfit, which a search from the beginning may undercut
 LIKE_MISFIT = 1.5
+#: a slower wheel's windows are not cut out (its passage takes seconds); twice as much leaves out
+#: wheels that creep up to 0.6 m/s
+LEAST_SPEED_M_S = 0.3
+#: slower passages are learnt from only if there are no others: they are those of a start or a stop.
+#: Twice as much leaves out twice as much of a start, which no other passage of the log is like
+CREEPING_M_S = 0.5
 #: largest relative error of the speed of a passage that is learnt from, if there are such; twice
 #: as much learns from passages whose length on the tread is off by twice as much
 SURE_SPEED = 0.001
@@ -146,16 +152,18 @@ def _usable(passages: Passages, without: NDArray[np.bool_] | None) -> IntArray:
     both = passages.turn_before & passages.turn_after & wanted
     with np.errstate(invalid="ignore"):
         sure = passages.speed_se_m_s < SURE_SPEED * passages.speed_m_s
-    for choice in (
+    choices = (
         clean & both & sure,
         clean & both,
         clean & (passages.turn_before | passages.turn_after),
         clean,
         wanted,
-    ):
-        rows = np.flatnonzero(choice & (passages.speed_m_s > 0.5))
-        if rows.size:
-            return rows
+    )
+    for least in (CREEPING_M_S, LEAST_SPEED_M_S):
+        for choice in choices:
+            rows = np.flatnonzero(choice & (passages.speed_m_s > least))
+            if rows.size:
+                return rows
     return np.zeros(0, np.int64)
 
 

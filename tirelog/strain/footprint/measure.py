@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.strain.footprint.fit import FormTables, PassageFits, fit_edges
-from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, Learnt
+from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, LEAST_SPEED_M_S, Learnt
 from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
@@ -37,9 +37,6 @@ from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import good
 
-#: a slower wheel's windows are not cut out (its passage takes seconds); twice as much leaves out
-#: wheels that creep up to 0.6 m/s
-LEAST_SPEED_M_S = 0.3
 #: samples are averaged while they lie closer than this share of the half length, for the fit
 FIT_STEP = 1.0 / 36.0
 #: the same, while the rough place of a slip onset is looked for; twice as coarse, it has half of

@@ -17,6 +17,7 @@ from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released
 from tirelog.strain.footprint.at_rest import cutoff_at_rest
 from tirelog.strain.footprint.footprint import Footprint, footprint
+from tirelog.strain.footprint.learn import LEAST_SPEED_M_S
 from tirelog.strain.footprint.measure import Measured
 from tirelog.strain.footprint.settle import Settled
 from tirelog.strain.passages.find import Passages
@@ -69,7 +70,11 @@ def footprint_of_channel(
         "quality": quality_column(found.quality | speed_quality(passages)),
     }
     channel = released(channel)
-    remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel, found, cutoff)
+    remarks = (
+        (passages.doubt,)
+        if passages.doubt
+        else _remarks(recording, channel, passages, found, cutoff)
+    )
     return FootprintOfChannel(channel, passages, found, columns, remarks)
 
 
@@ -94,14 +99,20 @@ def cutoff_of_channel(
 
 
 def _remarks(
-    recording: Recording, channel: Channel, found: Footprint, cutoff: Cutoff
+    recording: Recording, channel: Channel, passages: Passages, found: Footprint, cutoff: Cutoff
 ) -> tuple[str, ...]:
     """What the summary says of a channel.
 
     Lengths, form, cut-off, the static footprint beside the dynamic one.
     """
+    slow = int((passages.speed_m_s <= LEAST_SPEED_M_S).sum())
+    too_slow = (
+        f"{channel.name}: {slow} of {len(passages)} passages are slower than "
+        f"{LEAST_SPEED_M_S:g} m/s, and have no length"
+    )
     if found.learnt is None or not np.isfinite(found.length_m).any():
-        return (f"{channel.name}: too few passages to learn the form of; no lengths",)
+        few = f"{channel.name}: too few passages to learn the form of; no lengths"
+        return (too_slow,) if 2 * slow > len(passages) else (few,)
     length, form = float(np.nanmedian(found.length_m)), float(np.nanmedian(found.form_se_m))
     known = np.isfinite(found.cutoff_Hz)
     low, high = float(found.cutoff_Hz[known].min()), float(found.cutoff_Hz[known].max())
@@ -113,7 +124,7 @@ def _remarks(
     static = recording.setup.tire.static_footprint_length_m
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
-    remarks = [text]
+    remarks = [text, too_slow] if slow else [text]
     doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
     if doubted:
         remarks.append(

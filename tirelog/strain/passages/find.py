@@ -48,12 +48,12 @@ class Passages:
     """Passages through the patch, in time order; arrays of shape (n,), n may be 0.
 
     index            fractional sample index of the patch centre
-    time_s           its time; of a passage that lies in lost samples: by the speeds around it
+    time_s           its time; of a passage that was not found: by the speeds around it
     time_se_s        standard error of the time from the noise
     turn_before, turn_after   bool: the neighbouring passage is exactly one turn away, and was
                               measured as this one was
     break_after      why the next passage is not known to be one turn away, as flags: gap,
-                     standstill, reversing; none if it is
+                     lost_peak, standstill, reversing; none if it is
     omega_rad_s      wheel speed at the passage, positive; from the pulse's stretch if no neighbour
                      is a turn away (NaN: not known)
     omega_se_rad_s   its standard error, with that of the differencing
@@ -63,7 +63,7 @@ class Passages:
     height, offset   of the template in this passage, patch upward (sign x recorded signal),
                      channel's unit; NaN where lost
     misfit           rms residual of the fit, channel's unit
-    measured         bool: False if the passage lies in lost samples
+    measured         bool: False if the passage was not found, mostly as samples are lost
     quality          flags of the words inside the passage's window; not_a_passage in all rows if
                      there is a doubt
     doubt            '' or the sentence why these are no passages of a tire (`gate`); no row then
@@ -180,7 +180,9 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     turned = matched.backwards[1:] != matched.backwards[:-1]
     index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
     untimed = marks.clock_between(channel, index)
-    linked = np.append(one_turn(turns) & ~turned & ~untimed, False)
+    linked, rolled = one_turn(turns) & ~turned & ~untimed, marks.rolled_on(omega, radius_m)
+    whole = np.where(turned | untimed, 0, marks.whole_turns(time_s, linked, rolled))
+    linked = np.append(np.where(whole > 0, whole == 1, linked), False)
     window_rad = (
         template.window_rad
         if template
@@ -191,7 +193,9 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
         if template
         else np.zeros(turns.size, np.int64)
     )
+    lost = np.where(whole > 0, whole - 1, lost)
     turns_after = np.where(np.append(lost, 0) > 0, np.append(lost, 0) + 1, linked)
+    shortest_s = 2.0 * window_rad / np.maximum(omega[1:], omega[:-1])
     motion = kinematics(time_s, matched.time_se_s, turns_after.astype(float))
     alone = motion.sides == 0
     blind = matched.standing | (time_s.size < 3)
@@ -213,7 +217,9 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
         time_se_s=matched.time_se_s,
         turn_before=np.concatenate([[False], linked[:-1]]),
         turn_after=linked,
-        break_after=marks.breaks(channel, index, turns, turns_after > 0, turned, untimed),
+        break_after=marks.breaks(
+            channel, index, turns, shortest_s, turns_after > 0, turned, rolled, untimed
+        ),
         omega_rad_s=np.where(alone, np.where(blind, np.nan, found.omega), motion.omega),
         omega_se_rad_s=np.where(alone, np.where(blind, np.nan, found.omega_se), motion.omega_se),
         alpha_rad_s2=motion.alpha,
@@ -226,7 +232,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     )
     why = doubt(channel, pulses, matched, noise, radius_m)
     if why:
-        return _doubted(measured, sentence(channel.name, len(pulses), why))
+        return _doubted(measured, sentence(channel.name, len(measured), len(pulses), why))
     return _with_lost(measured, lost, channel) if lost.any() else measured
 
 
@@ -250,7 +256,7 @@ def _doubted(found: Passages, said: str) -> Passages:
 
 
 def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) -> Passages:
-    """`measured` with a row for each passage that lies in lost samples.
+    """`measured` with a row for each passage that was not found, mostly as samples are lost.
 
     Its time and speed are from the passages around.
     """
@@ -268,11 +274,13 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
     omega_se = (
         np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
     )
+    index = channel.axis.index(time_s)
+    gap = marks.in_gap(channel.axis, index, measured.window_rad / omega * channel.axis.rate_Hz)
     extra: dict[str, Any] = {
-        "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses),
+        "index": index, "time_s": time_s, "time_se_s": np.concatenate(ses),
         "turn_before": False, "turn_after": False, "break_after": 0, "omega_rad_s": omega,
         "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
-        "quality": np.uint32(Quality.LOST_PEAK),
+        "quality": np.uint32(Quality.LOST_PEAK) | marked(gap, Quality.GAP),
     }  # fmt: skip
     columns: dict[str, Any] = {
         f.name: np.insert(value, place, extra.get(f.name, np.nan))

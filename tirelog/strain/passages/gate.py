@@ -100,10 +100,14 @@ def doubt(channel: Channel, raw: Pulses, matched: Matched, noise: float, radius_
     return ""
 
 
-def sentence(channel: str, count: int, why: str) -> str:
-    """What a command says of a channel whose pulses are no passages."""
+def sentence(channel: str, rows: int, found: int, why: str) -> str:
+    """What a command says of a channel whose pulses are no passages.
+
+    `rows` of the `found` pulses stand in its table.
+    """
+    which = f"the {found} pulses found" if rows == found else f"{rows} of {found} pulses found"
     return (
-        f"{channel}: the {count} pulses found are not one turn apart, or not of a patch: {why}; "
+        f"{channel}: {which} are not one turn apart, or not of a patch: {why}; "
         "not a patch signal? "
         "No speed is told from them; check source, kind and surface of the channel in the setup"
     )

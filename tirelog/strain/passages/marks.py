@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Channel
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.fit import PassageFit
 from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -23,6 +23,14 @@ MOST_LOST = 4
 #: share of a window's samples that must be lost before a passage counts as lost there; twice as
 #: much asks for most of a window, and passages lost by a third of it stay uncounted
 LOST_SHARE = 0.3
+#: deceleration [m/s^2] at which a wheel that rolls on may stop within a turn (a car's: from 7.8
+#: m/s), half as much again as a dry road allows; faster ones did not stop between two passages.
+#: Twice as much takes for a stop what was not found at 11 m/s
+STOPPING_M_S2 = 16.0
+#: turns that a time may be off whole ones, by the turns before and after, which may differ by this
+#: ratio.  Twice as much takes any time for whole turns; of twice the ratio, turns at either end of
+#: a hard braking tell nothing of those in between
+NEARLY_WHOLE, ALIKE_TURNS = 0.25, 1.5
 
 
 def window_quality(
@@ -35,13 +43,25 @@ def window_quality(
         | marked(found.clipped, Quality.CLIPPED)
         | marked(found.outside, Quality.EDGE_OF_LOG)
     )
-    gaps = np.asarray(channel.axis.first[1:], float) - 0.5
-    flags |= marked(_touched(index - reach, index + reach, gaps, gaps), Quality.GAP)
+    flags |= marked(in_gap(channel.axis, index, reach), Quality.GAP)
     for word in {word for _, _, word in channel.flags}:
         doubted = np.array([(a, b - 1) for a, b, own in channel.flags if own == word], float)
         touched = _touched(index - reach, index + reach, *doubted.T)
         flags |= marked(touched, word)
     return flags
+
+
+def in_gap(
+    axis: TimeAxis, index: FloatArray, reach: FloatArray, longer: float = 0.0
+) -> NDArray[np.bool_]:
+    """Whether the recording has a gap within `reach` [samples] of each `index`, (n,).
+
+    `longer` than so many samples; 0 takes every gap.
+    """
+    gaps = np.asarray(axis.first[1:], float) - 0.5
+    if longer > 0.0:
+        gaps = gaps[axis.missing[1:] > longer]
+    return _touched(index - reach, index + reach, gaps, gaps)
 
 
 def _touched(
@@ -58,13 +78,41 @@ def _touched(
     return (before > 0) & reached
 
 
+def rolled_on(omega: FloatArray, radius_m: float) -> NDArray[np.bool_]:
+    """Whether the wheel was too fast to stop between each passage and the next, (n - 1,)."""
+    slower = radius_m * np.minimum(omega[1:], omega[:-1])
+    return np.asarray(slower > np.sqrt(2.0 * STOPPING_M_S2 * TURN_RAD * radius_m))
+
+
+def whole_turns(
+    time_s: FloatArray, linked: NDArray[np.bool_], rolled: NDArray[np.bool_]
+) -> IntArray:
+    """Whole turns from each passage to the next, as the turns around tell; 0 if they do not.
+
+    Of a wheel that `rolled` on (n - 1,), at a speed between those of the nearest pairs before and
+    after that are `linked` (n - 1,), which are one turn apart.
+    """
+    period = np.diff(time_s)
+    known = np.append(np.flatnonzero(linked), -1)
+    pair = np.arange(period.size)
+    before = known[np.searchsorted(known[:-1], pair) - 1]
+    after = known[np.searchsorted(known[:-1], pair, side="right")]
+    sides = np.where([before >= 0, after >= 0], period[[before, after]], np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):  # stamps that repeat have no period
+        turns = period / sides.mean(axis=0)
+    whole = np.rint(turns)
+    sure = rolled & (np.abs(turns - whole) < NEARLY_WHOLE) & (whole <= MOST_LOST + 1)
+    sure &= sides.max(axis=0) < ALIKE_TURNS * sides.min(axis=0)
+    return np.where(sure, whole, 0.0).astype(np.int64)
+
+
 def lost_between(
     channel: Channel, time_s: FloatArray, omega: FloatArray, turns: FloatArray, window_rad: float
 ) -> IntArray:
     """Passages that lie in lost samples between each passage and the next, shape (n - 1,).
 
     `turns` (n - 1,) as the speeds give them. Two to MOST_LOST + 1 turns count, if the samples are
-    lost around every place of such a passage.
+    lost or missing around every place of such a passage.
     """
     whole = np.rint(turns)
     lost = np.zeros(turns.size, np.int64)
@@ -81,15 +129,13 @@ def lost_between(
 
 
 def _lost_share(channel: Channel, begin_s: float, end_s: float) -> float:
-    """Share of the samples between two times that are lost.
-
-    0 if the recording itself has a gap there.
-    """
+    """Share of the samples between two times that are lost, or missing in a gap."""
     low, high = round(float(channel.axis.index(begin_s))), round(float(channel.axis.index(end_s)))
-    expected = (end_s - begin_s) * channel.axis.rate_Hz
-    if high <= low or high - low < 0.8 * expected:
-        return 0.0
-    return float(np.mean(~np.isfinite(channel.read(low, high + 1))))
+    expected = float(high - low)
+    if channel.axis.explicit is None:
+        expected = max(expected, (end_s - begin_s) * channel.axis.rate_Hz)
+    there = np.count_nonzero(np.isfinite(channel.read(low, high + 1)))
+    return 1.0 - there / (expected + 1.0)
 
 
 def between(t0: float, t1: float, omega0: float, omega1: float, count: int) -> FloatArray:
@@ -122,22 +168,26 @@ def breaks(
     channel: Channel,
     index: FloatArray,
     turns: FloatArray,
+    shortest_s: FloatArray,
     linked: NDArray[np.bool_],
     turned: NDArray[np.bool_],
+    rolled: NDArray[np.bool_],
     untimed: NDArray[np.bool_],
 ) -> QualityFlags:
     """Why a passage and the next are not known to be one turn apart, shape (n,).
 
-    No word if they are (and for the last), else gap, reversing (it came back before a turn was
-    done, or passed the other way round: `turned`) or standstill (the wheel took longer than its
-    speeds allow). Where the clock was set back (`untimed`) that is as a gap.
+    No word if they are (and for the last), else gap (so long that a passage may lie in it, of
+    which LOST_SHARE of `shortest_s` is enough, or the clock was set back: `untimed`), lost_peak (the wheel `rolled` on, and passages
+    between were not found), reversing (it came back before a turn was done, or passed the other way
+    round: `turned`) or standstill (the wheel took longer than its speeds allow).
     """
     apart = ~linked[:-1]
-    gap = untimed | (np.diff(np.searchsorted(channel.axis.first[1:], index)) != 0)
+    missing_s = np.diff(channel.axis.missing_before(index)) / channel.axis.rate_Hz
+    gap = untimed | (missing_s > LOST_SHARE * shortest_s)
     still = (turns > 1) & ~turned
-    why = (
-        marked(apart & gap, Quality.GAP)
-        | marked(apart & ~gap & still, Quality.STANDSTILL)
-        | marked(apart & ~gap & ~still, Quality.REVERSING)
+    why = np.select(
+        [~apart, gap, rolled & ~turned, still],
+        [0, Quality.GAP, Quality.LOST_PEAK, Quality.STANDSTILL],
+        Quality.REVERSING,
     )
-    return np.append(why, np.uint32(0))
+    return np.append(why, 0).astype(np.uint32)

@@ -19,8 +19,8 @@ from tirelog.strain.passages.decimate import AT_ONCE
 from tirelog.strain.passages.fit import PassageFit, Signal, Start, fit_blocks, fit_passages, gather
 from tirelog.strain.passages.kinematics import TURN_RAD, kinematics, may_have_stopped, turns_between
 from tirelog.strain.passages.learn import learn_template
-from tirelog.strain.passages.screen import one_turn, screen, usual, width_turns
-from tirelog.strain.passages.search import Pulses
+from tirelog.strain.passages.screen import one_turn, screen, width_turns
+from tirelog.strain.passages.search import Pulses, usual
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import FloatArray
 

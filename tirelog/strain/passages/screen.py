@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.strain.passages.search import Pulses
-from tirelog.strain.passages.search_kernels import medians_around
+from tirelog.strain.passages.search import Pulses, usual
 from tirelog.vocabulary.arrays import FloatArray
 
 #: width of a passage (half level) as a share of a turn, if the log is too short to tell
@@ -32,9 +31,8 @@ ONE_TURN = (0.7, 1.4)
 TOO_CLOSE_TURNS = 0.25
 #: width of the joined halves against the widths around
 JOINED_WIDTH = (0.6, 1.5)
-#: pulses on either side whose widths tell the speed, and rounds of dropping; twice as many pulses
-#: tell it of a speed that changes over twice as many
-REACH, ROUNDS = 3, 3
+#: rounds of dropping; each round leaves half of the strangers that stand side by side
+ROUNDS = 3
 
 
 def width_turns(middle: FloatArray, width: FloatArray) -> float:
@@ -51,13 +49,6 @@ def width_turns(middle: FloatArray, width: FloatArray) -> float:
 def one_turn(turns: FloatArray) -> NDArray[np.bool_]:
     """Whether that many turns, from speeds that are good to some 20 %, are one."""
     return (turns > ONE_TURN[0]) & (turns < ONE_TURN[1])
-
-
-def usual(values: FloatArray) -> FloatArray:
-    """Median of the values within REACH pulses, shape (n,)."""
-    medians = np.empty(values.size)
-    medians_around(values, REACH, np.empty(2 * REACH + 1), medians)
-    return medians
 
 
 def screen(channel: Channel, pulses: Pulses) -> Pulses:

@@ -5,11 +5,15 @@ Pulses that stand out of their surroundings by half of the usual height.
     channel --decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
             --half-level crossings--> Pulses: middle and width [samples], one row per passage
+            --those of few buckets--> the same with shorter buckets there
 
 A pulse counts if the signal climbs to it and falls from it by the same least height, found from the
 log's own heights. Neither a baseline nor a period is assumed, so drift, standing still (in the
 patch or out of it), creeping and hard braking need no special case, and the shoulders beside the
 patch are too low.
+
+Samples that are missing in time are bridged as lost ones are: the search goes on behind a gap, and
+only a pulse of which the gap takes more than half is none.
 """
 
 from __future__ import annotations
@@ -20,9 +24,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Channel
-from tirelog.strain.passages.decimate import AT_ONCE, Decimated, decimate
-from tirelog.strain.passages.search_kernels import PULSE, half_level, turning_points
+from tirelog.data.recording import Channel, TimeAxis
+from tirelog.strain.passages.decimate import AT_ONCE, Decimated, decimate, refined
+from tirelog.strain.passages.search_kernels import (
+    PULSE,
+    half_level,
+    medians_around,
+    turning_points,
+)
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3, and half
@@ -35,6 +44,13 @@ LEAST_SIGMAS = 8.0
 #: two patches, seen from its deep shoulders; twice as much keeps almost every such stretch, half
 #: as much drops passages beside higher ones
 PLATEAU_SHARE = 0.4
+#: pulses whose usual width is less than so many buckets are searched with shorter ones: a pulse
+#: whose middle lies between two buckets looks two wide, however narrow it is, and below 1.2 it may
+#: be too low to count.  Half as many would leave such pulses out
+FEWEST_BUCKETS = 2.2
+#: pulses on either side whose widths are the usual one; twice as many pulses tell it of a speed
+#: that changes over twice as many
+REACH = 3
 #: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a
 #: car's wheel) nothing is looked for; twice the least leaves wheels below 4.2 m/s without passages
 LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
@@ -123,6 +139,17 @@ def _without_plateaus(
     return peak[kept], left[kept], right[kept]
 
 
+@dataclass(frozen=True)
+class _Level:
+    """Radial acceleration outside the patch: sizes (k,) at samples (k,), straight lines between."""
+
+    index: FloatArray
+    size: FloatArray
+
+    def at(self, index: FloatArray) -> NDArray[np.float32]:
+        return np.interp(index, self.index, self.size).astype(np.float32)
+
+
 def search_passages(
     channel: Channel, sign: float, block_samples: int = AT_ONCE
 ) -> tuple[Pulses, Decimated]:
@@ -134,30 +161,63 @@ def search_passages(
     data = decimate(channel, sign, block_samples)
     if not data.values.size or not np.isfinite(data.noise):
         return NO_PULSES, data
-    if channel.kind != "radial_acceleration":
-        return find_pulses(data), data
-    level = np.maximum(
-        _level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
-    )
-    pulses = find_pulses(
-        replace(
-            data,
-            values=(data.values / level).astype(np.float32),
-            noise=data.noise / float(np.median(level)),
-        )
-    )
-    scale = level[
-        np.round((pulses.middle - data.index(np.zeros(1))) / data.bucket).astype(np.int64)
-    ].astype(np.float64)
-    return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data
+    level = _level(channel, data) if channel.kind == "radial_acceleration" else None
+    pulses = _found(data, level)
+    while (stretches := _fast_stretches(channel, data, pulses)).size:
+        data = refined(channel, data, sign, stretches)
+        pulses = _found(data, level)
+    return _seen(channel.axis, pulses), data
 
 
-def _level(data: Decimated, rate_Hz: float) -> NDArray[np.float32]:
-    """Median size of the values over pieces of LEVEL_S, straight lines between, shape (m,)."""
-    size = max(int(LEVEL_S * rate_Hz / data.bucket), 1)
+def _found(data: Decimated, level: _Level | None) -> Pulses:
+    """The pulses of `data`, searched in units of a `level` if there is one."""
+    if level is None:
+        return find_pulses(data)
+    at = level.at(data.index(np.arange(data.values.size)))
+    noise = data.noise / float(np.median(at))
+    pulses = find_pulses(replace(data, values=data.values / at, noise=noise))
+    scale = level.at(pulses.middle).astype(np.float64)
+    return replace(pulses, height=pulses.height * scale, base=pulses.base * scale)
+
+
+def _level(channel: Channel, data: Decimated) -> _Level:
+    """Median size of the values over pieces of LEVEL_S, never below the least."""
+    size = max(int(LEVEL_S * channel.axis.rate_Hz / data.bucket[0]), 1)
     firsts = np.arange(0, data.values.size, size)
     medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
-    return np.interp(np.arange(data.values.size), firsts + 0.5 * size, medians).astype(np.float32)
+    least = max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
+    middles = data.index(np.asarray(firsts + 0.5 * size, np.float64))
+    return _Level(middles, np.maximum(medians, least))
+
+
+def _fast_stretches(channel: Channel, data: Decimated, pulses: Pulses) -> IntArray:
+    """Samples [from, to) in which pulses are too narrow for their buckets, (n, 2).
+
+    With REACH pulses on either side, between which and the others none was overlooked.
+    """
+    bucket = data.bucket[np.searchsorted(data.first[1:], pulses.middle, side="right")]
+    narrow = (usual(pulses.width / bucket) < FEWEST_BUCKETS) & (bucket > 1)
+    if not narrow.any():
+        return np.zeros((0, 2), np.int64)
+    around = np.convolve(narrow, np.ones(2 * REACH + 1))[REACH:-REACH] > 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], around, [False]])))
+    between = 0.5 * (pulses.middle[1:] + pulses.middle[:-1])
+    bounds = np.concatenate([[0.0], between, [float(channel.size)]])
+    return bounds[edges].astype(np.int64).reshape(-1, 2)
+
+
+def _seen(axis: TimeAxis, pulses: Pulses) -> Pulses:
+    """The `pulses` of which at least half was recorded, with their widths as in time."""
+    entry, leave = pulses.middle - 0.5 * pulses.width, pulses.middle + 0.5 * pulses.width
+    missing = axis.missing_before(np.ceil(leave)) - axis.missing_before(np.floor(entry))
+    return replace(pulses, width=pulses.width + missing).take(missing <= pulses.width)
+
+
+def usual(values: FloatArray) -> FloatArray:
+    """Median of the values within REACH pulses, shape (n,)."""
+    medians = np.empty(values.size)
+    medians_around(values, REACH, np.empty(2 * REACH + 1), medians)
+    return medians
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:
@@ -168,4 +228,5 @@ def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray
     pulses = np.empty(peak.size, PULSE)
     half_level(data.values, peak, left, right, pulses)
     middle, width, height, base = (pulses[name].copy() for name in PULSE.names or ())
-    return Pulses(data.index(middle), np.maximum(data.bucket * width, 1.0), height, base)
+    width = np.maximum(data.samples(middle) * width, 1.0)
+    return Pulses(data.index(middle), width, height, base)
