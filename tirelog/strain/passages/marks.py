@@ -177,9 +177,10 @@ def breaks(
     """Why a passage and the next are not known to be one turn apart, shape (n,).
 
     No word if they are (and for the last), else gap (so long that a passage may lie in it, of
-    which LOST_SHARE of `shortest_s` is enough, or the clock was set back: `untimed`), lost_peak (the wheel `rolled` on, and passages
-    between were not found), reversing (it came back before a turn was done, or passed the other way
-    round: `turned`) or standstill (the wheel took longer than its speeds allow).
+    which LOST_SHARE of `shortest_s` is enough, or the clock was set back: `untimed`), lost_peak
+    (the wheel `rolled` on, and passages between were not found), reversing (it came back before a
+    turn was done, or passed the other way round: `turned`) or standstill (the wheel took longer
+    than its speeds allow).
     """
     apart = ~linked[:-1]
     missing_s = np.diff(channel.axis.missing_before(index)) / channel.axis.rate_Hz
