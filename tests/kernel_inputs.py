@@ -311,6 +311,20 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
+@inputs_of("runs.bursts")
+def _(rng: np.random.Generator) -> Arguments:
+    low = holed(rng, 130)
+    high, room = low + 1.0, np.empty(7)
+    ranges = (*np.zeros((2, 130)), room)
+    return {
+        "cell_extremes": [
+            (holed(rng, 83, share=share), 5, *np.zeros((2, 17))) for share in (0.0, 0.6)
+        ],
+        "cell_ranges": [(low, high, around, 6, *ranges) for around in (100, 250)],
+        "_largest_but": [(low, sign, 3, 120, 4, room) for sign in (1.0, -1.0)],
+    }
+
+
 @inputs_of("runs.in_memory")
 def _(rng: np.random.Generator) -> Arguments:
     lost = -(1 << 31)

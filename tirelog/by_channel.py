@@ -33,6 +33,7 @@ Options = Mapping[str, Any]
 
 #: what the tables of strain channels are made with, beside what is loaded already
 _OF_CHANNELS = (
+    "tirelog.runs.bursts",
     "tirelog.runs.in_memory",
     "tirelog.strain.dissipation_table",
     "tirelog.strain.footprint.table",
@@ -199,13 +200,13 @@ def _by_stretches(
     One process learns the form while another makes the tables that need none; then both measure
     stretches of passages.
     """
-    from tirelog.runs.in_memory import in_memory
+    from tirelog.runs.bursts import mended
     from tirelog.strain.footprint.footprint import Measuring
     from tirelog.strain.footprint.settle import settle
     from tirelog.strain.footprint.table import cutoff_of_channel
     from tirelog.strain.passages.surface import passages_of
 
-    channel = in_memory(stored)
+    channel = mended(stored)
     passages = passages_of(making.recording, channel) if found is None else found
     if "footprint" not in making.wanted or passages.doubt:
         yield _make(making, 0, channel, passages, _Forms())
@@ -299,12 +300,12 @@ def _make(
     forms: _Forms | _FormsApart,
 ) -> Made:
     """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
-    from tirelog.runs.in_memory import in_memory
+    from tirelog.runs.bursts import mended
     from tirelog.strain.passages.surface import passages_of
 
     footprint = [name for name in making.wanted if name == "footprint"]
     only_passages = found is not None and set(making.wanted) == {"speed"}
-    channel = stored if only_passages else in_memory(stored)
+    channel = stored if only_passages else mended(stored)
     passages = passages_of(making.recording, channel) if found is None else found
     work = Work(making.recording, channel, passages, None)
     # before a form is asked for, which may take others' time

@@ -195,11 +195,11 @@ def _all_passages(
     recording: Recording, channels: list[Channel], workers: int, keep: bool
 ) -> tuple[list[Channel], list[Passages | None]]:
     """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
-    from tirelog.runs.in_memory import in_memory
+    from tirelog.runs.bursts import mended
     from tirelog.strain.passages.surface import passages_of
 
     if keep and len(channels) == 1:
-        channels = [in_memory(channels[0])]  # gone through once more by whoever takes it
+        channels = [mended(channels[0])]  # gone through once more by whoever takes it
     with ThreadPoolExecutor(workers) as pool:
         return channels, list(pool.map(partial(passages_of, recording), channels))
 

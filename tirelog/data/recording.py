@@ -185,7 +185,8 @@ class Channel:
     `samples(start, stop)` reads values, shape (stop - start,), NaN where lost. `unit` is the SI
     unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only), `resolution` the
     step of the source in SI (0 if unknown), `flags` (start, stop, word) sample ranges that reader
-    or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...).
+    or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...);
+    `mended`: bursts of bad samples are lost already (`runs.bursts`).
     """
 
     name: str
@@ -197,6 +198,7 @@ class Channel:
     resolution: float = 0.0
     flags: tuple[Doubt, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+    mended: bool = False
 
     @property
     def size(self) -> int:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, Scaled
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 19 MB
 HELD_SAMPLES = 9_500_000
@@ -96,6 +96,41 @@ class _Whole:
         return self.values[start:stop]
 
 
+@dataclass(frozen=True)
+class _Holed:
+    """Samples as they were `stored`, but lost in the ranges [first, stop), (n,) in order."""
+
+    stored: Read
+    first: IntArray
+    stop: IntArray
+
+    def __call__(self, start: int, stop: int) -> FloatArray:
+        values = self.stored(start, stop)
+        some = slice(np.searchsorted(self.stop, start, "right"), np.searchsorted(self.first, stop))
+        if some.start < some.stop:
+            values = values.copy()
+            for begin, end in zip(self.first[some], self.stop[some], strict=True):
+                values[max(begin - start, 0) : end - start] = np.nan
+        return values
+
+
+def with_holes(samples: Read, size: int, first: IntArray, stop: IntArray) -> Read:
+    """The `samples` of a channel of `size`, lost in the ranges [first, stop), (n,) in order.
+
+    They stay in memory if they are there.
+    """
+    if isinstance(samples, _Whole):
+        return _Whole(_Holed(samples, first, stop)(0, size), _Holed(samples.stored, first, stop))
+    holed = _Holed(samples, first, stop)
+    if not isinstance(samples, _Held):
+        return holed
+    pieces = list(samples.pieces)
+    for begin, end in zip(first.tolist(), stop.tolist(), strict=True):
+        for n in range(begin // PIECE, (end - 1) // PIECE + 1):
+            pieces[n] = _piece(holed, n * PIECE, min((n + 1) * PIECE, size))
+    return _Held(tuple(pieces), _Holed(samples.stored, first, stop))
+
+
 def in_memory(channel: Channel) -> Channel:
     """The channel in memory, unless it is too long for that.
 
@@ -123,6 +158,8 @@ def readable_apart(channel: Channel) -> bool:
     It is in memory, or stored so that no library holds its file's place; its times are counted.
     """
     stored = channel.samples
+    if isinstance(stored, _Holed):
+        stored = stored.stored
     at_hand = isinstance(stored, Scaled) and stored.at_hand
     return (at_hand or isinstance(stored, _Held | _Whole)) and channel.axis.explicit is None
 

@@ -29,7 +29,7 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.kernels import compiled
 from tirelog.strain.passages.find import Passages
-from tirelog.strain.passages.marks import in_gap
+from tirelog.strain.passages.marks import doubted, in_gap
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
@@ -461,7 +461,8 @@ def dissipation(
             np.abs(factor), np.median(known) if known.size else np.inf
         )
     error = np.where(absurd, np.nan, error)
-    quality = quality | marked(absurd, Quality.ERROR_UNKNOWN)
+    bursts = doubted(channel, Quality.SPIKE, *_bounds(passages, passages.index))
+    quality = quality | marked(absurd, Quality.ERROR_UNKNOWN) | marked(bursts, Quality.SPIKE)
     quality = quality | marked(_in_long_gap(channel, passages, how), Quality.GAP)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)

@@ -325,7 +325,7 @@ _ALL = (
     ),
 )  # fmt: skip
 
-#: how a table may be written
-TABLE_FORMATS = ("csv", "ndjson", "parquet", "json")
 #: in the order of `tables`; those that are only made by name behind
 LOG_TABLES: Mapping[str, LogTable] = {table.name: table for table in _ALL}
+#: how a table may be written
+TABLE_FORMATS = ("csv", "ndjson", "parquet", "json")

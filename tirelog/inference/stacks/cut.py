@@ -38,7 +38,8 @@ from tirelog.inference.stacks.outward import outward, with_level
 from tirelog.inference.stacks.samples import Samples, TurnChunk, step_of
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.inference.stacks.turn_kernels import by_bin
-from tirelog.runs.in_memory import in_memory, readable_apart
+from tirelog.runs.bursts import mended
+from tirelog.runs.in_memory import readable_apart
 from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
 from tirelog.vocabulary.arrays import FloatArray
@@ -153,7 +154,7 @@ def stretches_of(
     are added to what was `heard`.
     """
     radius = recording.setup.tire.radius_m
-    channel = in_memory(channel)
+    channel = mended(channel)
     passages = find_passages(channel, radius)
     samples = Samples(channel)
     runs = list(_runs(passages, samples))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
-from tirelog.runs.in_memory import in_memory
+from tirelog.runs.bursts import mended
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.surface import passages_of
 from tirelog.strain.speed import begin, speed_quality
@@ -95,7 +95,7 @@ def accelerometer_footprints(recording: Recording) -> list[FrontsOfChannel]:
 
 def footprint_of_accelerometer(recording: Recording, channel: Channel) -> FrontsOfChannel:
     """The footprint of one accelerometer."""
-    channel = in_memory(channel)
+    channel = mended(channel)
     passages = passages_of(recording, channel)
     found = lengths(channel, passages)
     nothing = np.full(len(passages), np.nan)

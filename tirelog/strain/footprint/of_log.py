@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from tirelog.data.recording import Recording
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.runs.in_memory import in_memory
+from tirelog.runs.bursts import mended
 from tirelog.strain.channels import not_turning, strain_channels
 from tirelog.strain.footprint.settle import settle
 from tirelog.strain.footprint.table import FootprintOfChannel, footprint_of_channel
@@ -20,7 +20,7 @@ def footprints_of(recording: Recording) -> Iterator[FootprintOfChannel]:
     """
     first, turned = None, False
     for stored in strain_channels(recording):
-        channel = in_memory(stored)
+        channel = mended(stored)
         passages = passages_of(recording, channel)
         turned |= len(passages) > 0
         own = None if passages.doubt else settle(channel, passages, like=first)

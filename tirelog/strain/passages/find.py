@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.runs.in_memory import in_memory
+from tirelog.runs.bursts import mended
 from tirelog.strain.passages import marks
 from tirelog.strain.passages.decimate import AT_ONCE
 from tirelog.strain.passages.fit import Signal
@@ -29,7 +29,7 @@ from tirelog.strain.passages.gate import doubt, sentence
 from tirelog.strain.passages.kinematics import kinematics, turns_between
 from tirelog.strain.passages.match import match
 from tirelog.strain.passages.screen import one_turn
-from tirelog.strain.passages.search import search_passages
+from tirelog.strain.passages.search import Pulses, pulses_in, search_passages
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
@@ -37,6 +37,12 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 #: fewer samples in a window are too few for a waveform; twice as many mark fast passages of slow
 #: loggers
 FEWEST = 6
+#: so few pulses may be jumps of an instrument beside which the tire's own are low; those are taken
+#: only if they are more turns than this, and no doubt is left.  Twice as many look twice in some
+#: short logs, which find the same
+FEW_PULSES = 8
+#: and so many times the highest are left out: jumps of so many sizes; twice as many look as often
+MOST_LEVELS = 3
 #: which way radial acceleration's patch points is told from so many pieces of this length [s]: a
 #: turn or more above 2 m/s, and the level outside changes little within.  This share of each side
 #: is taken for wild: a fifth of the patch's own share of a turn; twice as many look twice as long
@@ -162,14 +168,28 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
 
     The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
     """
-    channel = in_memory(channel)
+    channel = mended(channel)
     sign = patch_sign(channel)
     pulses, data = search_passages(channel, sign, block_samples)
-    noise, extremes = data.noise, data.extremes
-    del data  # memory
+    signal = Signal(channel, sign, data.noise, data.extremes)
+    if len(pulses) > FEW_PULSES:
+        del data  # memory
+        return _measured(signal, radius_m, pulses)
+    found = _measured(signal, radius_m, pulses)
+    # a few jumps of the instrument may be higher than all that the tire does
+    for without in range(1, MOST_LEVELS + 1):
+        other = _measured(signal, radius_m, pulses_in(channel, data, sign, without)[0])
+        if not other.doubt and other.turn_after.sum() > max(found.turn_after.sum(), FEW_PULSES):
+            return other
+    return found
+
+
+def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
+    """The passages that the `pulses` are; no rows if there are none."""
+    channel, sign, noise = signal.channel, signal.sign, signal.noise
     if not len(pulses):
         return _none(channel, radius_m, sign, noise)
-    matched = match(Signal(channel, sign, noise, extremes), pulses)
+    matched = match(signal, pulses)
     template, found, omega, time_s = (
         matched.template,
         matched.fit,

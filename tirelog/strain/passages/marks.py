@@ -45,9 +45,7 @@ def window_quality(
     )
     flags |= marked(in_gap(channel.axis, index, reach), Quality.GAP)
     for word in {word for _, _, word in channel.flags}:
-        doubted = np.array([(a, b - 1) for a, b, own in channel.flags if own == word], float)
-        touched = _touched(index - reach, index + reach, *doubted.T)
-        flags |= marked(touched, word)
+        flags |= marked(doubted(channel, word, index - reach, index + reach), word)
     return flags
 
 
@@ -62,6 +60,14 @@ def in_gap(
     if longer > 0.0:
         gaps = gaps[axis.missing[1:] > longer]
     return _touched(index - reach, index + reach, gaps, gaps)
+
+
+def doubted(
+    channel: Channel, word: Quality, begin: FloatArray, end: FloatArray
+) -> NDArray[np.bool_]:
+    """Which stretches [begin, end] (n,) [samples] of `channel` hold what the `word` was said of."""
+    ranges = [(a, b - 1) for a, b, own in channel.flags if own == word]
+    return _touched(begin, end, *np.array(ranges, float).reshape(-1, 2).T)
 
 
 def _touched(

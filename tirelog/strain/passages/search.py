@@ -95,8 +95,8 @@ def usual_height(heights: FloatArray) -> float:
     return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
 
 
-def find_pulses(data: Decimated) -> Pulses:
-    """The pulses of `data`."""
+def find_pulses(data: Decimated, without: int = 0) -> Pulses:
+    """The pulses of `data`; `without`: how many times the highest are no patch's heights."""
     noise = data.noise
     bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
     rough = [
@@ -106,6 +106,9 @@ def find_pulses(data: Decimated) -> Pulses:
     heights = np.concatenate(
         [np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough]
     )
+    for _ in range(without):
+        if heights.size:
+            heights = heights[heights < LEAST_HEIGHT * usual_height(heights)]
     if not heights.size:
         return NO_PULSES
     least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
@@ -153,29 +156,35 @@ class _Level:
 def search_passages(
     channel: Channel, sign: float, block_samples: int = AT_ONCE
 ) -> tuple[Pulses, Decimated]:
-    """The pulses of `channel`, and what they were found in. `sign` turns the patch upward.
+    """The pulses of `channel`, and what they were found in. `sign` turns the patch upward."""
+    return pulses_in(channel, decimate(channel, sign, block_samples), sign)
 
-    Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its
-    level outside the patch.
+
+def pulses_in(
+    channel: Channel, data: Decimated, sign: float, without: int = 0
+) -> tuple[Pulses, Decimated]:
+    """The pulses of `channel` in its `data`, and those with shorter buckets where it takes them.
+
+    `without` as `find_pulses` has it. Radial acceleration, whose pulses grow with the square of
+    the speed, is searched in units of its level outside the patch.
     """
-    data = decimate(channel, sign, block_samples)
     if not data.values.size or not np.isfinite(data.noise):
         return NO_PULSES, data
     level = _level(channel, data) if channel.kind == "radial_acceleration" else None
-    pulses = _found(data, level)
+    pulses = _found(data, level, without)
     while (stretches := _fast_stretches(channel, data, pulses)).size:
         data = refined(channel, data, sign, stretches)
-        pulses = _found(data, level)
+        pulses = _found(data, level, without)
     return _seen(channel.axis, pulses), data
 
 
-def _found(data: Decimated, level: _Level | None) -> Pulses:
+def _found(data: Decimated, level: _Level | None, without: int) -> Pulses:
     """The pulses of `data`, searched in units of a `level` if there is one."""
     if level is None:
-        return find_pulses(data)
+        return find_pulses(data, without)
     at = level.at(data.index(np.arange(data.values.size)))
     noise = data.noise / float(np.median(at))
-    pulses = find_pulses(replace(data, values=data.values / at, noise=noise))
+    pulses = find_pulses(replace(data, values=data.values / at, noise=noise), without)
     scale = level.at(pulses.middle).astype(np.float64)
     return replace(pulses, height=pulses.height * scale, base=pulses.base * scale)
 
