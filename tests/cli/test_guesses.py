@@ -35,6 +35,10 @@ def test_a_guess_is_a_kind_with_a_unit_of_it(
     [
         ("acc_x_g", 30.0, "longitudinal_acceleration", "g"),
         ("acc_x_g", 150.0, "signal", "g"),  # of an accelerometer in the tread
+        ("acc_y_g", 30.0, "signal", "g"),
+        ("acc_y_g", 150.0, "radial_acceleration", "g"),  # its mean is that of a turning wheel
+        ("lateral acceleration", 8.0, "signal", "m/s^2"),
+        ("acc_radial", 3.0, "radial_acceleration", "m/s^2"),
         ("Acc_Z", 30.0, "radial_acceleration", "m/s^2"),
         ("AxialLoad_N", 30.0, "vertical_load", "N"),
         ("load", 3.4, "vertical_load", "kN"),
@@ -54,6 +58,24 @@ def test_names_that_loggers_give(name: str, size: float, kind: str, unit: str) -
     samples = size * (1.0 + 1e-4 * np.sin(np.arange(50.0)))
     guess = guessed(name, "", samples, 100.0)
     assert (guess.kind, guess.unit) == (kind, unit)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "size", "kind"),
+    [
+        ("acc_y", "g", 8.0, "signal"),
+        ("acc_z", "g", 8.0, "radial_acceleration"),
+        ("acc_x", "g", 0.3, "longitudinal_acceleration"),
+        ("acc_x", "g", 150.0, "signal"),
+        ("Fy", "N", 900.0, "signal"),
+        ("Fz", "N", 3400.0, "vertical_load"),
+        ("Fx", "N", 900.0, "longitudinal_force"),
+    ],
+)
+def test_a_unit_does_not_tell_the_direction(name: str, unit: str, size: float, kind: str) -> None:
+    """Peaks of both signs at passages, as an axis across the tread has them."""
+    samples = size * np.sin(np.arange(5000.0)) * (np.arange(5000) % 500 < 30)
+    assert guessed(name, unit, samples, 25_000.0).kind == kind
 
 
 def test_every_kind_that_is_guessed_has_its_sizes() -> None:

@@ -51,8 +51,9 @@ _SIZES = {
 #: no vehicle accelerates like this, a tread at its edges does; twice as much would miss one at
 #: 60 km/h
 _NO_VEHICLE_M_S2 = 400.0
-#: words that say that a force or an acceleration is along the vehicle
+#: words that say that a force or an acceleration is along the vehicle, or across it
 _ALONG = {"x", "fx", "ax", "long", "longitudinal"}
+_ACROSS = {"y", "fy", "ay", "lat", "lateral", "quer"}
 
 
 @dataclass(frozen=True)
@@ -74,18 +75,13 @@ def guessed(source: str, unit: str, samples: FloatArray, rate_Hz: float | None) 
     if not known.size or known.min() == known.max():
         return Guess("signal", name or unit or "1", "it does not move")
     if name is not None and units.UNITS[name][0] in _QUANTITIES:
-        kind = _along(_QUANTITIES[units.UNITS[name][0]], words)
-        return Guess(kind, name, f"the log gives its unit, {unit}")
+        kind = _QUANTITIES[units.UNITS[name][0]]
+        return _directed(kind, words, known, name, f"the log gives its unit, {unit}")
     for of_kind, kind in _WORDS:
         fits = name is None or units.UNITS[name][0] in KINDS[kind].quantities
         if words & of_kind and fits:
-            kind = _along(kind, words)
             unit_of = name or _suffix(source, kind) or _by_size(kind, known)
-            if kind == "longitudinal_acceleration" and _no_vehicle(known, unit_of):
-                return Guess(
-                    "signal", unit_of, "along the tread by its name, too large for a vehicle"
-                )
-            return Guess(kind, unit_of, "its name")
+            return _directed(kind, words, known, unit_of, "its name")
     if words & {"voltage", "volt", "volts"}:
         return Guess("signal", name or "V", "a voltage, and nothing says of what")
     return Guess("signal", name or unit or "1", "nothing says what it is")
@@ -120,17 +116,28 @@ def _grating(unit: str | None, known: FloatArray, named: bool) -> Guess | None:
     return Guess("fbg_strain", unit or "nm", why)
 
 
-def _along(kind: str, words: set[str]) -> str:
+def _directed(kind: str, words: set[str], known: FloatArray, unit: str, reason: str) -> Guess:
+    """The guess with the direction that the name tells, if the kind is one of several.
+
+    An axis across the tread is radial only if it stands at what turning alone can give.
+    """
     along = {
         "radial_acceleration": "longitudinal_acceleration",
         "vertical_load": "longitudinal_force",
     }
-    return along.get(kind, kind) if words & _ALONG else kind
+    if kind in along and words & _ACROSS:
+        if kind == "radial_acceleration" and _no_vehicle(known, unit, 0.5):
+            return Guess(kind, unit, "it stands at an acceleration that only turning gives")
+        return Guess("signal", unit, "across the tread by its name")
+    kind = along.get(kind, kind) if words & _ALONG else kind
+    if kind == "longitudinal_acceleration" and _no_vehicle(known, unit, 0.999):
+        return Guess("signal", unit, "along the tread by its name, too large for a vehicle")
+    return Guess(kind, unit, reason)
 
 
-def _no_vehicle(known: FloatArray, unit: str) -> bool:
-    """Is an acceleration one that only something in the tire has?"""
-    return float(np.quantile(np.abs(known), 0.999)) * units.UNITS[unit][1] > _NO_VEHICLE_M_S2
+def _no_vehicle(known: FloatArray, unit: str, share: float) -> bool:
+    """True if an acceleration that this share of the samples stays below is no vehicle's."""
+    return float(np.quantile(np.abs(known), share)) * units.UNITS[unit][1] > _NO_VEHICLE_M_S2
 
 
 def _suffix(source: str, kind: str) -> str:
