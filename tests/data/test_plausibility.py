@@ -188,6 +188,19 @@ def test_a_run_of_it_is_not_written(command: Command, folder: Path) -> None:
     assert not (folder / "run.h5").exists()
 
 
+def test_a_rate_that_no_instrument_has_is_said(
+    command: Command, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Seconds at 1000 Hz that are taken for microseconds."""
+    said = "a sampling rate of 1e+09 Hz, and no instrument on a tire is as fast as 1e+06"
+    assert said not in command("speed")[2]
+    status, _, err = command("speed", old="[log]", new='[log]\ntime_unit = "us"')
+    assert status == 0
+    assert said in err
+    assert run(["setup", "check", "log.csv"]) == 2
+    assert capfd.readouterr().out.count(f"implausible: {said}") == 1
+
+
 def test_a_strange_strain_is_said(command: Command) -> None:
     status, out, err = command("speed", old="= 1550.0", new="= 1530.0")
     assert status == 0

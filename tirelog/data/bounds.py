@@ -49,6 +49,10 @@ PRESSURE = Bounds(2e4, 2e6, {"bar": 1e5, "psi": 6894.757, "kPa": 1e3, "MPa": 1e6
 #: 1 MN.  Twice as low would not find more mistakes of a unit: kN and tonnes lie a factor of 100
 #: away
 LOAD = Bounds(10.0, 1e6, {"kN": 1e3, "kg": STANDARD_GRAVITY_M_S2, "t": 1e3 * STANDARD_GRAVITY_M_S2})
+#: samples per second that no instrument on a tire takes [Hz]: gratings are read at up to some
+#: 100 kHz, accelerometers at 200 kHz.  Twice as much lets stamps in s that are taken for ms pass up
+#: to a rate of 2 kHz in place of 1 kHz, and days that are taken for s up to 23 Hz in place of 12
+FASTEST_HZ = 1e6
 #: key of the setup -> what a tire can have.  Radii [m]: push-chair 0.06, earth mover 2.1; widths:
 #: racing bicycle 0.02, earth mover 1.5
 OF_KEY: Mapping[str, Bounds] = {

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.data.bounds import LOAD, PRESSURE, Bounds
+from tirelog.data.bounds import FASTEST_HZ, LOAD, PRESSURE, Bounds
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import SetupError
 from tirelog.vocabulary.arrays import FloatArray
@@ -44,6 +44,12 @@ def check_recording(recording: Recording) -> Recording:
         recording.channels.values(), key=lambda channel: channel.kind != "fbg_temperature"
     )
     remarks = [said for channel in channels if (said := _doubt(recording, channel))]
+    fastest = max((channel.axis.rate_Hz for channel in channels), default=0.0)
+    if fastest > FASTEST_HZ:
+        remarks.append(
+            f"a sampling rate of {fastest:.4g} Hz, and no instrument on a tire is as fast as "
+            f"{FASTEST_HZ:g}; check time_unit and sampling_rate_Hz under [log]"
+        )
     return replace(recording, remarks=(*recording.remarks, *remarks)) if remarks else recording
 
 

@@ -38,7 +38,8 @@ def findings(recording: Recording, log: str) -> list[Finding]:
     for name, channel in recording.channels.items():
         alone = replace(recording, channels={name: channel}, remarks=())
         try:
-            out += [Finding("implausible", said) for said in check_recording(alone).remarks]
+            found = [Finding("implausible", said) for said in check_recording(alone).remarks]
+            out += [one for one in found if one not in out]  # what is said of a clock is said once
         except SetupError as problem:
             out.append(Finding("implausible", problem.message))
     out += _surfaces(recording)
