@@ -240,6 +240,16 @@ def test_stamps_that_are_all_equal_tell_no_rate() -> None:
         fit(np.full(N, 1.0), resolution_s=0.1)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_stamps_that_fall_throughout_are_no_clock(noise: float) -> None:
+    stamps = np.arange(N)[::-1] / 1000 + noise * np.random.default_rng(2).standard_normal(N)
+    with pytest.raises(ReadError, match=r"the rows run backwards in time; .*; sort them"):
+        fit(stamps, resolution_s=1e-6)
+    clock = fit(stamps, resolution_s=1e-6, setup_rate_Hz=1000.0)
+    assert "backwards in time" in clock.remarks[0]
+    np.testing.assert_allclose(clock.axis().time(), np.arange(N) / 1000, rtol=0, atol=1e-9)
+
+
 def test_a_clock_set_back_runs_on() -> None:
     stamps = written(np.arange(N) / 2500.0, 4)
     stamps[3000:] -= 5.0

@@ -67,7 +67,8 @@ class FoundSeries:
 class Contents:
     """What is in a log; `whole` is false if only its beginning was looked at.
 
-    `others` are topics, columns or datasets that hold no numbers.
+    `others` are topics, columns or datasets that hold no numbers; `clock` says what is wrong with
+    stamps that tell no rate.
     """
 
     log: str
@@ -79,6 +80,7 @@ class Contents:
     losses: tuple[str, ...]
     whole: bool
     others: tuple[str, ...] = ()
+    clock: str = ""
 
 
 def contents(log: str) -> Contents:
@@ -154,15 +156,15 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
                 kept[name] += size
         clocks[block.group].add(block.stamps_s, block.number, size)
     blocks.close()  # type: ignore[attr-defined]  # every reader's blocks are a generator
-    found, remarks = [], []
+    found, remarks, why = [], [], ""
     for group in reader.groups:
         clock, rate, duration = clocks[group.name], None, None
         try:
             axis = clock.axis()
             rate, duration = axis.rate_Hz, axis.duration_s
             remarks += [said for said in clock.remarks if said not in remarks]
-        except (ReadError, SetupError):
-            pass
+        except (ReadError, SetupError) as problem:
+            why = problem.message if clock.stamped else why
         for name in group.channels:
             one, setup = names[name], reader.setup.channels[name]
             samples = np.concatenate([np.zeros(0), *parts[name]])
@@ -175,9 +177,10 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
     report = reader.report
     losses = [_with_source(loss, names) for loss in report.losses]
     said = [*(_with_source(remark, names) for remark in report.remarks), *remarks]
+    said += [why] if why else []
     return Contents(
         log, report.format, report.start, time, tuple(_twins(found)), tuple(said), tuple(losses),
-        whole,
+        whole, clock=why,
     )  # fmt: skip
 
 

@@ -161,7 +161,9 @@ def _log(inside: Contents) -> str:
     lines = ["\n[log]"]
     if inside.time and inside.format.startswith(("text", "parquet")):
         lines.append(_line("time", _quoted(inside.time), "found by the reader, too"))
-    if any(one.rate_Hz is None for one in inside.found):
+    if inside.clock:
+        lines.append(f"# no rate is found: {_shown(inside.clock)}")
+    elif any(one.rate_Hz is None for one in inside.found):
         lines.append("# no stamps and no rate were found: one of these is needed")
         lines.append('# time = "#1"')
         lines.append("# sampling_rate_Hz = 1000.0")

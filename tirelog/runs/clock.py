@@ -158,6 +158,11 @@ class ClockFit:
             self._axis = self._solve()
         return self._axis
 
+    @property
+    def stamped(self) -> bool:
+        """True if the samples so far have stamps, whether or not these tell a rate."""
+        return self.size > 0 and self._stamps is not None
+
     # ---- deciding --------------------------------------------------------------------------------
 
     def _solve(self) -> TimeAxis:
@@ -168,9 +173,11 @@ class ClockFit:
             ends = stamps.ends()
         if stamps is None or ends is None:
             return self._by_rate(declared)
+        (first, start), (last, end) = ends
+        if end < start and stamps.rough_period() <= 0.0:
+            return self._backwards(declared)
         if self.edges:
             return self._explicit(stamps)
-        (first, start), (last, end) = ends
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
         # the line runs through two stamps, each off by up to half a digit, and every other stamp is
@@ -202,6 +209,16 @@ class ClockFit:
                 do='write time = "#1" (its column) or sampling_rate_Hz under [log] in the setup',
             )
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
+
+    def _backwards(self, declared: float | None) -> TimeAxis:
+        """The axis if the stamps fall, by a declared rate.  ReadError: there is none."""
+        what, do = "the rows run backwards in time", "sort them by their stamps, the oldest first"
+        if not declared:
+            raise ReadError(f"the stamps fall: {what}", allowed="allowed are rising ones", do=do)
+        self.remarks.append(
+            f"the stamps fall; the declared rate was used for the time axis; if {what}, {do}"
+        )
+        return self._by_rate(declared)
 
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps that are no exact line; `few` a period for want of a better."""
