@@ -213,12 +213,19 @@ def _(rng: np.random.Generator) -> Arguments:
     assert match is not None
     starts = np.arange(3) * len(cells[0])
     out, done = np.zeros(3, np.int64), np.zeros(3, bool)
+    half = bytes_of(b"1:02:03PM0:02:03PM")
+    hms = times._FORMS["hms"].fullmatch("1:02:03PM")
+    assert hms is not None
     return {
         "_days": [(2024, 2, 29), (1970, 1, 1), (1969, 13, 1), (1600, 12, 31)],
         "times_alike": [
-            (bytes_of(b"".join(cells)), starts, pattern, times._roles(match, False), dated, 3600)
-            + (out, done)
-            for dated in (True, False)
+            (half, np.arange(2) * 9, half[:9], times._roles(hms, False), False, -43_200)
+            + (np.zeros(2, np.int64), np.zeros(2, bool)),
+            *(
+                (bytes_of(b"".join(cells)), starts, pattern, times._roles(match, False), dated)
+                + (3600, out, done)
+                for dated in (True, False)
+            ),
         ],
     }
 
@@ -386,6 +393,10 @@ def _(rng: np.random.Generator) -> Arguments:
 
     return {
         "collapsed": [(blanks, np.zeros(blanks.size, np.uint8))],
+        "unquoted": [
+            (bytes_of(text), 34, 44, np.zeros(len(text), np.uint8))
+            for text in (b'"1,5", "a ""b"", c",7" x\n"2,5,3\n4,"",\n',)
+        ],
         "_after_blanks": [(bytes_of(b"  \r x"), 0, 44), (bytes_of(b"  x"), 0, 32)],
         "_is_lost": [(bytes_of(b"NaN,1"), a, b) for a, b in ((0, 3), (3, 3), (1, 4))],
         "_together": [(word, word, 4, 4), (word, word, 8, 7), (word, word, 3, 0)],

@@ -55,6 +55,15 @@ NOTHING = {
 }
 
 
+@pytest.mark.parametrize("cell", ["Tuesday 29", "12.03.24 11:59:59", "11h59", "2024-03-12T25h"])
+def test_a_first_cell_that_cannot_be_read_is_told_with_its_line(cell: str) -> None:
+    text = "time,A,B\n" + "".join(f"{cell},{1550 + i / 1000},1542.0\n" for i in range(30))
+    with pytest.raises(ReadError) as caught:
+        read(text, SETUP)
+    assert str(caught.value).startswith(f"log.csv:31: the first cell {cell!r} is no number and no")
+    assert "allowed are 2024-03-12 13:00:00.5" in str(caught.value)
+
+
 @pytest.mark.parametrize("name", NOTHING)
 def test_nothing_can_be_read(name: str) -> None:
     data, message = NOTHING[name]

@@ -29,7 +29,9 @@ PREAMBLES = [
 @st.composite
 def layouts(draw: st.DrawFn) -> dict:
     separator = draw(st.sampled_from([",", ";", "\t", ", ", " "]))
-    decimal = draw(st.sampled_from([".", ","])) if separator in (";", "\t") else "."
+    quotes = draw(st.sampled_from(["no", "where needed", "around all"]))
+    commas = separator in (";", "\t") or (separator == "," and quotes != "no")
+    decimal = draw(st.sampled_from([".", ","])) if commas else "."
     stamps = draw(
         st.sampled_from(
             [name for name in STAMPS if separator != " " or name in ("none", "seconds", "epoch")]
@@ -39,6 +41,7 @@ def layouts(draw: st.DrawFn) -> dict:
         "separator": separator,
         "decimal": decimal,
         "stamps": stamps if not (separator.startswith(",") and "comma" in stamps) else "iso",
+        "quotes": quotes if separator != " " else "no",
         "header": draw(st.booleans()),
         "units": draw(st.sampled_from(["no", "row", "suffix"])),
         "preamble": draw(st.sampled_from(PREAMBLES)),
@@ -72,6 +75,11 @@ def written(layout: dict, values: np.ndarray) -> bytes:
             for x in row
         ]
         rows.append(([stamp(i, layout["decimal"])] if stamp else []) + cells)
+    if layout["quotes"] != "no":
+        rows = [
+            [f'"{c}"' if layout["quotes"] == "around all" or "," in c else c for c in row]
+            for row in rows
+        ]
     text = layout["preamble"] + "\n".join(
         layout["separator"].join(r) + layout["separator"] * layout["trailing"] for r in rows
     )

@@ -1,5 +1,6 @@
 """Closed form: layouts that instruments write, each read back to the numbers that stand in it."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,17 @@ PLAIN = {
     "blanks": "time_s  A          B\n0    1550.1234  1542\n"
     "0.5  1550.25    0\n1    0          1542.5\n"
     "1.5  1549.5     1542.25\n",
+    "quoted decimal commas between commas": '"t","A","B"\n"0","1550,1234","1542"\n'
+    '"0,5","1550,25",""\n"1","","1542,5"\n"1,5","1549,5","1542,25"\n',
+    "quotes where a comma stands": 't,A,B\n0,"1550,1234",1542\n"0,5","1550,25",\n'
+    '1,,"1542,5"\n"1,5" ,"1549,5","1542,25"\n',
+    "quoted words with commas": 't,note,A,B\n0,"on, off",1550.1234,1542\n'
+    '0.5,"a ""b"", c",1550.25,\n'
+    '1,5" wheel,,1542.5\n1.5,,1549.5,1542.25\n',
+    "other quotes, and commas in names": "'t','left, outer','A','B'\n'0','1,5','1550,1234','1542'\n"
+    "'0,5','1,5','1550,25',''\n'1','1,5','','1542,5'\n'1,5','1,5','1549,5','1542,25'\n",
+    "quotes around whole lines": '"t;A;B"\n"0;1550.1234;1542"\n"0.5;1550.25;0"\n"1;;1542.5"\n'
+    '"1.5;1549.5;1542.25"\n',
     "preamble": "Logger 3\nSerial;12\n\nChannels;2\n"
     + "t;A;B\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
     "epoch": "time,A,B\n1649934000.0,1550.1234,1542\n1649934000.5,1550.25,\n1649934001.0,,1542.5\n"
@@ -110,6 +122,16 @@ STAMPS = {
         + ["15/04/2022 00:00:00.000000", "15/04/2022 00:00:00.500000"],
         1e-6,
     ),
+    "hours of half a day": (
+        ["14/04/2022 11:59:59.0 AM", "14/04/2022 11:59:59.5 AM"]
+        + ["14/04/2022 12:00:00.0 PM", "14/04/2022 12:00:00.5 PM"],
+        0.1,
+    ),
+    "iso, hours of half a day": (
+        ["2022-04-14 11:59:59 p.m.", "2022-04-14 11:59:59.5 p.m."]
+        + ["2022-04-15 12:00:00 a.m.", "2022-04-15 12:00:00.500 a.m."],
+        1e-3,
+    ),
     "dashes": ([f"16-07-2015 10:00:{s} " for s in ("00.000", "00.500", "01.000", "01.500")], 1e-3),
 }
 
@@ -119,6 +141,8 @@ STARTS = {
     "iso with offset": "2022-04-14T23:59:58.0+02:00",
     "iso with blank": "2022-04-14T13:00:00",
     "slashes": "2022-04-14T23:59:59.000000",
+    "hours of half a day": "2022-04-14T11:59:59.0",
+    "iso, hours of half a day": "2022-04-14T11:59:59 p.m.",
     "dashes": "2015-07-16T10:00:00.000",
 }
 
@@ -184,6 +208,81 @@ def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
     assert reader.report.counts["rows_with_error_codes"] == 2
     assert reader.report.counts["error_codes"] == 3
     assert block.flags == (("w", 5, 7, Quality.ERROR_CODE),)
+
+
+TIMES = {
+    "hours of half a day": [f"{h}:59:{s} PM" for h in (11,) for s in ("59.0", "59.5")]
+    + ["12:00:00.0 AM", "12:00:00.5 AM"],
+    "minutes, past the hour": ["59:59.0", "59:59.5", "00:00.0", "00:00.5"],
+    "minutes of a timer": ["59:59.0", "59:59.5", "60:00.0", "60:00.5"],
+    "minutes with commas": ["00:58,5", "00:59,0", "00:59,5", "01:00,0"],
+}
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_times_without_a_date(name: str) -> None:
+    rows = zip(
+        TIMES[name], ["1550.1234", "1550.25", "", "1549.5"], ["1542", "", "1542.5", "1542.25"]
+    )
+    _, block = check("when;A;B\n" + "".join(";".join(row) + "\n" for row in rows))
+    assert block.stamps_s is not None
+
+
+@pytest.mark.parametrize("log", ["", 'time = "#1"'])
+@pytest.mark.parametrize(
+    "stamp", [lambda i: f"{i / 10}", lambda i: f"2024-03-12 13:00:{i / 10:04.1f}"]
+)
+def test_the_newest_row_first_is_told(
+    log: str, stamp: Callable[[int], str], tmp_path: Path
+) -> None:
+    rows = [f"{stamp(i)},{10 + i % 7}\n" for i in range(300, 0, -1)]
+    (tmp_path / "l.csv").write_text("Time,W\n" + "".join(rows))
+    setup = {"w": {"kind": "temperature", "source": "W", "unit": "K"}}
+    with (
+        pytest.raises(ReadError, match=r"the rows run backwards in time; .*; sort them"),
+        open_recording(str(tmp_path / "l.csv"), setup_of(setup, log)),
+    ):
+        pass
+    (tmp_path / "l.csv").write_text("Time,W\n" + "".join(sorted(rows)))
+    with open_recording(str(tmp_path / "l.csv"), setup_of(setup, log)) as recording:
+        assert recording.channels["w"].axis.rate_Hz == pytest.approx(10.0)
+
+
+def test_a_lap_time_beside_the_time_is_not_the_time() -> None:
+    rows = "".join(f"0:{i % 20:02d}.0,{i},{100 + i}\n" for i in range(60))
+    _, block = read(
+        f"lap,time_s,W\n{rows}", setup_of({"w": {"kind": "temperature", "source": "W"}})
+    )
+    np.testing.assert_array_equal(block.stamps_s, np.arange(60.0))
+
+
+@pytest.mark.parametrize("name", ["Time", "time", "Date/Time", "Zeit"])
+@pytest.mark.parametrize("rate_Hz", [25.0, 1000.0, 2500.0])
+def test_days_of_a_spreadsheet_are_days(name: str, rate_Hz: float) -> None:
+    """45363 is 2024-03-12; ten decimals of a day are 8.6 us."""
+    i = np.arange(500)
+    rows = "".join(f"{45363.25 + k / rate_Hz / 86400:.10f},{100 + k}\n" for k in i)
+    setup = {"w": {"kind": "temperature", "source": "W"}}
+    reader, block = read(f"{name},W\n{rows}", setup_of(setup))
+    np.testing.assert_allclose(block.stamps_s, i / rate_Hz, rtol=0, atol=8.7e-6)
+    assert "days since 1900" in reader.report.remarks[0]
+    reader, block = read(f"{name},W\n{rows}", setup_of(setup, 'time_unit = "s"'))
+    assert block.stamps_s is not None
+    assert block.stamps_s[-1] < 1e-3
+    assert reader.report.remarks == []
+    _, block = read(f"{name},W\n{rows}", setup_of(setup, 'time_unit = "d"'))
+    np.testing.assert_allclose(block.stamps_s, i / rate_Hz, rtol=0, atol=8.7e-6)
+
+
+@pytest.mark.parametrize("header", ["Time", "Time [s]"])
+def test_seconds_of_a_day_stay_seconds(header: str) -> None:
+    """12:36 is 45363 s after midnight: no log of seconds rises by less than a microsecond."""
+    rows = "".join(f"{45363 + k / 1e5:.5f},{100 + k}\n" for k in range(500))
+    reader, block = read(
+        f"{header},W\n{rows}", setup_of({"w": {"kind": "temperature", "source": "W"}})
+    )
+    np.testing.assert_allclose(block.stamps_s, np.arange(500) / 1e5, rtol=0, atol=1e-9)
+    assert reader.report.remarks == []
 
 
 @pytest.mark.parametrize(

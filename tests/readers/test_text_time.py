@@ -20,9 +20,12 @@ LAYOUTS = {
         "2099-19-39",
         "9999-99-99T99:99Z",
         "9999-99-99 99:99:99.123456789123+02:00",
+        "9999-99-99 99:99:99.9 AM",
+        "9999-99-99 99:99:99.9 PM",
     ],
     "dmy": ["99/99/9999 99:99:99.9", "9.9.9999 9:99:99", "99-99-9999"],
-    "hms": ["99:99:99.99999", "9-99-99", "99:99:99.9:", "noon", ""],
+    "hms": ["99:99:99.99999", "9-99-99", "99:99:99.9:", "noon", "", "99:99:99 PM", "9:99:99am"],
+    "mmss": ["99:99.9999", "999:99,9", "9:99.9", "99:99"],
 }
 
 
@@ -72,3 +75,12 @@ def test_python_knows_the_same_calendar(time: datetime) -> None:
     since = time - datetime(1970, 1, 1, tzinfo=UTC)
     want = (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
     assert read([f"{time:%Y-%m-%dT%H:%M:%S.%f}Z"] * 3, "iso", False) == [want] * 3
+
+
+@given(st.datetimes(min_value=datetime(1700, 1, 1), max_value=datetime(2250, 1, 1)))
+@settings(max_examples=300, deadline=None)
+def test_python_knows_the_same_hours_of_half_a_day(time: datetime) -> None:
+    clock = ((time.hour * 60 + time.minute) * 60 + time.second) * 10**6 + time.microsecond
+    cell = f"{(time.hour + 11) % 12 + 1:02d}:{time:%M:%S.%f} {'AP'[time.hour >= 12]}M"
+    assert datetime.strptime(cell, "%I:%M:%S.%f %p").time() == time.time()
+    assert read([cell] * 3, "hms", False) == [1000 * clock] * 3

@@ -52,6 +52,7 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "ns": ("time", 1e-9, 0.0),
     "min": ("time", 60.0, 0.0),
     "h": ("time", 3600.0, 0.0),
+    "d": ("time", 86_400.0, 0.0),
     "V": ("voltage", 1.0, 0.0),
     "mV": ("voltage", 1e-3, 0.0),
     "1": ("number", 1.0, 0.0),
@@ -69,7 +70,7 @@ SPELLINGS = {
     "kph": "km/h", "m/s²": "m/s^2", "ms^-2": "m/s^2", "m s-2": "m/s^2", "m/s**2": "m/s^2",
     "sec": "s", "second": "s", "seconds": "s", "volt": "V", "volts": "V", "-": "1", "": "1",
     "counts": "count", "steps": "step", "µm": "um", "nanometer": "nm", "kelvin": "K",
-    "µs": "us", "μs": "us",
+    "µs": "us", "μs": "us", "day": "d", "days": "d",
 }  # fmt: skip
 
 

@@ -18,8 +18,9 @@ import numpy as np
 
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError
+from tirelog.readers.text.cells import filled
 from tirelog.readers.text.column_names import absent, bare, find_column, words
-from tirelog.readers.text.layout import Layout, filled
+from tirelog.readers.text.layout import Layout
 from tirelog.readers.text.time_column import (
     TIME_NAMES,
     ascending,

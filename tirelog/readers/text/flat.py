@@ -23,7 +23,14 @@ from tirelog.readers.base import counted_floats
 from tirelog.readers.text.digits import Block, bytes_of
 from tirelog.readers.text.kernels import LARGEST, cells, separated
 from tirelog.readers.text.layout import LOST_WORDS
-from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
+from tirelog.readers.text.rows import (
+    ERROR_CODE,
+    Parsed,
+    RowPlan,
+    between,
+    joined_blocks,
+    without_lost,
+)
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -54,7 +61,7 @@ def flat(plan: RowPlan, line: int, block: Block) -> Parsed:
     layout = plan.layout
     data = bytes_of(block)
     text = np.array([kind not in ("number", "blank") for kind in layout.kinds])
-    lines, many = block.count(b"\n"), separated(data, ord(layout.separator))
+    lines, many = block.count(b"\n"), separated(data, between(layout))
     starts, stops, first = (
         np.empty(many, np.int64),
         np.empty(many, np.int64),
@@ -63,7 +70,7 @@ def flat(plan: RowPlan, line: int, block: Block) -> Parsed:
     numbers, unread = np.empty(many), np.empty(many, bool)
     cells(
         data,
-        ord(layout.separator),
+        between(layout),
         ord(layout.decimal),
         text,
         starts,

@@ -3,7 +3,7 @@
     rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row
                that is not like the others
     cells      a block of anything to its cells, with the number in each
-    separated, collapsed      small helpers
+    separated, collapsed, unquoted      small helpers
 
 `parse_rows` takes a cell to be written as the one above it, so that the next cell's place is known
 before this one's digits are; one that is not is measured a word at a time, and only one that is
@@ -55,6 +55,8 @@ Counts = NDArray[np.int32]
 _UNREAD, _NUMBER, _BLANK = range(3)
 #: a cell that is left to the caller: its row and column, first byte and byte behind
 HARD = np.dtype([("row", "i8"), ("column", "i8"), ("first", "i8"), ("stop", "i8")])
+#: what stands between cells in place of a separator that quoted cells hold, too: the unit separator
+BETWEEN = 31
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
 
@@ -78,6 +80,29 @@ def collapsed(data: Bytes, out: Bytes) -> int:
         out[size] = byte
         size += 1
         gap, begun = False, byte != 10
+    return size
+
+
+@compiled
+def unquoted(data: Bytes, quote: int, separator: int, out: Bytes) -> int:
+    """Copies `data` to `out` without quotes, and with BETWEEN between cells; the bytes written.
+
+    A separator inside of quotes is part of the cell. They open where a cell begins, twice a quote
+    inside of them is none, and no cell goes on behind its line.
+    """
+    size, inside, begins, closed = 0, False, True, False
+    for byte in data:
+        if byte == quote and (inside or begins or closed):
+            inside = not inside
+            begins, closed = False, not inside
+            continue
+        closed = False
+        if byte == 10 or (byte == separator and not inside):
+            inside, begins = False, True
+        elif byte != 32:
+            begins = False
+        out[size] = BETWEEN if byte == separator and begins else byte
+        size += 1
     return size
 
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tirelog.data.setup import LogSetup
 from tirelog.errors import ReadError, SetupError
+from tirelog.readers.text.cells import DIGITS_ALIKE, TIMED, LineCells, filled, split_cells
 from tirelog.readers.text.times import form_of
 from tirelog.vocabulary import units
 
@@ -29,10 +29,6 @@ _NUMBER = {
     sign: re.compile(rf"[+-]?(\d+{re.escape(sign)}?\d*|{re.escape(sign)}\d+)([eE][+-]?\d+)?")
     for sign in (".", ",")
 }
-#: for `str.translate`: a number stays one, whatever its digits
-_DIGITS_ALIKE = dict.fromkeys(map(ord, "123456789"), "0")
-#: a time of day that ends with a colon and stands before the first separator
-_TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
 #: marks of a comment, which some programs put in front of a header
 _MARKS = ("#", "%", "//")
 #: separators that are tried, the likeliest first
@@ -61,7 +57,8 @@ class Layout:
     header and the first row that does not parse, or 0; `rows_above` counts lines above the first
     row that look like rows; `counter` is true if a row number without a name stands in front of the
     named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names`
-    hold none of them but what is sure; `quote` stands around cells.
+    hold none of them but what is sure; `quote` stands around cells, and `enclosed` is true if it
+    encloses separators that are part of a cell.
     """
 
     encoding: str
@@ -86,6 +83,7 @@ class Layout:
     counter: bool = False
     misfit: tuple[str, ...] = ()
     quote: str = '"'
+    enclosed: bool = False
 
 
 def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # noqa: B008 - frozen
@@ -114,7 +112,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         _TAILS
     ):  # the end shows what a row is: a long preamble may stand above it, a few words below
         sample = [clean[i] for i in full[-tail:]]
-        timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
+        timed = sum(bool(TIMED.match(line)) for line in sample) > len(sample) // 2
         separator, decimal = _separator(sample, timed, given)
         cells = LineCells(clean, separator, timed)
         first = (
@@ -125,12 +123,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         if first is not None:
             break
     if first is None:
-        raise ReadError(
-            "holds no rows of numbers (only a header, or another format)",
-            allowed="a text log has one row per sample",
-            do="check the recording",
-            file=name,
-        )
+        raise _no_rows(full, cells, decimal, name)
     below = [i for i in full if i >= first]
     below = below if len(below) <= 2 * SAMPLE_ROWS else below[:SAMPLE_ROWS] + below[-SAMPLE_ROWS:]
     rows = [cells[i] for i in below]
@@ -176,9 +169,36 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         spoilt=above[-1] + 1 if spoilt else 0,
         rows_above=rows_above,
         quote=quote,
+        enclosed=separator == decimal
+        or (
+            quote in text
+            and separator != " "
+            and any(cells.enclose(i, width) for i in full if i >= first)
+        ),
     )
     counts_at, counts = _counts(layout)
     return replace(layout, counts_at=counts_at, counts=counts)
+
+
+def _no_rows(full: list[int], cells: LineCells, decimal: str, name: str) -> ReadError:
+    """What to say of a text without rows: that their first cells cannot be read, if it is that."""
+    for i in full[: -max(_TAILS) : -1]:
+        first, *others = cells[i]
+        if 2 * sum(is_number(cell, decimal) for cell in others) > len(others):
+            return ReadError(
+                f"the first cell {first[:40]!r} is no number and no time that is known",
+                allowed="allowed are 2024-03-12 13:00:00.5, 12/03/2024 01:00:00.5 PM, 13:00:00.5, "
+                "59:30.5 and numbers",
+                do="write the column in such a way, or leave it out",
+                file=name,
+                line=i + 1,
+            )
+    return ReadError(
+        "holds no rows of numbers (only a header, or another format)",
+        allowed="a text log has one row per sample",
+        do="check the recording",
+        file=name,
+    )
 
 
 def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
@@ -239,42 +259,6 @@ def _mostly_nul(head: bytes) -> bool:
     return 2 * sum(b"\0" in line for line in lines) >= len(lines)
 
 
-def split_cells(line: str, separator: str, timed: bool = False) -> list[str]:
-    """A line's cells, without blanks and quotes around them.
-
-    A separator behind the last cell makes one more, blank cell.
-    """
-    if timed and (match := _TIMED.match(line)):
-        line = (
-            line[: match.end()].rstrip().rstrip(":")
-            + (separator if separator != " " else " ")
-            + line[match.end() :]
-        )
-    cells = line.split() if separator == " " else line.split(separator)
-    return [cell.strip().strip('"') for cell in cells]
-
-
-class LineCells(dict[int, list[str]]):
-    """The cells of lines by their numbers, cut when they are asked for.
-
-    alike  the lines with each digit as a 0: rows of numbers are mostly like a row before
-    """
-
-    def __init__(self, lines: list[str], separator: str, timed: bool) -> None:
-        super().__init__()
-        self._lines, self._how = lines, (separator, timed)
-        self.alike = "\n".join(lines).translate(_DIGITS_ALIKE).split("\n")
-
-    def __missing__(self, number: int) -> list[str]:
-        cells = self[number] = split_cells(self._lines[number], *self._how)
-        return cells
-
-
-def filled(cells: Sequence[str]) -> int:
-    """Number of cells up to the last one that is not empty."""
-    return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
-
-
 def is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER[decimal].fullmatch(cell))
 
@@ -293,8 +277,8 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
     best, choice = (-1.0, 0.0), (given.separator or ",", given.decimal or ".")
     for separator in given.separator or _SEPARATORS:
         for decimal in given.decimal or ".,":
-            if separator == decimal:
-                continue
+            if separator == decimal and not any('"' in line for line in sample):
+                continue  # both can be a comma only if cells are quoted
             cells = [split_cells(line, separator, timed) for line in sample]
             flat = [cell for row in cells for cell in row]
             known = sum(_kind(cell, decimal) != "text" for cell in flat) / max(len(flat), 1)
@@ -312,7 +296,7 @@ def _is_row(cells: list[str], decimal: str, like: str, plain: set[str]) -> bool:
     At least half of its cells. `plain`: how cells behind the first look that were all numbers, each
     digit as a 0; it grows. Most rows look like one before, and are not read cell by cell.
     """
-    behind = "\n".join(cells[1:]).translate(_DIGITS_ALIKE)
+    behind = "\n".join(cells[1:]).translate(DIGITS_ALIKE)
     kinds = [_kind(cells[0], decimal)]
     if behind in plain:
         kinds += ["number"] * (len(cells) - 1)

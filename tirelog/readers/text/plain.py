@@ -29,7 +29,14 @@ from tirelog.readers.text.kernels import (
     TICK,
     parse_rows,
 )
-from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
+from tirelog.readers.text.rows import (
+    ERROR_CODE,
+    Parsed,
+    RowPlan,
+    between,
+    joined_blocks,
+    without_lost,
+)
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -83,7 +90,7 @@ class _Table:
         )
         hard = np.empty(_HARD + plan.across, HARD)
         self.size, self.stop, used = parse_rows(
-            data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least,
+            data, at, guides, between(plan.layout), ord(plan.layout.decimal), plan.least,
             plan.layout.ragged, self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
         )  # fmt: skip
         self.full = used > _HARD or self.size == lines

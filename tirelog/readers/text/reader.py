@@ -35,6 +35,7 @@ from tirelog.readers.base import (
     of_damaged,
 )
 from tirelog.readers.rates import rate_in_words
+from tirelog.readers.text.cells import filled, split_cells
 from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
@@ -45,12 +46,12 @@ from tirelog.readers.text.columns import (
     stated_units,
 )
 from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
-from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
+from tirelog.readers.text.layout import LOST_WORDS, Layout, is_number, sniff
 from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
 from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
-from tirelog.readers.text.time_column import most_decimals
-from tirelog.readers.text.times import MISSING, month_first, unwrap_midnight
+from tirelog.readers.text.time_column import counts_days, most_decimals, stated_unit
+from tirelog.readers.text.times import MISSING, ROUNDS_NS, month_first, unwrapped
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality
@@ -59,6 +60,8 @@ from tirelog.vocabulary.quality import Quality
 GROUP = "rows"
 #: threads that read and parse, and blocks that are read, parsed or wait to be used at one time
 _THREADS, _AHEAD = 2, 4
+#: what begins again with times of a form
+_ROUNDS = {"hms": "midnight", "mmss": "hour"}
 #: stamps above this many seconds are kept as whole numbers until the first one is taken off
 _EXACT_ABOVE_S = 1e6
 
@@ -250,9 +253,9 @@ class TextReader:
             self._origin = float(stamps[known][0]) if self._origin is None else self._origin
             return np.asarray((stamps - self._origin) * factor, np.float64)
         ticks = np.asarray(stamps, np.int64)
-        if self.columns.form == "hms":
-            ticks, turns = unwrap_midnight(ticks, self._last_ns)
-            self._count("midnight_rollovers", turns)
+        if round_ns := ROUNDS_NS.get(self.columns.form):
+            ticks, turns = unwrapped(ticks, self._last_ns, round_ns)
+            self._count(f"{_ROUNDS[self.columns.form]}_rollovers", turns)
             self._last_ns = int(ticks[known][-1])
         self._origin = int(ticks[known][0]) if self._origin is None else self._origin
         second = 10**self._plan.tick_places if self.columns.form == "number" else 10**9
@@ -332,10 +335,19 @@ def _about_names(layout: Layout, columns: Columns) -> list[str]:
 
 def _about_time(reader: TextReader) -> list[str]:
     """What was taken for the time though nothing names it so."""
-    time, layout = reader.columns.time, reader.layout
-    if not reader.columns.guessed or time is None:
+    time, layout, log = reader.columns.time, reader.layout, reader.setup.log
+    if time is None:
         return []
     name = layout.names[time] if time < len(layout.names) else ""
+    by_size = log.time_unit is None and stated_unit(layout, time) is None
+    if reader.columns.form == "number" and by_size and counts_days(layout, time):
+        return [
+            f"column #{time + 1}{f' {name!r}' if name else ''} is taken for days since 1900, as "
+            'spreadsheets write dates; if it is none of them write time_unit = "s" under [log] in '
+            "the setup"
+        ]
+    if not reader.columns.guessed:
+        return []
     return [
         f"column #{time + 1}{f' {name!r}' if name else ''} rises in even steps and is taken for "
         "the time in s; if it is none, name another as time under [log] in the setup"

@@ -14,7 +14,7 @@ import numpy as np
 from tirelog.readers.base import Samples, counted_floats
 from tirelog.readers.text.columns import Columns
 from tirelog.readers.text.digits import Block, bytes_of
-from tirelog.readers.text.kernels import TICK_PLACES, collapsed
+from tirelog.readers.text.kernels import BETWEEN, TICK_PLACES, collapsed, unquoted
 from tirelog.readers.text.layout import Layout
 from tirelog.readers.text.times import MISSING, Nanoseconds
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -155,14 +155,19 @@ class RowPlan:
 
 
 def normalized(layout: Layout, block: Block) -> Block:
-    """The block with one byte between cells and without quotes.
+    """The block with `between(layout)` between cells and without quotes.
 
     A newline stands behind its last row.
     """
-    if (quote := layout.quote.encode()) in block:
+    quote = layout.quote.encode()
+    if layout.enclosed:
+        data = bytes_of(block)
+        out = np.empty(data.size, np.uint8)
+        block = out[: unquoted(data, ord(quote), ord(layout.separator), out)].tobytes()
+    elif quote in block:
         block = block.translate(None, quote)
     if layout.timed:
-        block = _TIMED.sub(rb"\1" + layout.separator.encode(), block)
+        block = _TIMED.sub(rb"\1" + bytes([between(layout)]), block)
     if not block.endswith(b"\n"):
         block += b"\n"
     if layout.separator == " ":
@@ -170,6 +175,11 @@ def normalized(layout: Layout, block: Block) -> Block:
         out = np.empty(data.size, np.uint8)
         block = out[: collapsed(data, out)].tobytes()
     return block
+
+
+def between(layout: Layout) -> int:
+    """The byte between the cells of a normalized block."""
+    return BETWEEN if layout.enclosed else ord(layout.separator)
 
 
 def without_lost(wavelengths: FloatArray) -> FloatArray:

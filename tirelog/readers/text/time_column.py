@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tirelog.data.bounds import FASTEST_HZ
 from tirelog.data.setup import Setup
 from tirelog.errors import SetupError
 from tirelog.readers.rates import unit_by_size
@@ -35,6 +36,8 @@ _UNIT_WORDS = {"msec": "ms", "millis": "ms", "milliseconds": "ms", "usec": "us",
 _TIME_UNITS = {"s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h"}
 #: times whose unit is known from the instrument alone: Xsens sensors count microseconds
 _KNOWN_UNITS = {"sampletimefine": "us"}
+#: days since 1900 from 1954 to 2119; twice as wide finds no more logs of gratings
+_DAYS = (20_000.0, 80_000.0)
 #: steps of a column without a name differ by less than this share of the usual one if it is taken
 #: for the time: loggers without a clock of their own stray by some percent, signals by all
 _NEARLY = 0.5
@@ -66,17 +69,26 @@ def stamp_columns(
             best, distinct = candidate, seen
     if best is not None and distinct > 1:
         return best, False
+    falling = [
+        k
+        for k, kind in enumerate(layout.kinds[: layout.width])
+        if kind == "number" and k < len(layout.names) and k not in taken
+        and _is_time_name(layout.names[k]) and _falls(layout, k)
+    ]  # fmt: skip
     ramps = _ramps(layout, taken)
     if ramps and (ramps[0] == _leading(layout) or len(ramps) == 1):  # of several, none is plain
         alone = ramps[0] == _leading(layout) and not layout.names
         return _with_clock(layout, setup, ramps[0]), not alone
+    if best is None and falling:  # the newest first: only the whole log tells
+        return _with_clock(layout, setup, falling[0]), False
     return best or (None, None, "number", 1.0), False
 
 
 def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
     """Columns that look like stamps.
 
-    Those whose cells are times, then numbers under a name of time.
+    Those whose cells are times, then numbers under a name of time, then minutes and seconds, which
+    may be those of a lap.
     """
     kinds = layout.kinds[: layout.width]
     found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
@@ -85,7 +97,8 @@ def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
         for k, text in enumerate(layout.names[: len(kinds)])
         if _is_time_name(text) and kinds[k] == "number"
     ]
-    return found + [k for k in named if k not in taken and ascending(layout, k)]
+    minutes = [k for k, kind in enumerate(kinds) if kind == "mmss"]
+    return found + [k for k in named if k not in taken and ascending(layout, k)] + minutes
 
 
 def _is_time_name(name: str) -> bool:
@@ -128,12 +141,8 @@ def _ramps(layout: Layout, taken: set[int]) -> list[int]:
     return found
 
 
-def steps_of(layout: Layout, column: int) -> list[float]:
-    """Differences between the numbers of a column, row by row.
-
-    The sample rows are those of the head's beginning and of its end; the step between the two parts
-    is left out.
-    """
+def numbers_of(layout: Layout, column: int) -> list[float]:
+    """The numbers of a column in the sample rows, NaN for what is none."""
     numbers = []
     for row in layout.rows:
         number = float("nan")
@@ -142,6 +151,16 @@ def steps_of(layout: Layout, column: int) -> list[float]:
                 float(row[column].replace(layout.decimal, ".")) if len(row) > column else number
             )
         numbers.append(number)
+    return numbers
+
+
+def steps_of(layout: Layout, column: int) -> list[float]:
+    """Differences between the numbers of a column, row by row.
+
+    The sample rows are those of the head's beginning and of its end; the step between the two parts
+    is left out.
+    """
+    numbers = numbers_of(layout, column)
     steps = [b - a for a, b in pairwise(numbers)]
     if len(numbers) == 2 * SAMPLE_ROWS:
         del steps[SAMPLE_ROWS - 1]
@@ -152,6 +171,12 @@ def ascending(layout: Layout, column: int) -> bool:
     """True if a number column hardly ever falls."""
     steps = steps_of(layout, column)
     return sum(step >= 0 for step in steps) >= 0.9 * len(steps)
+
+
+def _falls(layout: Layout, column: int) -> bool:
+    """True if a number column falls and never rises."""
+    steps = steps_of(layout, column)
+    return bool(steps) and max(steps) <= 0.0 and min(steps) < 0.0
 
 
 def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | None, str, float]:
@@ -171,22 +196,42 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
             k for k in date if not any(has_clock(row[k]) for row in layout.rows if len(row) > k)
         ]
         return (days[0], column, layout.kinds[days[0]], 1.0) if days else (column, None, "hms", 1.0)
+    if kind == "mmss":
+        return column, None, "mmss", 1.0
     return column, None, "number", time_factor(layout, setup, column)
 
 
 def time_factor(layout: Layout, setup: Setup, column: int) -> float:
     """Seconds per unit of a numeric time column.
 
-    By the setup's `time_unit`, the header's unit, the name's suffix, else seconds.
+    By the setup's `time_unit`, the header's unit, the name's suffix, the numbers' size, else
+    seconds.
     """
     if setup.log.time_unit:
         return units.to_si(setup.log.time_unit, "time")[0]
     unit = stated_unit(layout, column)
+    if unit is None and counts_days(layout, column):
+        unit = "d"
     if unit is None:  # a date in ms, us or ns since 1970 is known by its size
         cells = [row[column] for row in layout.rows if len(row) > column]
         numbers = [float(cell) for cell in cells if re.fullmatch(r"\d{1,19}", cell)]
         unit = unit_by_size(numbers[0]) if numbers else "s"
     return units.UNITS[unit][1]
+
+
+def counts_days(layout: Layout, column: int) -> bool:
+    """True if these can only be days since 1900, as spreadsheets store dates.
+
+    Their size is that of today's dates, and as seconds they would follow each other faster than
+    any instrument samples.
+    """
+    first, last = _DAYS
+    steps = steps_of(layout, column)
+    numbers = numbers_of(layout, column)
+    return bool(
+        steps and min(numbers) >= first and max(numbers) <= last
+        and 0.0 < sum(steps) < len(steps) / FASTEST_HZ
+    )  # fmt: skip
 
 
 def stated_unit(layout: Layout, column: int) -> str | None:

@@ -11,11 +11,15 @@ Forms, each recognized on its own cells (see `form_of`):
           field above 12 proves it)
     hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)
           -> ns since midnight
+    mmss  59:30.5, minutes and seconds with decimals, as spreadsheets show times
+          -> ns since the full hour, or since a timer's start
+A time of day may be one of twelve hours: 01:00:00.5 PM.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +29,7 @@ from tirelog.readers.text.digits import POWERS, Bytes, Whole
 from tirelog.vocabulary.arrays import IntArray
 
 #: what a byte of a time is: a byte like the pattern's, or a digit of a field
-AS_IT_IS, YEAR, MONTH, DAY, HOUR, MINUTE, SECOND, FRACTION = range(8)
+AS_IT_IS, YEAR, MONTH, DAY, HOUR, MINUTE, SECOND, FRACTION, HALF_DAY_HOUR = range(9)
 #: years that int64 holds in nanoseconds from 1970
 _FIRST_YEAR, _LAST_YEAR = 1678, 2261
 
@@ -58,10 +62,14 @@ def times_alike(
     """Fills `out` (n,) with times [ns] that are written like `pattern` (m,), and `done` (n,).
 
     From the bytes `starts` (n,) on; False in `done` if one is written otherwise, or is no time.
-    `roles` (m,): what each byte is. `dated` ones count from 1970, and lie `offset_s` east of UTC.
+    `roles` (m,): what each byte is; hours of half a day count from 12, and minutes may be more
+    than 59 if there are no hours. `dated` ones count from 1970. `offset_s` is taken off: times lie
+    so far east of UTC, or before noon.
     """
-    fields = np.empty(8, np.int64)
+    fields = np.empty(9, np.int64)
     decimals = (roles == FRACTION).sum()
+    halved = (roles == HALF_DAY_HOUR).any()
+    most_minutes = 59 if halved or (roles == HOUR).any() else 999
     for i in range(starts.size):
         fields[:] = 0
         alike = True
@@ -72,7 +80,10 @@ def times_alike(
             else:
                 alike &= 48 <= byte <= 57
                 fields[role] = fields[role] * 10 + (np.int64(byte) - 48)
-        alike &= fields[HOUR] <= 24 and fields[MINUTE] <= 59 and fields[SECOND] <= 60
+        if halved:
+            alike &= 1 <= fields[HALF_DAY_HOUR] <= 12
+            fields[HOUR] = fields[HALF_DAY_HOUR] % 12
+        alike &= fields[HOUR] <= 24 and fields[MINUTE] <= most_minutes and fields[SECOND] <= 60
         seconds = fields[HOUR] * 3600 + fields[MINUTE] * 60 + fields[SECOND] - offset_s
         if dated:
             year, month, day = fields[YEAR], fields[MONTH], fields[DAY]
@@ -85,17 +96,21 @@ def times_alike(
 
 Nanoseconds = NDArray[np.int64]
 MISSING = np.iinfo(np.int64).min
-#: nanoseconds of a day
-DAY_NS = 86_400 * 10**9
+#: nanoseconds after which times of a form begin again
+ROUNDS_NS = {"hms": 86_400 * 10**9, "mmss": 3_600 * 10**9}
+#: forms that hold a date
+_DATED = ("iso", "dmy")
 
 _SECOND = r"(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?"
-_CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?"
+_HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+_CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?{_HALF}"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
 _REST = rf"(?:[T _]+{_CLOCK}{_OFFSET})?"
 _FORMS = {
     "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
     "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
-    "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}:?"),
+    "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}{_HALF}:?"),
+    "mmss": re.compile(r"(?P<m>\d{1,3}):(?P<sec>\d{2})[.,](?P<frac>\d{1,9})\d*"),
 }
 
 
@@ -109,7 +124,7 @@ def has_clock(cell: str) -> bool:
     """False for a date alone."""
     form = form_of(cell)
     match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
-    return bool(match and match["h"])
+    return bool(match and match.groupdict().get("h"))
 
 
 def fraction_digits(cell: str) -> int:
@@ -135,7 +150,7 @@ def one_ns(cell: str, form: str, us: bool = False) -> int:
         return MISSING
     part = match.groupdict()
     days = 0
-    if form != "hms":
+    if form in _DATED:
         month, day = (part["D"], part["M"]) if us and form == "dmy" else (part["M"], part["D"])
         try:
             days = int(
@@ -146,20 +161,26 @@ def one_ns(cell: str, form: str, us: bool = False) -> int:
             )
         except ValueError:
             return MISSING
-    hour, minute, second = (int(part[key] or 0) for key in ("h", "m", "sec"))
-    if hour > 24 or minute > 59 or second > 60:
+    hour, minute, second = (int(part.get(key) or 0) for key in ("h", "m", "sec"))
+    if hour > 24 or (minute > 59 and form != "mmss") or second > 60:
         return MISSING
-    seconds = hour * 3600 + minute * 60 + second - _offset_s(part.get("off"))
+    if part.get("half"):
+        if not 1 <= hour <= 12:
+            return MISSING
+        hour %= 12
+    seconds = hour * 3600 + minute * 60 + second - _offset_s(part)
     ns = (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
     return ns if abs(ns) <= -(MISSING + 1) else MISSING
 
 
-def _offset_s(text: str | None) -> int:
-    """Seconds east of UTC of `Z` or `+02:00`."""
+def _offset_s(part: Mapping[str, str | None]) -> int:
+    """Seconds to take off a time: by `+02:00` it lies so far east of UTC; PM is 12 hours on."""
+    text, noon_s = part.get("off"), 43_200 * ((part.get("half") or "").lower() == "p")
     if not text or text == "Z":
-        return 0
+        return -noon_s
     digits = text[1:].replace(":", "")
-    return (1 if text[0] == "+" else -1) * (int(digits[:2]) * 3600 + int(digits[2:]) * 60)
+    east_s = int(digits[:2]) * 3600 + int(digits[2:]) * 60
+    return (east_s if text[0] == "+" else -east_s) - noon_s
 
 
 def column_ns(
@@ -184,13 +205,13 @@ def column_ns(
         done = np.zeros(rows.size, bool)
         if match:
             values = np.empty(rows.size, np.int64)
-            offset_s = _offset_s(match.groupdict().get("off"))
+            offset_s = _offset_s(match.groupdict())
             times_alike(
                 data,
                 starts[rows],
                 cell,
                 _roles(match, us and form == "dmy"),
-                form != "hms",
+                form in _DATED,
                 offset_s,
                 values,
                 done,
@@ -203,37 +224,38 @@ def column_ns(
 
 def _roles(match: re.Match[str], us: bool) -> NDArray[np.int64]:
     """What each byte of a time is."""
+    parts = match.groupdict()
     fields = {
         "Y": YEAR,
         "M": DAY if us else MONTH,
         "D": MONTH if us else DAY,
-        "h": HOUR,
+        "h": HALF_DAY_HOUR if parts.get("half") else HOUR,
         "m": MINUTE,
         "sec": SECOND,
         "frac": FRACTION,
     }
     roles = np.full(len(match[0]), AS_IT_IS, np.int64)
-    for key, text in match.groupdict().items():
+    for key, text in parts.items():
         if key in fields and text is not None:
             roles[match.start(key) : match.end(key)] = fields[key]
     return roles
 
 
-def unwrap_midnight(ns: Nanoseconds, last_ns: int | None) -> tuple[Nanoseconds, int]:
-    """(times of day made to run on past midnight, number of midnights met).
+def unwrapped(ns: Nanoseconds, last_ns: int | None, round_ns: int) -> tuple[Nanoseconds, int]:
+    """(times that begin again after `round_ns` made to run on past it, how often they did).
 
-    They follow `last_ns`, the last time before.
+    After a day, past midnight, or after an hour. They follow `last_ns`, the last time before.
     """
     known = np.flatnonzero(ns != MISSING)
     if not known.size:
         return ns, 0
     values = ns[known]
-    before = 0 if last_ns is None else last_ns // DAY_NS * DAY_NS
+    before = 0 if last_ns is None else last_ns // round_ns * round_ns
     previous = np.concatenate([[values[0] if last_ns is None else last_ns - before], values[:-1]])
     step = values - previous
     # stamps that fall back by more than half a day have passed midnight; those that leap by as much
     # fell back over it
-    turns = np.cumsum((step < -DAY_NS // 2).astype(np.int64) - (step > DAY_NS // 2))
+    turns = np.cumsum((step < -round_ns // 2).astype(np.int64) - (step > round_ns // 2))
     out = ns.copy()
-    out[known] = values + before + turns * DAY_NS
+    out[known] = values + before + turns * round_ns
     return out, int(turns.max(initial=0))
