@@ -56,6 +56,23 @@ def test_slope_linearity_and_leaks():
     np.testing.assert_array_equal(stops[[0, 3]], 0.0)
 
 
+def test_a_leak_has_an_error_that_holds_and_a_tight_stop_none():
+    """30 tests of a minute: 5 microstrain lost at one stop, nothing at the other two."""
+    time = np.arange(0, 60, 1 / 100.0)
+    strain = np.interp(time, [0, 8, 24, 34, 50, 60], [0.0, 0.0, 3e-4, 2.95e-4, 6e-4, 6e-4])
+    axis = TimeAxis.uniform(time.size, 100.0)
+    pulls = []
+    for seed in range(1840, 1870):
+        noisy = strain + np.random.default_rng(seed).normal(0, 1e-6, time.size)
+        test, _ = inflation(Channel.of_array("s", "strain", noisy, axis), None, (1.7e5, 2.3e5))
+        assert test.stretch.tolist() == ["whole", *["stop", "ramp"] * 2, "stop"]
+        leak, error = test.leak[1::2], test.leak_se[1::2]
+        assert leak[[0, 2]].tolist() == [0.0, 0.0]
+        pulls.append((leak[1] - 5e-6) / error[1])
+    assert abs(np.mean(pulls)) < 3.0 / np.sqrt(30.0)
+    assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.4
+
+
 def test_a_bent_line_is_called_bent():
     test, _ = inflation(*ramp(bend=0.3))
     assert test.nonlinearity[0] > 0.03

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,7 @@ def inflation_of(
             "strain_rate_1_s": found.rate_1_s,
             "nonlinearity": found.nonlinearity,
             "leak": found.leak,
+            "leak_se": found.leak_se,
             "quality": quality_column(
                 marked((found.leak != 0) & ~np.isnan(found.leak), Quality.LEAK)
             ),
@@ -180,9 +182,23 @@ LONGEST_S = 7 * 86400.0
 #: twice as much cuts the slow ends off a ramp, half as much takes leaks of an eighth of the rate
 #: for one
 RAMP_SHARE = 0.25
-#: a leak is one that exceeds so many standard errors of a mean; with twice as many, leaks up to
-#: twice as large are said to be 0
-LEAK_SIGMAS = 7.0
+#: standard errors of a rate that the border between ramp and stop is above: the rate is told over
+#: as many means as that takes.  With half as many noise makes ramps of stops
+RATE_SIGMAS = 5.0
+#: a leak is one that exceeds so many of its standard errors: chance makes none in a million stops;
+#: with twice as many, leaks up to twice as large are said to be 0
+LEAK_SIGMAS = 5.0
+#: means of the ramp on either side that a stop's kinks are told by: so little of a ramp is straight
+#: whatever the compressor does; twice as many tell them better, and count on it for 6 s
+BESIDE = 30
+#: what a further kink within a stop must take off chi-square: chance does so once in 10^5 stops;
+#: half as much, once in 1000
+BENT_CHI2 = 25.0
+#: means about an edge from which its kink is sought: a rate sees it so much early or late, and a
+#: kink that begins beyond its stop does not come back; twice as wide, one may find the next stop's
+NEAR_MEANS = (-3, 0, 3)
+#: rounds in which the kinks settle; mere numerics
+KINK_ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -207,7 +223,7 @@ class Inflation:
     `slope_1_Pa` of strain on pressure with standard error (NaN if the pressure is not known or
     stands still); `rate_1_s` of the strain; `nonlinearity`: largest deviation of the strain from
     its straight line on the pressure (on time, without pressure) as a share of its range, ramps and
-    whole; `leak`: strain lost at a stop, 0 if it is not significant.
+    whole; `leak`: strain lost at a stop, 0 if it is not significant, with its standard error.
     """
 
     stretch: NDArray[np.str_]
@@ -223,6 +239,7 @@ class Inflation:
     rate_1_s: FloatArray
     nonlinearity: FloatArray
     leak: FloatArray
+    leak_se: FloatArray
 
 
 def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -299,11 +316,11 @@ def series(
     )
 
 
-def _rates(values: InflationSeries) -> FloatArray:
-    """Rate of the strain at each mean [1/s], over RATE_MEANS to either side."""
-    padded = np.pad(values.strain, RATE_MEANS, mode="edge")
-    when = np.pad(values.time_s, RATE_MEANS, mode="edge")
-    width = 2 * RATE_MEANS
+def _rates(values: InflationSeries, reach: int) -> FloatArray:
+    """Rate of the strain at each mean [1/s], over `reach` means to either side."""
+    padded = np.pad(values.strain, reach, mode="edge")
+    when = np.pad(values.time_s, reach, mode="edge")
+    width = 2 * reach
     return (padded[width:] - padded[:-width]) / np.maximum(when[width:] - when[:-width], 1e-9)
 
 
@@ -312,16 +329,22 @@ def inflation_stretches(values: InflationSeries) -> tuple[NDArray[np.bool_], Int
 
     Short ones go to their neighbours.
     """
-    rate = _rates(values)
     direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
-    fast = float(np.quantile(direction * rate, 0.8))
+    reach = RATE_MEANS
+    for _ in range(2):  # the fast rate is told better by the wider window
+        rate = _rates(values, reach)
+        fast = float(np.quantile(direction * rate, 0.8))
+        wider = (
+            RATE_SIGMAS * values.noise / (np.sqrt(2.0) * MEAN_S * RAMP_SHARE * max(fast, 1e-300))
+        )
+        reach = int(np.clip(np.ceil(wider), RATE_MEANS, max(rate.size // 8, RATE_MEANS)))
     ramp = direction * rate > RAMP_SHARE * fast if fast > 0 else np.zeros(rate.size, bool)
     while True:
         edges = np.concatenate([[0], np.flatnonzero(np.diff(ramp)) + 1, [ramp.size]])
         length = np.diff(edges)
         short = int(np.argmin(length))
         if length.size < 2 or length[short] >= SHORTEST:
-            return ramp[edges[:-1]], edges
+            return ramp[edges[:-1]], _settled(values, edges) if reach > RATE_MEANS else edges
         ramp = ramp.copy()
         ramp[edges[short] : edges[short + 1]] ^= True
 
@@ -345,22 +368,124 @@ def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, flo
     )
 
 
-def _lost(values: InflationSeries, low: int, high: int) -> float:
-    """Strain lost at the stop [low, high); 0 within the noise.
+def _settled(values: InflationSeries, edges: IntArray) -> IntArray:
+    """`edges` of stretches put to the kinks of the strain, which a wide window sees late."""
+    settled = edges.copy()
+    for k in range(1, edges.size - 1):
+        kinks = _Line(values, int(edges[k - 1]), int(edges[k + 1]), [int(edges[k])]).kinks_s
+        place = int(np.searchsorted(values.time_s, kinks[0]))
+        settled[k] = np.clip(place, settled[k - 1] + 1, edges[k + 1] - 1)
+    return settled
 
-    From its highest to its lowest after that, a little beyond its own ends.
+
+class _Line:
+    """A line with kinks through the means [low, high): straight pieces that hang together.
+
+    `kinks_s`: the times of its kinks, which start at the means `at`.
+    """
+
+    def __init__(self, values: InflationSeries, low: int, high: int, at: list[int]) -> None:
+        time, strain = values.time_s[low:high], values.strain[low:high]
+        self._origin_s, self._values = float(time[0]), values
+        time = time - self._origin_s
+        kinks = np.asarray(values.time_s[at] - self._origin_s, float)
+        margin = 2.0 * MEAN_S
+        for _ in range(KINK_ROUNDS):
+            bends = np.maximum(time[:, None] - kinks, 0.0)
+            design = np.column_stack([np.ones(time.size), time, bends])
+            self._found = np.linalg.lstsq(design, strain, rcond=None)[0]
+            steps = -self._found[2:] * (time[:, None] > kinks)
+            self._design = np.column_stack([design, steps])
+            if not kinks.size:
+                break
+            move = np.linalg.lstsq(self._design, strain, rcond=None)[0][2 + kinks.size :]
+            # no kink passes another, or leaves the means
+            fence = np.concatenate([[margin], 0.5 * (kinks[1:] + kinks[:-1]), [time[-1] - margin]])
+            moved = np.clip(kinks + move, fence[:-1], np.maximum(fence[1:], fence[:-1]))
+            settled = np.abs(moved - kinks).max() < 1e-6
+            kinks = moved
+            if settled:
+                break
+        self._kinks = kinks
+        left = strain - self._design[:, : self._found.size] @ self._found
+        spare = max(time.size - self._design.shape[1], 1)
+        self.chi2 = float(left @ left) / values.noise**2 if values.noise > 0 else 0.0
+        self.scatter = max(values.noise, float(np.sqrt(left @ left / spare)))
+
+    @property
+    def kinks_s(self) -> FloatArray:
+        """Times of the kinks, ascending."""
+        return self._kinks + self._origin_s
+
+    def fall(self, begin_s: float, end_s: float, kinks: tuple[bool, bool]) -> tuple[float, float]:
+        """(how much less it is at `end_s` than at `begin_s`, standard error).
+
+        `kinks`: whether these are its first and its last kink, whose places are fitted, too.
+        """
+        rows = []
+        for when, of_kink, which in ((begin_s, kinks[0], 0), (end_s, kinks[1], -1)):
+            at = when - self._origin_s
+            row = np.concatenate(
+                [
+                    [1.0, at],
+                    np.maximum(at - self._kinks, 0.0),
+                    -self._found[2:] * (at > self._kinks),
+                ]
+            )
+            if of_kink:  # a kink that moves takes the place along at which the line is read
+                before = self._found[1] + self._found[2:] @ (at > self._kinks)
+                place = np.arange(self._kinks.size)[which]
+                row[2 + self._kinks.size + place] += before
+            rows.append(row)
+        fall = rows[0] - rows[1]
+        inverse = np.linalg.pinv(self._design)
+        value = float(fall[: self._found.size] @ self._found)
+        return value, self.scatter * float(np.linalg.norm(fall @ inverse))
+
+
+def _lost(
+    values: InflationSeries, before: int, low: int, high: int, after: int
+) -> tuple[float, float]:
+    """(strain lost at the stop [low, high), its standard error); 0 if it is not sure.
+
+    From the kink at which the ramp before ends to that at which the one after begins.  `before` and
+    `after` are where the stretches beside the stop begin and end, `low` and `high` without one.
     """
     direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
-    around = direction * values.strain[max(low - RATE_MEANS, 0) : high + RATE_MEANS]
-    half = around.size // 2
-    lost = float(around[:half].max() - around[half:].min())
-    return direction * lost if lost > LEAK_SIGMAS * values.noise else 0.0
+    # the far ends of the ramps may be some means of the next stop
+    off = [min(NEAR_MEANS[-1], many // 3) for many in (low - before, after - high)]
+    first, stop = max(before + off[0], low - BESIDE), min(after - off[1], high + BESIDE)
+    edges = [k for k, beside in ((low, before < low), (high, after > high)) if beside]
+    line = min(
+        (_Line(values, first, stop, begins) for begins in _begins(edges, first, stop)),
+        key=lambda one: one.chi2,
+    )
+    if high - low >= 2 * SHORTEST:  # what falls at once and stands then is no straight line
+        middles = range(low + 2, high - 1, max((high - low) // SHORTEST, 1))
+        bent = min(
+            (_Line(values, first, stop, sorted([*edges, k])) for k in middles),
+            key=lambda one: one.chi2,
+        )
+        line = bent if bent.chi2 < line.chi2 - BENT_CHI2 else line
+    begin = float(line.kinks_s[0]) if before < low else float(values.time_s[low])
+    end = float(line.kinks_s[-1]) if after > high else float(values.time_s[high - 1])
+    lost, error = line.fall(begin, end, (before < low, after > high))
+    return (lost if direction * lost > LEAK_SIGMAS * error else 0.0), error
+
+
+def _begins(edges: list[int], first: int, stop: int) -> list[list[int]]:
+    """Where kinks near `edges` may be sought from: a few means to either side, in their order."""
+    near = [[min(max(k + d, first + 1), stop - 2) for d in NEAR_MEANS] for k in edges]
+    return [list(begins) for begins in product(*near) if list(begins) == sorted(set(begins))]
 
 
 def _row(
-    values: InflationSeries, name: str, low: int, high: int, *, measured: bool
+    values: InflationSeries, name: str, low: int, high: int, around: tuple[int, int], measured: bool
 ) -> dict[str, float | str]:
-    """One stretch of the means [low, high); `measured`: the pressure was recorded."""
+    """One stretch of the means [low, high); `measured`: the pressure was recorded.
+
+    `around`: where the stretches beside it begin and end.
+    """
     part = slice(low, high)
     time, strain, pressure = values.time_s[part], values.strain[part], values.pressure_Pa[part]
     rate, _, against_time = _line(time, strain, values.noise)
@@ -370,9 +495,9 @@ def _row(
     )
     if not measured:
         slope_se, against_pressure = np.nan, against_time
-    leak = float("nan")
+    leak, leak_se = float("nan"), float("nan")
     if name == "stop":
-        leak = _lost(values, low, high)
+        leak, leak_se = _lost(values, around[0], low, high, around[1])
     return {
         "stretch": name,
         "time_s": float(time[0] - 0.5 * MEAN_S),
@@ -387,6 +512,7 @@ def _row(
         "rate_1_s": rate,
         "nonlinearity": float("nan") if name == "stop" else against_pressure,
         "leak": leak,
+        "leak_se": leak_se,
     }
 
 
@@ -397,9 +523,10 @@ def inflation(
     values = series(strain, pressure, ends_Pa)
     ramps, edges = inflation_stretches(values)
     measured = pressure is not None
-    rows = [_row(values, "whole", 0, values.strain.size, measured=measured)]
-    for ramp, low, high in zip(ramps, edges[:-1], edges[1:], strict=True):
-        rows.append(
-            _row(values, "ramp" if ramp else "stop", int(low), int(high), measured=measured)
-        )
+    size = values.strain.size
+    rows = [_row(values, "whole", 0, size, (0, size), measured)]
+    fences = [0, *edges.tolist(), size]
+    for k, ramp in enumerate(ramps.tolist()):
+        before, low, high, after = fences[k : k + 4]
+        rows.append(_row(values, "ramp" if ramp else "stop", low, high, (before, after), measured))
     return Inflation(**{name: np.array([row[name] for row in rows]) for name in rows[0]}), values

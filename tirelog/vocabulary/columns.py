@@ -401,6 +401,7 @@ _ALL = [
     TableColumn(
         "leak", "", "float", "strain lost at a stop, 0 if it is within the noise", 1e-9, 1e-2
     ),
+    TableColumn("leak_se", "", "float", "standard error of the strain lost", 1e-9, 1e-2),
     # model predict
     TableColumn("xi_m", "m", "float", "tread coordinate, entry edge at -L, exit edge at +L", 1e-9),
     TableColumn("phi_deg", "deg", "float", "tread coordinate as an angle", 1e-7),

@@ -307,7 +307,7 @@ _ALL = (
         _revolutions(
             "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain",
             "strain_se", "strain_change", "strain_slope_1_Pa", "strain_slope_se_1_Pa",
-            "strain_rate_1_s", "nonlinearity", "leak",
+            "strain_rate_1_s", "nonlinearity", "leak", "leak_se",
         ),
         (
             TableOption(
