@@ -33,7 +33,12 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 REGISTER = PACKAGE / "vocabulary" / "quality.py"
 #: other things of the same name: a column, an option, a regime of the simulation, a repair's count
 NAMESAKES = {
-    "leak": {"vocabulary/columns.py", "vocabulary/tables.py", "strain/inflation.py"},
+    "leak": {
+        "vocabulary/columns.py",
+        "vocabulary/tables.py",
+        "strain/inflation.py",
+        "strain/inflation_table.py",
+    },
     "cutoff": {
         "vocabulary/tables.py",
         "by_channel.py",

@@ -15,7 +15,7 @@ import numpy as np
 from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, figure_page, label, write
-from tirelog.strain.inflation import InflationOfChannel
+from tirelog.strain.inflation_table import InflationOfChannel
 
 
 def inflation_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
