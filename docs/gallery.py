@@ -474,7 +474,8 @@ def p2_inflation() -> Shown:
     truth = json.loads(Path("inflation.csv.gz.truth.json").read_text())
     slope = float(table.strain_slope_1_Pa.dropna().iloc[0])
     error = float(table.strain_slope_se_1_Pa.dropna().iloc[0])
-    leaks = table[table.leak.fillna(0.0) != 0.0].leak.abs() * 1e6
+    leaky = table[table.leak.fillna(0.0) != 0.0]
+    leaks, leak_error = 1e6 * leaky.leak.abs(), 1e6 * leaky.leak_se.max()
     shown.row(
         "strain over pressure",
         "grows linearly",
@@ -486,8 +487,8 @@ def p2_inflation() -> Shown:
     shown.row(
         "leaks at the two stops",
         "two",
-        " and ".join(f"{x:.1f}" for x in leaks) + " microstrain",
-        f"planted {planted:.1f}; the rest leaks while the stop is told from the ramp",
+        " and ".join(f"{x:.1f}" for x in leaks) + f" microstrain, each +- {leak_error:.1f}",
+        f"planted {planted:.1f}",
     )
     # a thin ring: hoop force p b R, so strain = p b R / (E A)
     shown.row(
