@@ -36,6 +36,6 @@ def report_shows(whole: dict[str, Any], results: Path, page: Path) -> None:
     """The sections that a report on logs with a model has, made of the campaign's folder alone."""
     assert run(["report", "--campaign", str(results), "-o", str(page), "--quiet"]) == 0
     text = page.read_text()
-    for section in ("campaign", "model", "diagnosis", "ladder", "switches"):
+    for section in ("campaign", "model", "diagnosis", "ladder"):
         assert f'<section id="{section}">' in text
     assert whole["sentence"] in text

@@ -81,7 +81,6 @@ def test_what_cannot_be_written_is_refused_first(
         ("tables -o", "log.csv", "it is a file; give the path of a folder"),
         ("tables -o", "log.csv/below", "Not a directory"),
         ("report -o", ".", "Is a directory"),
-        ("report --format png --figures", "log.csv", "it is a file"),
     ],
 )
 @pytest.mark.usefixtures("no_work")

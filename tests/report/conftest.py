@@ -66,7 +66,7 @@ def browser() -> Iterator[Any]:
 
 
 def _first_lines(log: Path, folder: Path) -> None:
-    """The log's begin: as many manoeuvres as ladder, verdict and switches need."""
+    """The log's begin: as many manoeuvres as ladder and verdict need."""
     with gzip.open(log) as whole, gzip.open(folder / log.name, "wb", compresslevel=1) as part:
         part.writelines(islice(whole, _LINES))
 

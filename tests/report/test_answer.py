@@ -137,10 +137,10 @@ def test_numbers_per_revolution_are_drawn_at_one_scale_too() -> None:
     np.testing.assert_allclose(numbers(figures[0].traces[0]["y"]), [0.5, -1.0, 0.2], rtol=1e-6)
 
 
-def test_everything_but_answer_and_switches_is_folded(model_page: Path) -> None:
+def test_everything_but_the_answer_is_folded(model_page: Path) -> None:
     for tag, attributes, within in Tree(markup(model_page)).elements:
         if attributes.get("class") == "plot":
-            unfolded = str(attributes["id"]).startswith(("answer-", "switch-"))
+            unfolded = str(attributes["id"]).startswith("answer-")
             assert ("details" in within) is not unfolded, attributes["id"]
         if tag == "details":
             assert "open" not in attributes

@@ -20,9 +20,6 @@ __all__ = ["folder", "tirelog"]
     [
         (["log.csv"], "nothing to write"),
         (["-o", "page.html"], "nothing to report on"),
-        (["log.csv", "--format", "png", "-o", "page.html"], "belong together"),
-        (["log.csv", "--figures", "slides"], "belong together"),
-        (["log.csv", "--format", "pgn", "--figures", "slides"], "nearest: png"),
         (["log.csv", "--campaign", "nowhere", "-o", "page.html"], "no campaign's output"),
         (["log.csv", "--ladder", "log.toml", "-o", "page.html"], "is no ladder"),
         (["log.csv", "--ladder", "nowhere.json", "-o", "page.html"], "is no ladder"),
@@ -39,7 +36,6 @@ def test_unusable_input_ends_with_status_2(
     assert said in outcome.err
     assert "making the tables" not in outcome.err
     assert not (folder / "page.html").exists()
-    assert not (folder / "slides").exists()
 
 
 def test_a_ladder_without_its_steps_is_none(folder: Path, tirelog: Command) -> None:
@@ -70,16 +66,6 @@ def test_a_model_that_does_not_suit_the_log_is_named(folder: Path, tirelog: Comm
     page = (folder / "page.html").read_text()
     assert "the model against the measurement: " in page
     assert '<section id="diagnosis">' not in page
-
-
-def test_no_picture_is_left_half_written(folder: Path, tirelog: Command) -> None:
-    slides = folder / "slides"
-    slides.mkdir()
-    (slides / "acceleration.png").mkdir()  # where a picture should go there is a folder
-    outcome = tirelog("report", "log.csv", "--format", "png", "--figures", "slides")
-    assert outcome.status == 2
-    assert not [p for p in slides.iterdir() if p.name.endswith(".part")]
-    assert all(p.stat().st_size > 1000 for p in slides.glob("*.png") if p.is_file())
 
 
 def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(

@@ -1,11 +1,7 @@
-"""Property: with a model the page says where it fails, what is missing, how the ladder fell; the
-switches change figures and numbers.
-"""
+"""Property: with a model the page says where it fails, what is missing, how the ladder fell."""
 
 import json
 import re
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +36,6 @@ def test_sections_and_their_commands(model_page: Path) -> None:
         ("model", "compare"),
         ("diagnosis", "diagnose"),
         ("ladder", "ladder"),
-        ("switches", "report"),
     ):
         part = re.search(rf'<section id="{section}">(.*?)</section>', text, re.S)
         assert part
@@ -86,86 +81,6 @@ def test_the_page_s_diagnosis_is_the_command_s(model_page: Path) -> None:
     assert drawn == pytest.approx(shares, rel=1e-3, abs=1e-2)
 
 
-def test_every_combination_of_effects_has_its_state(model_page: Path) -> None:
-    switches = data(model_page)["switches"]["switches"]
-    count = len(switches["effects"])
-    assert count >= 2
-    assert sorted(int(mask) for mask in switches["states"]) == list(range(2**count))
-    assert len({state["text"] for state in switches["states"].values()}) == 2**count
-    held = {
-        int(m): numbers(s["figures"]["switch-error"]["0"]["y"])[1]
-        for m, s in switches["states"].items()
-    }
-    bit = 1 << switches["effects"].index("water_film")
-    assert all(held[mask] < 0.5 * held[mask & ~bit] for mask in held if mask & bit)
-
-
-def test_switches_change_figures_and_numbers(opened: Any) -> None:
-    page, problems = opened
-    for name in ("switch-waves", "switch-map", "switch-error"):
-        figure = page.query_selector(f"#{name}")
-        figure.scroll_into_view_if_needed()
-        page.wait_for_function(
-            "e => e.querySelector('.main-svg') !== null", arg=figure, timeout=240_000
-        )
-
-    def state() -> tuple[str, float, float, float]:
-        """The text; height of the highest bar on the screen [px], size of the first wave and of the
-        map as drawn.
-        """
-        bars = (
-            "Math.max(...[...document.querySelectorAll('#switch-error .barlayer path')].map(p => "
-            "p.getBoundingClientRect().height))"
-        )
-        wave = (
-            "document.getElementById('switch-waves').calcdata[0].reduce((sum, p) => sum + "
-            "Math.abs(p.y), 0)"
-        )
-        residual = (
-            "Math.max(...document.getElementById('switch-map').calcdata[0][0].z.map(row => "
-            "Math.max(...row.map(v => Math.abs(v) || 0))))"
-        )
-        return (
-            page.inner_text(".switches output"),
-            *(float(page.evaluate(code)) for code in (bars, wave, residual)),
-        )
-
-    def state_once(drawn: Callable[[tuple[str, float, float, float]], bool]) -> Any:
-        """The state once it is as wanted, or after four minutes whatever it is."""
-        end = time.monotonic() + 240.0
-        while not drawn(found := state()) and time.monotonic() < end:
-            page.wait_for_timeout(50)
-        return found
-
-    before = state()
-    page.get_by_role("checkbox", name="water_film").click()
-    without = state_once(
-        lambda now: (
-            now[0] != before[0]
-            and now[1] > 2 * before[1]
-            and now[2] != before[2]
-            and now[3] > 2 * before[3]
-        )
-    )
-    assert without[0] != before[0]
-    assert re.search(r"held-out error [\d.]+ microstrain", without[0])
-    assert without[1] > 2 * before[1]
-    assert without[2] != before[2]
-    assert without[3] > 2 * before[3]
-    page.get_by_role("checkbox", name="water_film").focus()
-    page.keyboard.press("Space")
-    again = state_once(
-        lambda now: (
-            (now[0], now[2], now[3]) == (before[0], before[2], before[3])
-            and abs(now[1] - before[1]) <= 0.01
-        )
-    )
-    assert (again[0], again[2], again[3]) == (before[0], before[2], before[3])
-    # where a bar lies on the screen is rounded by the browser (6e-5 px seen after scrolling)
-    assert again[1] == pytest.approx(before[1], abs=0.01)
-    assert problems == []
-
-
 def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(
     browser: Any, model_page: Path
 ) -> None:
@@ -174,7 +89,7 @@ def test_on_a_phone_in_the_dark_every_figure_has_a_name_and_its_width(
     page.goto(f"{model_page.as_uri()}#ladder")
     page.wait_for_selector("html[data-ready=true]", timeout=240_000)
     assert page.evaluate("[...document.querySelectorAll('details[open]')].length") == 1
-    some = ["ladder-steps", "answer-waves", "answer-map-1", "answer-effect-0", "switch-map"]
+    some = ["ladder-steps", "answer-waves", "answer-map-1", "answer-effect-0"]
     for name in some:
         figure = page.query_selector(f"#{name}")
         figure.scroll_into_view_if_needed()
@@ -218,32 +133,3 @@ def test_hostile_folder_names_are_only_text(opened: Any) -> None:
     assert page.query_selector("main b, .plot svg a, header b") is None
     assert "a <b>&amp; b" in page.text_content("#about")
     assert problems == []
-
-
-def test_pictures_for_slides(model_page: Path, tmp_path: Path) -> None:
-    folder = model_page.parent
-    logs = [str(folder / f"hidden_{n}.csv.gz") for n in (1, 2)]
-    shown = tmp_path / "slides"
-    command = [
-        "report",
-        *logs,
-        "--ladder",
-        str(folder / "M.ladder.json"),
-        "--format",
-        "png",
-        "--figures",
-        str(shown),
-        "--quiet",
-    ]
-    assert run(command) == 0
-    figures = data(model_page)["figures"]
-    expected = {
-        f"{name}.png"
-        for name in figures
-        if name.split("-")[0]
-        not in ("answer", "switch", "waveforms", "differences", "residual", "ranking")
-    }
-    assert {p.name for p in shown.iterdir()} == expected
-    assert all(
-        p.read_bytes().startswith(b"\x89PNG") and p.stat().st_size > 5000 for p in shown.iterdir()
-    )

@@ -16,21 +16,14 @@ from tirelog.report.stored import model_pages, read_stored, stored
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
 
-def section(name: str = "switches") -> Section:
+def section(name: str = "effects") -> Section:
     figure = Figure(
-        "switch-map",
+        "map",
         "Map",
         "A map.",
         [{"type": "heatmap", "z": packed_array([[1.0, 2.0], [3.0, 4.0]])}],
         {"height": 300},
     )
-    states = {
-        "0": {
-            "text": "off",
-            "figures": {"switch-map": {"0": {"z": packed_array([[0.0, 0.0], [0.0, 0.0]])}}},
-        }
-    }
-    switches = {"effects": ["wear"], "start": 0, "states": states}
     card = Card("Missing", "x is.", [("a", "b")], "tirelog y", ["z"], [Rung("r", "s", 2.0, 1.0)])
     return Section(
         name,
@@ -39,7 +32,6 @@ def section(name: str = "switches") -> Section:
         ["said"],
         [figure],
         [PageTable("T", ["a"], [["1"]], [0])],
-        switches,
         folded=False,
         card=card,
         formulas=(("a", "b"),),
@@ -64,10 +56,9 @@ def test_several_models_are_told_apart(tmp_path: Path) -> None:
     write(tmp_path, "beam", section())
     write(tmp_path, "ring", section())
     (first,), (second,) = (sections for sections, _ in model_pages(tmp_path))
-    assert (first.id, second.id) == ("switches-1", "switches-2")
+    assert (first.id, second.id) == ("effects-1", "effects-2")
     assert (first.title, second.title) == ("Effects: beam", "Effects: ring")
-    for one in (first, second):
-        assert list(one.switches["states"]["0"]["figures"]) == [one.figures[0].id]
+    assert [one.figures[0].id for one in (first, second)] == ["map-1", "map-2"]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from tirelog.errors import UsageError
 from tirelog.report.asked import Asked
 from tirelog.report.build import build
 from tirelog.report.page import plotting_library, render
-from tirelog.report.pictures import need_matplotlib, write_pictures
 from tirelog.storage.whole import whole_file
 
 __all__ = ["Asked", "ReportOrder", "write_report"]
@@ -29,12 +28,10 @@ class ReportOrder:
 
     asked    logs and files, as typed; the commands on the page name them so
     output   the page to write, .html
-    figures  the folder for its pictures
     """
 
     asked: Asked
     output: File | None = None
-    figures: File | None = None
 
     def __post_init__(self) -> None:
         """UsageError: nothing could come of it."""
@@ -44,41 +41,29 @@ class ReportOrder:
                 allowed="allowed are logs, runs and --campaign DIR",
                 do="give one",
             )
-        if self.output is None and self.figures is None:
-            raise UsageError(
-                "nothing to write",
-                allowed="allowed are -o PAGE.html and --format png --figures DIR",
-                do="add one",
-            )
+        if self.output is None:
+            raise UsageError("nothing to write", do="add -o PAGE.html")
         if self.asked.propose and self.asked.model is None:
             raise UsageError("--propose asks what a model lacks", do="give the model with --model")
         page = self.output
-        if page is not None:
-            if page.suffix.lower() not in _SUFFIXES and (page.is_file() or not page.exists()):
-                raise UsageError(
-                    f"-o {page}: the page is HTML",
-                    allowed=f"allowed are the suffixes {', '.join(_SUFFIXES)}",
-                    do="rename it",
-                )
-            plotting_library()
-        if self.figures is not None:
-            need_matplotlib()
+        if page.suffix.lower() not in _SUFFIXES and (page.is_file() or not page.exists()):
+            raise UsageError(
+                f"-o {page}: the page is HTML",
+                allowed=f"allowed are the suffixes {', '.join(_SUFFIXES)}",
+                do="rename it",
+            )
+        plotting_library()
 
     def make(
         self, recordings: Sequence[Recording], progress: Callable[[str], None] = lambda text: None
     ) -> tuple[str, ...]:
-        """The page and the pictures of open logs; a sentence on each that was written."""
+        """The page of open logs; a sentence on what was written."""
         made = build(recordings, self.asked, progress)
-        said = []
-        if self.output is not None:
-            with whole_file(self.output) as part, part.open("w", encoding="utf-8") as stream:
-                stream.writelines(render(made))
-                size = stream.tell()
-            said.append(f"{self.output}: {len(made.sections)} sections, {size / 1e6:.1f} MB")
-        if self.figures is not None:
-            figures = [figure for section in made.sections for figure in section.figures]
-            said.append(f"{self.figures}: {len(write_pictures(figures, self.figures))} pictures")
-        return tuple(said)
+        assert self.output is not None
+        with whole_file(self.output) as part, part.open("w", encoding="utf-8") as stream:
+            stream.writelines(render(made))
+            size = stream.tell()
+        return (f"{self.output}: {len(made.sections)} sections, {size / 1e6:.1f} MB",)
 
 
 def write_report(
@@ -86,7 +71,6 @@ def write_report(
     output: Path | None = None,
     *,
     setup: Path | None = None,
-    figures: Path | None = None,
     tables: Sequence[Path] = (),
     campaign: Path | None = None,
     model: Path | None = None,
@@ -106,8 +90,6 @@ def write_report(
         The page to write, .html.
     setup : str or os.PathLike, optional
         The setup of logs given by path; without it the TOML file beside each.
-    figures : str or os.PathLike, optional
-        A folder for the page's pictures as PNG.
     tables : sequence of str or os.PathLike
         Tables already made, which are not made again.
     campaign : str or os.PathLike, optional
@@ -124,7 +106,7 @@ def write_report(
     Returns
     -------
     tuple of str
-        A sentence on each file or folder that was written.
+        A sentence on the page that was written.
 
     Raises
     ------
@@ -146,7 +128,6 @@ def write_report(
             **paths,
         ),
         None if output is None else File(output),
-        None if figures is None else File(figures),
     )
     with ExitStack() as resources:
         opened = [

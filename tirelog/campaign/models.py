@@ -195,9 +195,7 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
     sections = [model_sections.ladder_section(climbed, command)] if climbed is not None else []
     if compared is None:
         return stored(sections, [])
-    story = story_of(
-        pieces, compared, found, climbed, lambda name: command, BY_ID, lambda text: None
-    )
+    story = story_of(pieces, compared, found, climbed, lambda name: command, BY_ID)
     shown = [story.answer, *story.before_ladder, *sections, *story.after_ladder]
     return stored(shown, story.missing)
 

@@ -85,7 +85,7 @@ def _callback(
 #: marks a command that keeps its inputs: groups are asked for more than once in a process
 _KEEPS = "keeps_inputs"
 #: options that name what a command writes; every other path, and every log, is an input
-OUTPUTS = ("output", "plot", "save", "calibrate", "figures")
+OUTPUTS = ("output", "plot", "save", "calibrate")
 
 
 def _keep_inputs(given: dict[str, Any]) -> None:

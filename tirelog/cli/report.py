@@ -10,10 +10,7 @@ import typer
 
 from tirelog.cli import options
 from tirelog.cli.session import Session
-from tirelog.cli.targets import folder, in_a_folder
-from tirelog.errors import UsageError, refuse_unknown
-
-_FORMATS = ("html", "png")
+from tirelog.cli.targets import in_a_folder
 
 
 def report(
@@ -46,10 +43,6 @@ def report(
             help="If something is unknown: write it down, as `propose` (half a minute and more).",
         ),
     ] = False,
-    format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
-    figures: Annotated[
-        Path | None, typer.Option("--figures", help="Folder for the pictures.", callback=folder)
-    ] = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Write one offline page: what was recorded, what came of it, where the model fails."""
@@ -58,16 +51,10 @@ def report(
     )  # the default one keeps what is freed: 50 MB for an hour's tables
     from tirelog.api.reports import Asked, ReportOrder
 
-    refuse_unknown(format, _FORMATS, f"--format {format}", do="choose one")
-    if (format == "png") != (figures is not None):
-        raise UsageError(
-            "--format png and --figures DIR belong together", do="give both or neither"
-        )
     paths, tables = tuple(logs or ()), tuple(table or ())
     order = ReportOrder(
         Asked(paths, setup, model, ladder, campaign, tables, channel, effects, propose),
         output,
-        figures,
     )
     with Session(setup, quiet, hashed=True) as session:
         with session.working() as line:

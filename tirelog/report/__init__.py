@@ -4,7 +4,6 @@
         --sections--> Section (text, figures, small tables; plain data)
         --page-----> one HTML file: plotting library, style, data and script inside, a content
                      security policy that forbids the rest
-        --pictures-> the same figures as PNG files for slides
 
 The report holds no estimator and no statistic: it reads tables, or calls the functions behind the
 commands, and draws. What cannot be shown is named, with the command that would make it. Nothing

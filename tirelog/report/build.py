@@ -4,7 +4,7 @@ Asked (paths and options) + open recordings
     --sources--> one table after the other, given or made --> sections of tables
     campaign's folder --stored--> the sections of its models
     --diagnosis--> Diagnosis --> the model against the measurement, the diagnosis; with a ladder
-                                 its steps and the switches
+                                 its steps
 whatever cannot be shown --> (what and why, the command that would show it)
 """
 
@@ -220,7 +220,7 @@ def _models(
     colours: LogColours,
     seen: Sequence[tuple[str, str]],
 ) -> list[Section]:
-    """The answer, comparison, diagnosis, ladder and switches; or why there are none."""
+    """The answer, comparison, diagnosis and ladder; or why there are none."""
     ladder: list[Section] = []
     if climbed is not None:
         ladder = [model_sections.ladder_section(climbed, asked.command("ladder", model=True))]
@@ -232,7 +232,7 @@ def _models(
             )
         )
     if model is None:
-        what = "the model against the measurement, the diagnosis, switches for effects"
+        what = "the model against the measurement, the diagnosis"
         report.missing.append((f"{what} (then --model M)", asked.make_model()))
         return [without_a_model(seen, asked, NO_MODEL), *ladder]
     from tirelog.physics.model.own.user_effects import catalogue_with

@@ -1,6 +1,6 @@
 """Figures as plain data.
 
-Traces and layout of the plotting library, drawn by the page's script or as PNG by `pictures`.
+Traces and layout of the plotting library, drawn by the page's script.
 
 Arrays travel as base64 of float32: a trace of n points costs about 5 n bytes a coordinate. Long
 series are decimated by min-max buckets first, which keeps every peak. Names go through `safe`: the
@@ -76,16 +76,6 @@ def packed_array(values: Any) -> dict[str, str]:
     if array.ndim == 2:
         out["shape"] = f"{array.shape[0]}, {array.shape[1]}"
     return out
-
-
-def unpacked_array(values: Any) -> Any:
-    """What `packed_array` was given, float32; anything else as it is."""
-    if not (isinstance(values, dict) and "bdata" in values):
-        return values
-    array = np.frombuffer(base64.b64decode(values["bdata"]), np.float32)
-    return (
-        array.reshape([int(n) for n in values["shape"].split(",")]) if "shape" in values else array
-    )
 
 
 def axis(title: str, **more: Any) -> dict[str, Any]:

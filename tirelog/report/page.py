@@ -73,8 +73,7 @@ class Section:
     """A section: what it says, the command that makes it, its figures and tables.
 
     The first paragraph always shows; the rest is folded away if `folded`.
-    `switches`: data of the effect switches, if any. `formulas`: (name, expression). `sources`:
-    (effect, where its physics is from).
+    `formulas`: (name, expression). `sources`: (effect, where its physics is from).
     """
 
     id: str
@@ -83,7 +82,6 @@ class Section:
     text: Sequence[str] = ()
     figures: Sequence[Figure] = ()
     tables: Sequence[PageTable] = ()
-    switches: dict[str, Any] = field(default_factory=dict)
     folded: bool = True
     card: Card | None = None
     formulas: Sequence[tuple[str, str]] = ()
@@ -152,7 +150,6 @@ def render(report: Report) -> list[str]:
             for s in sections
             for f in s.figures
         },
-        "switches": {s.id: s.switches for s in sections if s.switches},
         "dark": dict(
             zip((*COLOURS, INK, GREY, PALE), (*DARK_COLOURS, *DARK_NEUTRALS), strict=True)
         ),
@@ -229,12 +226,6 @@ def _section(section: Section) -> str:
         for name, text in section.formulas
     )
     tables = "".join(_table(t) for t in section.tables)
-    switches = (
-        f'<fieldset class="switches" data-section="{section.id}"><legend>Effects</legend>'
-        "</fieldset>"
-        if section.switches
-        else ""
-    )
     made = (
         f'<p class="made">Made with <code>{e(section.command)}</code></p>'
         if section.command
@@ -243,7 +234,6 @@ def _section(section: Section) -> str:
     first = "".join(paragraphs[:1]) + formulas
     rest = (
         "".join(paragraphs[1:])
-        + switches
         + _figures(section.figures)
         + tables
         + (made if section.folded else "")

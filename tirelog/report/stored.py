@@ -89,19 +89,9 @@ def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str,
 
 def _told_apart(section: Section, model: str, mark: str) -> Section:
     figures = [replace(figure, id=figure.id + mark) for figure in section.figures]
-    switches = dict(section.switches)
-    if switches:
-        switches["states"] = {
-            mask: {
-                **state,
-                "figures": {name + mark: values for name, values in state["figures"].items()},
-            }
-            for mask, state in switches["states"].items()
-        }
     return replace(
         section,
         id=section.id + mark,
         title=f"{section.title}: {model}",
         figures=figures,
-        switches=switches,
     )

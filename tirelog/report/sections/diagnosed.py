@@ -2,7 +2,7 @@
 
 recordings, Model --stacks, `diagnose`--> comparison, diagnosis
                                           (a campaign: pieces of its logs, and what it was asked)
-+ a ladder, or what the diagnosis selected --> top model --`switches`--> effects on and off
++ a ladder, or what the diagnosis selected --> the best model's comparison
 all of it --`answer`--> the page's first section
 logs that met an obstacle --> how well the model answers it; something unknown, and --propose -->
                               what `propose` writes down
@@ -16,14 +16,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Recording
-from tirelog.errors import TirelogError
+from tirelog.errors import ModelError, TirelogError, UsageError, nearest
 from tirelog.report.figures import LogColours
 from tirelog.report.page import Section
 from tirelog.report.sections import models as model_sections
 from tirelog.report.sections import obstacles
 from tirelog.report.sections.answer import Answered, answer
 from tirelog.report.sections.proposed import proposed
-from tirelog.report.sections.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured
@@ -75,7 +74,6 @@ def model_story(
         climbed,
         command,
         catalogue,
-        progress,
         colours,
         asked.with_options(found.next_command),
     )
@@ -135,56 +133,67 @@ def story_of(
     climbed: Mapping[str, Any] | None,
     command: Callable[[str], str],
     catalogue: Mapping[str, Effect],
-    progress: Callable[[str], None],
     colours: LogColours | None = None,
     next_command: str = "",
 ) -> Story:
-    """The sections of what was found on `measured`: answer, comparison, diagnosis and switches.
+    """The sections of what was found on `measured`: answer, comparison and diagnosis.
 
     `command(name)`: the line that repeats it; `next_command`: what to type next.
     """
+    from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
     from tirelog.diagnosis.effect_curves import effect_curves
 
     colours = LogColours(model_sections.logs_of(compared)) if colours is None else colours
-    best = found.model if found is not None else compared.model
-    top = top_of_ladder(compared.model, climbed, catalogue) if climbed is not None else best
-    effects = [effect.id for effect in top.effects]
-    came = [effect.id for effect in compared.model.effects]
-    switched, left_out = effects[-MOST_EFFECTS:], effects[:-MOST_EFFECTS]
-    results: dict[int, Comparison | str] = {}
-    if switched:
-        results = comparisons(measured, top, switched, compared.model, progress)
-    full = results[max(results)] if results else compared
-    added = [name for name in effects if name not in came]
-    section = None
-    if switched:
-        section = switches(results, switched, command("report"), left_out, colours)
+    best: Comparison | None = None
+    added: Sequence[str] = found.selected if found is not None else ()
+    missing: list[tuple[str, str]] = []
+    if climbed is not None:
+        top = top_of_ladder(compared.model, climbed, catalogue)
+        came = [effect.id for effect in compared.model.effects]
+        added = [effect.id for effect in top.effects if effect.id not in came]
+        try:
+            best = comparison_of(start_from(measured_pieces(measured), top)) if added else None
+        except ModelError as problem:
+            missing.append((f"the ladder's last model: {problem.message}", command("ladder")))
+    elif found is not None and added:
+        best = found.after
     curves = []
     if found is not None:
         drawn = found.selected or [effect.id for effect in found.model.effects]
         curves = effect_curves(found.found.after if found.selected else found.found.before, drawn)
-    given = Answered(
-        compared,
-        found,
-        full if added and not isinstance(full, str) else None,
-        added,
-        climbed,
-        curves,
-        catalogue,
-    )
+    given = Answered(compared, found, best, added, climbed, curves, catalogue)
     asked = "compare" if found is None else "diagnose"
     follows = next_command or (command("diagnose") if found is None else found.next_command)
-    story = Story(answer(given, follows, command(asked), colours))
-    if section is not None:
-        story.before_ladder.append(section)
-    else:
-        why = (
-            "its full model cannot be computed on these logs"
-            if switched
-            else "no effect is in the model, and none was found missing"
-        )
-        story.missing.append((f"switches for effects: {why}", command("ladder")))
+    story = Story(answer(given, follows, command(asked), colours), missing=missing)
     if found is not None:
         story.before_ladder.append(model_sections.diagnosis(found, command("diagnose")))
     story.after_ladder += model_sections.comparisons(compared, command("compare"), colours)
     return story
+
+
+def top_of_ladder(
+    model: Model, climbed: Mapping[str, Any], catalogue: Mapping[str, Effect]
+) -> Model:
+    """The model with the effects that a ladder added and the values it found.
+
+    UsageError: an effect that nobody knows.
+    """
+    added = [step for step in climbed["steps"] if step["outcome"] == "added"]
+    for step in added:
+        name = step["effect"]
+        if name in [e.id for e in model.effects]:
+            continue
+        if name not in catalogue:
+            raise UsageError(
+                f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not "
+                "known here",
+                do="give it with --effects",
+            )
+        model = model.with_effect(catalogue[name])
+    values = {
+        name: p["value"]
+        for step in added[-1:]
+        for name, p in step["parameters"].items()
+        if name in model.parameters
+    }
+    return model.with_values(values)

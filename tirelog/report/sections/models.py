@@ -203,9 +203,7 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
     ]
 
 
-def wave_traces(
-    result: Comparison, colours: LogColours, *, floors: bool = True
-) -> list[dict[str, Any]]:
+def wave_traces(result: Comparison, colours: LogColours) -> list[dict[str, Any]]:
     """Measured points and the model's line of each waveform, with two noise floors about it."""
     factor, _ = shown_value(result.observable, result.unit)
     waves, traces = result.waveforms, []
@@ -213,9 +211,8 @@ def wave_traces(
         zip(waves.labels, styles(waves.logs, colours), strict=True)
     ):
         phi, expected = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor
-        if floors:
-            floor = 2.0 * factor * waves.floor[i]
-            traces += band(phi, expected - floor, expected + floor, f"two floors, {said}", colour)
+        floor = 2.0 * factor * waves.floor[i]
+        traces += band(phi, expected - floor, expected + floor, f"two floors, {said}", colour)
         traces.append(line(phi, expected, f"model, {said}", colour, line={"dash": dash}))
         marker, measured = {"size": 4, "symbol": symbol}, waves.measured[i] * factor
         traces.append(dots(phi, measured, f"measured, {said}", colour, marker=marker))

@@ -123,28 +123,5 @@
     }
   });
 
-  // switches: each combination of effects has its prediction, residual map and error in the data
-  for (const [section, spec] of Object.entries(data.switches)) {
-    const place = document.querySelector('.switches[data-section="' + section + '"]');
-    const boxes = spec.effects.map(function (effect, bit) {
-      const label = document.createElement("label"), box = document.createElement("input");
-      box.type = "checkbox"; box.checked = Boolean(spec.start & (1 << bit)); box.dataset.bit = String(bit);
-      label.append(box, document.createTextNode(effect)); place.append(label);
-      box.addEventListener("change", update);
-      return box;
-    });
-    const said = document.createElement("output"); said.setAttribute("aria-live", "polite"); place.append(said);
-    function update() {
-      const state = boxes.reduce(function (sum, box, bit) { return sum + (box.checked ? 1 << bit : 0); }, 0);
-      const chosen = spec.states[String(state)];
-      said.textContent = chosen.text;
-      for (const [id, changes] of Object.entries(chosen.figures)) {
-        for (const [trace, values] of Object.entries(changes)) { Object.assign(data.figures[id].traces[Number(trace)], values); }
-        data.figures[id].layout.datarevision = state;
-        if (seen.has(id)) { draw(id); }
-      }
-    }
-    update();
-  }
   document.documentElement.dataset.ready = "true";
 })();
