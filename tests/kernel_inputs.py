@@ -170,23 +170,6 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- readers and runs
 
 
-@inputs_of("readers.mcap.json_shapes")
-def _(rng: np.random.Generator) -> Arguments:
-    texts = (b'{"a": ', b', "b": [', b", ", b"]}")
-    rows = [b"1550.25", b"-3", b"2e-3"], [b"null", b"0", b"1.5"], [b"7", b"x", b"1"]
-    messages = [b"".join(a + b for a, b in zip(texts, [*row, b""])) for row in rows]
-    data, sizes = b"".join(messages), np.array([len(m) for m in messages], np.int64)
-    starts = np.cumsum(sizes) - sizes
-    edges = np.cumsum([0, *map(len, texts)]).astype(np.int64)
-    joined, slots = bytes_of(b"".join(texts)), np.array([1, -1, 0], np.int64)
-    return {
-        "numbers_between": [
-            (bytes_of(data), starts[:n], sizes[:n], joined, edges, slots, np.zeros((2, n)))
-            for n in (2, 3)
-        ]
-    }
-
-
 @inputs_of("readers.mcap.walk")
 def _(rng: np.random.Generator) -> Arguments:
     records = [
@@ -417,46 +400,6 @@ def _(rng: np.random.Generator) -> Arguments:
             (lines[:-9], 44, 46, np.array([False, False, True]), np.zeros(n, np.int64))
             + (np.zeros(n, np.int64), np.zeros(9, np.int64), np.zeros(n), np.zeros(n, bool))
         ],
-    }
-
-
-# ---- tables
-
-
-@inputs_of("tables.csv_kernel")
-def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.tables.csv_kernel import WHOLE, WORD
-
-    texts, begins = np.frombuffer(b"okgap", np.uint8), np.array([0, 2, 5])
-    cells = np.array(
-        [
-            [0.0, 1.0, 0.0, 1.0],
-            [12.0, -3.0, np.nan, 0.0],
-            [0.5, -1234.5678, 3.7e-8, 99999.99999],
-            [-0.0, 1.0, np.nan, 0.000123456],
-        ]
-    )
-    digits = np.array([WORD, WHOLE, 9, 6], np.int64)
-    beyond = cells.copy()
-    beyond[2, 3] = 1e12
-
-    def room(n: int = 40) -> np.ndarray:
-        return np.zeros(n, np.uint8)
-
-    return {
-        "write_rows": [(c, digits, texts, begins, room(400)) for c in (cells, beyond)],
-        "_sign": [(v, room(), 3) for v in (1.0, -1.0, -0.0)],
-        "_whole": [(v, room(), 1) for v in (0.0, -120.0, 2.0**52)],
-        "_number": [
-            (12.5, 6, 1, room(), 0),
-            (-0.00012, 6, -4, room(), 2),
-            (3.7e-8, 9, -8, room(), 0),
-            (9.99999999, 6, 0, room(), 0),
-        ],
-        "_exponent": [(-7, room(), 0), (-12, room(), 5)],
-        "_twelve_digits": [(np.uint64(123456789012), room(), 1)],
-        "_six_digits": [(np.uint32(7089), room(), 0)],
-        "_three_digits": [(np.uint32(305), room(), 2)],
     }
 
 

@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tirelog.errors import UsageError, refuse_unknown
-from tirelog.kernels import built
 from tirelog.storage.whole import whole_file
 from tirelog.version import __version__
 from tirelog.vocabulary.columns import COLUMNS, TABLES
@@ -34,8 +33,6 @@ from tirelog.vocabulary.tables import TABLE_FORMATS
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-    from tirelog.tables.csv_kernel import Words
 
 _SUFFIXES = {
     ".csv": "csv",
@@ -83,31 +80,6 @@ def _nothing(name: str) -> Any:
 def _digits(name: str) -> int:
     """Significant digits of a number in a text format."""
     return 12 if name in COLUMNS and COLUMNS[name].unit == "s" else 9
-
-
-def _loop_at_hand() -> bool:
-    """True if the compiled loop that writes csv costs less than arrow.
-
-    So it does when kernels are built, or when others have been compiled before.
-    """
-    return built.at_hand() or "numba" in sys.modules
-
-
-def _plain(name: str, values: np.ndarray) -> tuple[int, np.ndarray] | Words | None:
-    """A column as the compiled loop takes it; None if it must be left to arrow."""
-    from tirelog.tables.csv_kernel import WHOLE, Words
-
-    kind = _kind(name, values)
-    if kind == "text":
-        words = Words.of(values)
-        return words if words.plain else None
-    if kind == "bool":
-        return (
-            Words(("false", "true"), values.astype(np.int64)) if values.dtype.kind == "b" else None
-        )
-    if kind == "int" and values.dtype.kind in "iuf":
-        return WHOLE, values
-    return (_digits(name), values) if kind == "float" and values.dtype.kind in "iuf" else None
 
 
 class TableWriter(AbstractContextManager["TableWriter"]):
@@ -166,52 +138,28 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             name: array if array.ndim else np.broadcast_to(array, (rows,))
             for name, array in arrays.items()
         }
-        if self.format == "csv" and _loop_at_hand():
-            self._write_compiled(arrays, rows)
-        else:
-            self._write_arrow(arrays)
+        for start in range(0, max(rows, 1), _ROWS_A_PART):
+            self._write(
+                {name: values[start : start + _ROWS_A_PART] for name, values in arrays.items()}
+            )
 
-    def _write_compiled(self, columns: Mapping[str, np.ndarray], rows: int) -> None:
-        """Rows of csv, those by arrow that the compiled loop cannot write."""
-        from tirelog.tables.csv_kernel import AT_ONCE, Rows
-
-        plain = [
-            column
-            for name, values in columns.items()
-            if (column := _plain(name, values)) is not None
-        ]
-        if len(plain) < len(columns):
-            self._write_arrow(columns)
-            return
-        self._begin(tuple(columns))
-        table = Rows(plain)
-        for start in range(0, rows, AT_ONCE):
-            part = slice(start, min(start + AT_ONCE, rows))
-            text = table.written(part)
-            if text is None:
-                self._write_arrow({name: values[part] for name, values in columns.items()})
-            else:
-                self._stream.write(text.data)
-                self.rows += part.stop - part.start
-
-    def _write_arrow(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Rows of any format."""
+    def _write(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Some rows, each column an array (n,)."""
         import pyarrow as pa
 
         from tirelog.tables.arrow import arrow_column, arrow_field
 
-        digits = {name: None if self.format == "parquet" else _digits(name) for name in columns}
         arrays = [
-            arrow_column(values, _kind(name, values), digits[name])
+            arrow_column(
+                values, _kind(name, values), None if self.format == "parquet" else _digits(name)
+            )
             for name, values in columns.items()
         ]
         schema = pa.schema(
             [arrow_field(name, array.type) for name, array in zip(columns, arrays, strict=True)]
         )
         self._begin(tuple(columns), schema)
-        table = pa.Table.from_arrays(arrays, schema=self._schema or schema)
-        for start in range(0, table.num_rows, _ROWS_A_PART):
-            self._rows(table.slice(start, _ROWS_A_PART))
+        self._rows(pa.Table.from_arrays(arrays, schema=self._schema or schema))
 
     def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
         """Writes whatever stands before the first row of a table of these columns.

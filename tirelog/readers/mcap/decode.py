@@ -17,7 +17,7 @@ from collections.abc import Callable
 from contextlib import redirect_stderr, suppress
 from dataclasses import dataclass, field
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,6 @@ from tirelog.readers.mcap.source import FieldColumn, FieldError, Want, extract
 from tirelog.readers.mcap.templates import FrozenPlan, MessagePlan, NoPlanError
 from tirelog.readers.mcap.walk import MessageTable
 from tirelog.vocabulary.arrays import FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from tirelog.readers.mcap.json_messages import JsonReader
 
 #: layouts of one channel that are remembered, and templates that may fail before the library does
 #: the rest
@@ -87,11 +84,7 @@ class ChannelDecoder:
         self.decode: Callable[[bytes], Any] = decode
         self.plans: list[FrozenPlan] = []
         self.failures = 0
-        self.json: JsonReader | None = None
-        if encoding == "json":
-            from tirelog.readers.mcap.json_messages import JsonReader
-
-            self.json = JsonReader()
+        self.encoding = encoding
 
     def message(self, data: bytes) -> Any:
         """One decoded message.  FieldError if it does not decode."""
@@ -135,8 +128,10 @@ class ChannelDecoder:
         ]
 
     def read_piece(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
-        if self.json is not None:
-            columns = self.json.read(table, wants)
+        if self.encoding == "json":
+            from tirelog.readers.mcap.json_messages import read_messages
+
+            columns = read_messages(table, wants)
             return columns if columns is not None else self.read_slowly(table, wants)
         if self.plan_of is None:
             return self.read_slowly(table, wants)

@@ -1,7 +1,6 @@
 """JSON messages to numbers, a whole piece of a chunk at once.
 
-    messages, wants --all of one shape: json_shapes--> FieldColumn per want
-                    --else, a schema of the wanted fields only--> arrow's JSON reader
+    messages, wants --a schema of the wanted fields only--> arrow's JSON reader
                         --> FieldColumn per want
 
 None if arrow cannot tell (text or true among the numbers, an element that a list does not have):
@@ -19,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.readers.mcap.json_shapes import MessageShape, read_messages, shape_of
 from tirelog.readers.mcap.source import Want
 
 if TYPE_CHECKING:
@@ -27,29 +25,15 @@ if TYPE_CHECKING:
     from tirelog.readers.mcap.walk import MessageTable
 
 
-class JsonReader:
-    """Reads the messages of one channel, and remembers the shape that they had last."""
-
-    def __init__(self) -> None:
-        self.shape: MessageShape | None = None
-
-    def read(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn] | None:
-        """The columns of the table's JSON messages, one object each, or None."""
-        if not len(table):
-            return None
-        columns = read_messages(table, self.shape) if self.shape is not None else None
-        if columns is None:
-            self.shape = shape_of(table.take(slice(0, 1)).messages()[0], wants)
-            columns = read_messages(table, self.shape) if self.shape is not None else None
-        if columns is not None:
-            return columns
-        text = b"\n".join(table.messages())
-        if text.count(b"\n") != len(table) - 1 or b"\r" in text:
-            return None
-        return read_arrow(text, len(table), wants)
+def read_messages(table: MessageTable, wants: list[Want]) -> list[FieldColumn] | None:
+    """The columns of the table's JSON messages, one object each, or None."""
+    text = b"\n".join(table.messages())
+    if not len(table) or text.count(b"\n") != len(table) - 1 or b"\r" in text:
+        return None
+    return _read_lines(text, len(table), wants)
 
 
-def read_arrow(text: bytes, n: int, wants: list[Want]) -> list[FieldColumn] | None:
+def _read_lines(text: bytes, n: int, wants: list[Want]) -> list[FieldColumn] | None:
     """The columns of `n` JSON objects, one per line of `text`, or None."""
     import pyarrow as pa
     import pyarrow.json
