@@ -440,7 +440,11 @@ def setup_keys_section() -> str:
     """Every key of a setup with its range."""
     parts = []
     for name, kind in SETUP_TABLES.items():
-        rows = [(f"`{f.name}`", default_of(f), setup_values(f)) for f in fields(kind)]
+        rows = [
+            (f"`{f.name}`", default_of(f), setup_values(f))
+            for f in fields(kind)
+            if f.metadata.get("key", True)
+        ]
         about = f"```text\n{getdoc(kind)}\n```\n\n" if kind.__doc__ else ""
         parts.append(f"### `{name}`\n\n{about}{table(('key', 'if absent', 'allowed'), rows)}")
     return "\n\n".join(parts)

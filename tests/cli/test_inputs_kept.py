@@ -39,8 +39,20 @@ OVERWRITES = {
     "the log by a calibration": ["phase-shift", "log.csv", "--calibrate", "log.csv"],
     "the scenario": ["simulate", "s.h5", "-o", "s.h5"],
     "the scenario by the truth": ["simulate", "s.csv.truth.json", "-o", "s.csv"],
-    "the model": ["model", "add", "m.toml", "wear", "-o", "m.toml"],
-    "the model by its fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml"],
+    "the log by a fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "log.csv"],
+    "the setup by a fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "log.toml"],
+    "a model that is a log too": [
+        "model",
+        "fit",
+        "log.csv",
+        "--model",
+        "log_link",
+        "-o",
+        "log.csv",
+    ],
+    "a worn model": [
+        *("model", "worn", "m.toml", "--new-depth", "0.008", "--depth", "0.003", "-o", "m.toml")
+    ],
     "the model by the ladder": ["ladder", "log.csv", "--model", "m.toml", "--save", "m.toml"],
     "the model by a proposal": ["propose", "log.csv", "--model", "m.toml", "-o", "m.toml"],
     "the log by a proposal": ["propose", "log.csv", "--model", "m.toml", "-o", "log.csv"],

@@ -40,7 +40,7 @@ def model():
 
 
 def test_fewer_than_six_revolutions():
-    with pytest.raises(UsageError, match=r"3 whole revolutions .*at least 6"):
+    with pytest.raises(UsageError, match=r"5 passages in channel .*at least 8"):
         stacks_from_logs(recordings((Manoeuvre(1.0, 10.0),)))
 
 

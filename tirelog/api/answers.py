@@ -41,12 +41,14 @@ from tirelog.inference.motion import motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.own.user_effects import own_effects
+from tirelog.report.asked import Asked
 from tirelog.vocabulary.observables import (
     WAVEFORMS,
     waveform_of,
 )
 
 __all__ = [
+    "Asked",
     "MeasuredLogs",
     "compare",
     "diagnose",
@@ -130,8 +132,8 @@ def fit(
     Parameters
     ----------
     measured : MeasuredLogs or a list of them
-        What `measure` gave; of several channels several. Masses, damping and bristles of a
-        coupled ring are fitted to the obstacles, if the logs met some.
+        What `measure` gave; of several channels several, each with a scatter of its own. Masses,
+        damping and bristles of a coupled ring are fitted to the obstacles, if the logs met some.
     model : Model
         Where the fit starts; its bounds are kept.
     nuisances : sequence of str
@@ -154,7 +156,7 @@ def fit(
     """
     channels = [measured] if isinstance(measured, MeasuredLogs) else list(measured)
     for one in channels:
-        _one_grating(_known(one), "fit", "fit each, or compare, which fits them too")
+        _known(one)
     if not channels:
         raise UsageError(
             "nothing measured", allowed="allowed is what `measure` gives", do="give one at least"
@@ -425,7 +427,7 @@ def _one_grating(found: MeasuredLogs, question: str, do: str) -> None:
     if found.places:
         raise UsageError(
             f"{len(found.places)} gratings in one",
-            allowed=f"{question} takes one grating at a time; compare, diagnose and ladder several",
+            allowed=f"{question} takes one grating; compare, diagnose, ladder and fit take several",
             do=do,
         )
 

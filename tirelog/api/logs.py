@@ -14,6 +14,7 @@ from typing import Any
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import UsageError
+from tirelog.inference.shared_samples import fingerprint
 from tirelog.runs.ingest import IngestSummary, is_file, open_recording, write_run
 from tirelog.runs.overview import channel_rows
 from tirelog.runs.store import changed_columns, is_run, open_run
@@ -105,6 +106,12 @@ def opened(
     `blocks`: of a raw log only the first so many; `hashed`: with the sha256 of its bytes.
     """
     return open_recording(log, setup, blocks=blocks, hashed=hashed)
+
+
+def samples_hash(recording: Recording) -> str:
+    """The hash of the samples of a recording's first channel: equal for copies in any packing."""
+    first = next(iter(recording.channels.values()), None)
+    return "" if first is None else fingerprint(first)[0]
 
 
 def opened_run(run: Path, log: Path) -> AbstractContextManager[Recording]:

@@ -80,7 +80,7 @@ def draft_setup(log: Path, output: Path | None = None) -> SetupDraft:
     ReadError
         Nothing of the log could be read.
     """
-    made = draft(os.fspath(log))
+    made = draft(os.fspath(log), None if output is None else os.fspath(output))
     if output is not None:
         with whole_file(File(output)) as part:
             part.write_text(made.text, encoding="utf-8")

@@ -85,22 +85,27 @@ def _callback(
 #: marks a command that keeps its inputs: groups are asked for more than once in a process
 _KEEPS = "keeps_inputs"
 #: options that name what a command writes; every other path, and every log, is an input
-OUTPUTS = ("output", "plot", "save", "calibrate")
+OUTPUTS = ("output", "new_model", "plot", "save", "calibrate")
 
 
 def _keep_inputs(given: dict[str, Any]) -> None:
     """Tell which files a command reads, before it does.
 
-    UsageError: it would write on one of them, or two outputs on one file.
+    A command that writes a `new_model` edits its `model`, which the new one may replace.
+
+    UsageError: it would write on another of them, or two outputs on one file.
     """
     from tirelog.storage.whole import refuse_inputs, refuse_one_for_two, taken_as_input
 
     outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
-    for place in _inputs(given, outputs):
+    edited = given.get("model") if "new_model" in given else None
+    for place in _inputs(given, outputs if edited is None else (*outputs, "model")):
         if str(place) == "-":
             taken_as_input(0, "standard input")
         else:
             taken_as_input(place)
+    if edited is not None:
+        taken_as_input(edited, edited=True)
     written = [given[name] for name in outputs if given.get(name) is not None]
     refuse_inputs(*written)
     refuse_one_for_two(*written)

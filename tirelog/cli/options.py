@@ -90,6 +90,16 @@ Model = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.")]
 NewModel = Annotated[
     Path, typer.Option("-o", "--output", help="Model file to write.", callback=in_a_folder)
 ]
+#: of a command that edits a model, as `new_model`: it may take the place of the one that is read
+EditedModel = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        help="Model file to write; the one that is read may be named.",
+        callback=in_a_folder,
+    ),
+]
 Sets = Annotated[
     list[str],
     typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times."),

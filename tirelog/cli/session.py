@@ -106,6 +106,7 @@ class Session:
         self._setup_file = setup
         self._shared: Setup | None = None
         self._resources = ExitStack()
+        self._noted: set[str] = set()
         self._lost: list[str] = []
         self._unread: list[str] = []
         self._refused: list[TirelogError] = []
@@ -145,8 +146,9 @@ class Session:
             say(text)
 
     def note(self, text: str) -> None:
-        """A remark on standard error, unless --quiet."""
-        if not self.quiet:
+        """A remark on standard error, once, unless --quiet."""
+        if not self.quiet and text not in self._noted:
+            self._noted.add(text)
             say(f"note: {text}")
 
     def notes(self, texts: Iterable[str]) -> None:
@@ -249,20 +251,24 @@ class Session:
         given anything it ends here, with the status of the first refusal, and writes nothing.
         """
         self.setup()  # a setup for all logs that cannot be used stops the command
-        gave = False
+        from tirelog.api.logs import samples_hash
+
+        gave, copies = False, dict[str, str]()
         with self.working() as line:
             for number, log in enumerate(logs):
                 line.say(log, number, len(logs))
-                told = set()
                 try:
                     with self._opened(log) as recording:
                         if recording is None:
                             continue
+                        if len(logs) > 1:
+                            digest = samples_hash(recording)
+                            if digest in copies:
+                                same = copies[digest]
+                                self.note(f"{log}: holds the same samples as {same}; rows twice")
+                            copies.setdefault(digest, log)
                         for part in made(recording):
-                            for remark in part.remarks:
-                                if remark not in told:
-                                    told.add(remark)
-                                    self.note(f"{log}: {remark}")
+                            self.notes(f"{log}: {remark}" for remark in part.remarks)
                             gave = True
                             yield recording, part
                 except (UsageError, SetupError, ReadError, DataLoss) as problem:
@@ -313,6 +319,15 @@ class Session:
             text = f"{recording.log}: {loss}"
             if text not in self._lost:
                 self.lost(text)
+
+    def refuse_edit(self, model: Path, new_model: Path) -> None:
+        """DataLoss: a log was lost, and the new model would take the place of the one it is of."""
+        if (self._unread or self._lost) and new_model.exists() and new_model.samefile(model):
+            raise DataLoss(
+                "is left as it was, since a log was not read whole",
+                do="give another -o to keep the fit to the rest",
+                file=new_model,
+            )
 
     def lost(self, text: str) -> None:
         """Input was lost: said now, and status 3 in the end."""

@@ -14,7 +14,7 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields, make_dataclass
+from dataclasses import Field, dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -61,6 +61,13 @@ class Tire:
     section_area_m2: float | None = _number(0.0, 1.0)
     viscosity_Pa_s: float | None = _number(0.0, 1e9)
     static_footprint_length_m: float | None = _number(0.0, 2.0)
+    #: the setup's path, for messages; no key of the table
+    file: str | None = field(default=None, compare=False, metadata={"key": False})
+
+    def known(self) -> dict[str, Any]:
+        """What the setup gives of the tire, by its keys."""
+        own = (f.name for f in fields(self) if f.metadata.get("key", True))
+        return {name: value for name in own if (value := getattr(self, name))}
 
     @property
     def radius_m(self) -> float:
@@ -74,6 +81,7 @@ class Tire:
                 "the setup has no radius",
                 allowed="[tire] takes rolling_radius_m or unloaded_radius_m",
                 do="add one of them",
+                file=self.file,
             )
         return radius
 
@@ -353,7 +361,7 @@ def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
             allowed=f"allowed is [{name}] with keys under it",
             do="mend it",
         )
-    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
+    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls) if f.metadata.get("key", True)}
     for key in data:
         if key not in specs:
             raise source.error(
@@ -440,7 +448,7 @@ def _tire(data: Any, source: _Source) -> Tire:
     )
     if strange:
         raise source.error(strange, "tire", "rolling_radius_m", do="mend one of the two")
-    return tire
+    return replace(tire, file=source.file)
 
 
 def _road(data: Any, source: _Source) -> RoadSetup:
@@ -549,9 +557,15 @@ def load_setup(path: Path | str) -> Setup:
 
 def setup_beside(log: Path | str) -> Path | None:
     """The setup of the log's own name (`drive.csv.gz`: `drive.csv.toml`, `drive.toml`), or None."""
+    # also for a name too long for any file
+    return next((path for path in names_beside(log) if os.path.isfile(path)), None)
+
+
+def names_beside(log: Path | str) -> list[Path]:
+    """The names under which a setup is found beside the log."""
     path = Path(log)
     if not path.name:  # a folder, such as . or /
-        return None
+        return []
     candidates = [path.with_suffix(".toml")]
     while path.suffix:
         path = path.with_suffix("")
@@ -560,6 +574,4 @@ def setup_beside(log: Path | str) -> Path | None:
             if path.suffix
             else path.with_name(path.name + ".toml")
         )
-    return next(
-        (c for c in candidates if os.path.isfile(c)), None
-    )  # also for a name too long for any file
+    return [place for place in candidates if place != Path(log)]

@@ -368,6 +368,7 @@ def conclude(
                 for n in before.model.nuisances
                 if n.name in groups_of(result) and n.use != "on"
             ],
+            grating=gratings.asked[0] if gratings is not None else "",
         ),
         found=found,
         stacks=stacks,

@@ -338,11 +338,12 @@ def next_command(
     logs: Sequence[str],
     beside: Sequence[str] = (),
     large_rest: bool = False,
+    grating: str = "",
 ) -> str:
     """The command to type next.
 
     `beside`: nuisances that the model does not ask for yet; `large_rest`: something of size repeats
-    beside what is named.
+    beside what is named; `grating`: one of several that were asked, for what takes one alone.
     """
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
@@ -351,10 +352,12 @@ def next_command(
     # a shape is sought in one waveform: `propose` refuses a model of several observables
     one_waveform = model.observable in WAVEFORMS and len(model.observables) == 1
     if (verdict == "unknown" or large_rest) and one_waveform:
-        return f"tirelog propose {given} --model {file} -o {shlex.quote(f'{stem}+proposed.toml')}"
+        one = f" --channel {shlex.quote(grating)}" if grating else ""
+        better = shlex.quote(f"{stem}+proposed.toml")
+        return f"tirelog propose {given} --model {file} -o {better}{one}"
     if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
         adds = []
-        own = f" --effects {model.effects_file}"  # the longer model remembers it
+        own = f" --effects {shlex.quote(str(model.effects_file))}"  # the longer model remembers it
         parts = [
             ("add", name, own if name not in BY_ID and model.effects_file else "")
             for name in selected

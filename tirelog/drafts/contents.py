@@ -88,7 +88,7 @@ def contents(log: str) -> Contents:
 
     ReadError: nothing in it can be read.
     """
-    with _local(log) as path, path.open("rb") as raw:
+    with _local(log) as path, open_log_bytes(str(path)) as raw:
         head = read_head(raw, log)
         stream = LogStream(head, raw, False)
         with opened_log(str(path), head, stream, log) as opened:

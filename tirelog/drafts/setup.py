@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from tirelog.data.setup import parse_setup
+from tirelog.data.setup import names_beside, parse_setup
 from tirelog.drafts.contents import Contents, FoundSeries, contents
 from tirelog.drafts.surface import likely_surface
 from tirelog.errors import TirelogError
@@ -31,7 +33,7 @@ _MOST_UNKNOWN = 60
 _HEAD = """\
 # Setup of {log}, drafted by `tirelog setup new`.
 # Lines marked "{mark}" are likely, not certain: mend them, then take the mark away.
-# `tirelog setup check {log}` says what is left to do.
+# `{check}` says what is left to do.
 
 [tire]
 name = ""
@@ -57,16 +59,18 @@ class SetupDraft:
     guesses: int
 
 
-def draft(log: str) -> SetupDraft:
-    """A first setup for the log at a path ('-' for standard input).
+def draft(log: str, output: str | None = None) -> SetupDraft:
+    """A first setup for the log at a path ('-' for standard input), to be written to `output`.
 
     ReadError: nothing in it can be read.
     """
     inside = contents(log)
     chosen = _channels(inside)
-    text = _text(inside, chosen, {})
+    place = ["--setup", output] if output and Path(output) not in names_beside(log) else []
+    check = _shown(shlex.join(["tirelog", "setup", "check", inside.log, *place]))
+    text = _text(inside, chosen, {}, check)
     if is_file(log):
-        text = _text(inside, chosen, _surfaces(log, text))
+        text = _text(inside, chosen, _surfaces(log, text), check)
     return SetupDraft(text, len(chosen), len(marks(text)))
 
 
@@ -106,8 +110,10 @@ def _surfaces(log: str, text: str) -> dict[str, str]:
         return {}
 
 
-def _text(inside: Contents, chosen: dict[str, FoundSeries], surfaces: dict[str, str]) -> str:
-    parts = [_HEAD.format(log=_shown(inside.log), mark=MARK)]
+def _text(
+    inside: Contents, chosen: dict[str, FoundSeries], surfaces: dict[str, str], check: str
+) -> str:
+    parts = [_HEAD.format(log=_shown(inside.log), mark=MARK, check=check)]
     twins = {n: one for n, one in chosen.items() if one.guess.kind == "fbg_temperature"}
     for name, one in chosen.items():
         parts.append(_channel(name, one, twins, surfaces.get(name, "")))

@@ -22,6 +22,7 @@ from tirelog.data.recording import Channel, Recording, Stack, TimeAxis
 from tirelog.errors import UsageError, nearest
 from tirelog.inference.cells.together import StacksTogether
 from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, transient_log
+from tirelog.inference.shared_samples import once_each
 from tirelog.inference.stacks.cut import STRETCH, observe_channel, stacks_from_logs, stretches_of
 from tirelog.inference.stacks.outward import outward
 from tirelog.inference.stacks.places import Places, places_of
@@ -216,7 +217,8 @@ def measured_for(
     """The revolutions for a model of one observable or several: of one channel, or of gratings.
 
     channel     one name; of strain alone also several with commas between, or ALL_CHANNELS
-    UsageError  as `measured`, no such observable, or several channels of another than strain
+    UsageError  as `measured`, no such observable, several channels of another than strain, or a log
+                that holds the same samples as another
     """
     for observable in observables:
         if observable not in OBSERVABLES:
@@ -225,17 +227,23 @@ def measured_for(
                 allowed=f"allowed are a model and {', '.join(OBSERVABLES)}",
                 do="give one of them",
             )
-    if names := several_channels(channel):
-        if tuple(observables) != (STRAIN,):
-            raise UsageError(
-                f"several channels ({channel}) of {together(observables)}",
-                allowed="several are allowed of strain: gratings of one tire",
-                do="name one channel, or none",
-            )
-        return measured_gratings(recordings, names)
-    if len(observables) > 1:
-        return measured_together(recordings, observables, channel, level=level)
-    return measured(recordings, observables[0], channel, level=level)
+    names, notes = several_channels(channel), list[str]()
+    recordings = once_each(recordings, observables, channel, notes)
+    if names and tuple(observables) != (STRAIN,):
+        raise UsageError(
+            f"several channels ({channel}) of {together(observables)}",
+            allowed="several are allowed of strain: gratings of one tire",
+            do="name one channel, or none",
+        )
+    if names:
+        found = measured_gratings(recordings, names)
+    elif len(observables) > 1:
+        found = measured_together(recordings, observables, channel, level=level)
+    else:
+        found = measured(recordings, observables[0], channel, level=level)
+    for note in notes:
+        found.stacks.note(note)
+    return found
 
 
 def _measures(recording: Recording, observable: str) -> bool:

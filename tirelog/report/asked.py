@@ -6,6 +6,7 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+from tirelog.data.setup import setup_beside
 from tirelog.storage.remote import shown
 
 
@@ -35,17 +36,15 @@ class Asked:
 
     def make_model(self) -> str:
         """The command line that makes a first model of these logs."""
-        setup = self.setup or (
-            Path(self.logs[0]).name.split(".")[0] + ".toml"
-            if self.logs and self.logs[0] != "-"
-            else "SETUP.toml"
-        )
-        words = ["tirelog", "model", "new", "--carcass", "beam", "--setup", str(setup)]
+        beside = setup_beside(self.logs[0]) if self.logs else None
+        setup = str(self.setup or beside or "SETUP.toml")
+        words = ["tirelog", "model", "new", "--carcass", "beam", "--setup", setup]
         return shlex.join([*words, "-o", "M.toml"])
 
     def with_options(self, line: str) -> str:
-        """A command line on these logs with the options that were given for them."""
-        return f"{line} {shlex.join(self._given('setup', 'channel', 'effects'))}".rstrip()
+        """A command line on these logs with the options that were given for them and it lacks."""
+        names = (n for n in ("setup", "channel", "effects") if f" --{n} " not in line)
+        return f"{line} {shlex.join(self._given(*names))}".rstrip()
 
     def report_command(self) -> str:
         """The page's own command line."""

@@ -10,6 +10,7 @@ whatever cannot be shown --> (what and why, the command that would show it)
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from typing import Any
@@ -19,6 +20,7 @@ import pandas as pd
 from tirelog.data.recording import Recording
 from tirelog.diagnosis.history import read_ladder
 from tirelog.errors import TirelogError, UsageError
+from tirelog.inference.shared_samples import once_each
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
 from tirelog.report.asked import Asked
@@ -49,6 +51,8 @@ def build(
     climbed = read_ladder(asked.ladder) if asked.ladder else None
     # before the tables, which may take minutes: a model that cannot be read is told at once
     model = load_model(asked.model, effects=asked.effects) if asked.model else None
+    if model is not None:
+        deque(once_each(recordings, model.observables, asked.channel, []), maxlen=0)
     report = Report(_title(recordings, asked), made=_made())
     colours = LogColours(recording.log for recording in recordings)
     if recordings:

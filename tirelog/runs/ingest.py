@@ -32,6 +32,7 @@ from tirelog.readers.other.converted import Converted
 from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import RunWriter, is_run, open_run
+from tirelog.storage.documents import LARGEST_BYTES, refuse_other_role
 from tirelog.storage.remote import address, open_remote, shown
 from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
 from tirelog.version import __version__
@@ -129,9 +130,14 @@ def open_log_bytes(log: str) -> BinaryIO:
     if url is not None:
         return open_remote(url)
     try:
-        return open(log, "rb")
+        stream = open(log, "rb")  # noqa: SIM115
     except (OSError, ValueError) as problem:
         raise _unreadable(log, problem) from None
+    if log.endswith(".toml"):
+        text = stream.read(LARGEST_BYTES).decode("utf-8", "replace")
+        refuse_other_role(text, "a log", UsageError, log)
+        stream.seek(0)
+    return stream
 
 
 def _unreadable(log: str, problem: Exception) -> ReadError:

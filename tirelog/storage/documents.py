@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,28 @@ _LARGEST_INTEGER = 1 << 63
 _TOO_DOTTED = re.compile(
     rf"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}"""
 )
+#: what a file of ours is by one of its tables or keys, the first that it has, and where it goes
+_ROLES = {
+    "campaign": ("a manifest", "`tirelog campaign run {file}` runs it"),
+    "model": ("a model", "give it with --model, or see `tirelog model show {file}`"),
+    "manoeuvres": ("a scenario", "`tirelog simulate {file} -o LOG.csv` makes its log"),
+    "ramp": ("a scenario", "`tirelog simulate {file} -o LOG.csv` makes its log"),
+    "channels": (
+        "a setup",
+        "give it with --setup; `tirelog model new --setup {file} -o MODEL.toml` makes a model",
+    ),
+}
+
+
+def refuse_other_role(text: str, what: str, error: type[TirelogError], file: object) -> None:
+    """The `error` if the TOML `text` is that of another kind of file than `what` ("a setup")."""
+    heads = set(re.findall(r"^\s*\[\[?\s*(\w+)", text, re.MULTILINE))
+    for name, (role, use) in _ROLES.items():
+        if name in heads:
+            if role != what:
+                do = use.format(file=shlex.quote(str(file)))
+                raise error(f"is {role}", allowed=f"{what} is needed here", do=do, file=file)
+            return
 
 
 def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice: str) -> str:
@@ -56,9 +79,11 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
             file=path,
         )
     try:
-        return raw.decode("utf-8-sig")
+        text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise error(f"is not UTF-8 text; {what} is a TOML file; {advice}", file=path) from None
+    refuse_other_role(text, what, error, path)
+    return text
 
 
 def toml_tables(text: str, error: type[TirelogError], *, file: object) -> dict[str, Any]:

@@ -195,14 +195,20 @@ def inputs_kept() -> Iterator[None]:
         _inputs = before
 
 
-def taken_as_input(place: Path | str | int, name: str | None = None) -> None:
-    """Remember the regular file at a path, or of a descriptor, as an input of this command."""
+def taken_as_input(
+    place: Path | str | int, name: str | None = None, *, edited: bool = False
+) -> None:
+    """Remember the regular file at a path, or of a descriptor, as an input of this command.
+
+    An `edited` one may be replaced by the command's output, unless it was taken as another input.
+    """
     if _inputs is None:
         return
     with suppress(OSError, ValueError):
         about = os.stat(place)
         if stat.S_ISREG(about.st_mode):
-            _inputs.setdefault((about.st_dev, about.st_ino), name or str(place))
+            kept_as = "" if edited else name or str(place)
+            _inputs.setdefault((about.st_dev, about.st_ino), kept_as)
 
 
 def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import textwrap
 from typing import TYPE_CHECKING
 
@@ -55,12 +57,13 @@ def print_contents(inside: Contents) -> None:
         line(f"without numbers, or too short: {', '.join(inside.others[:_MOST_OTHERS])}{rest}")
     console.print()
     line("No setup was given. A first one, to be mended:")
-    line(f"tirelog setup new {inside.log} -o {_beside(inside.log)}", 2)
+    line(shlex.join(["tirelog", "setup", "new", inside.log, "-o", _beside(inside.log)]), 2)
 
 
 def _beside(log: str) -> str:
-    stem = "log" if log == "-" else log
-    return (stem.rsplit(".", 1)[0] if "." in stem.rsplit("/", 1)[-1] else stem) + ".toml"
+    """The setup's name that is found beside the log: its own, packed or not, with .toml."""
+    stem = "log" if log == "-" else re.sub(r"\.(gz|zst|xz)$", "", log)
+    return re.sub(r"(?<=[^/])\.[^./]*$", "", stem) + ".toml"
 
 
 def _facts(one: FoundSeries) -> str:
@@ -136,7 +139,7 @@ def print_summary(recording: Recording) -> None:
             console.print(printable(f"{what}: {n}"))
     tire, conditions = recording.setup.tire, recording.setup.conditions
     known = {
-        **{k: v for k, v in tire.__dict__.items() if v},
+        **tire.known(),
         **{k: v for k, v in conditions.__dict__.items() if v is not None},
     }
     if known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -38,7 +39,7 @@ def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None
     else:
         Session(quiet=quiet).say(
             f"wrote {output}: {made.channels} channels, {made.guesses} guesses to look at; next: "
-            f"tirelog setup check {log} --setup {output}"
+            f"{shlex.join(['tirelog', 'setup', 'check', log, '--setup', str(output)])}"
         )
 
 

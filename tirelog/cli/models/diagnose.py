@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
@@ -56,6 +57,8 @@ def diagnose(
             progress=session.say,
         )
         result = answered(session, logs, model, effects, channel, "diagnosing", ask)
+        asked = answers.Asked(tuple(logs), setup, model, channel=channel, effects=effects)
+        result = replace(result, next_command=asked.with_options(result.next_command))
         session.notes(result.before.remarks)
         if plot is not None:
             session.notes(f"more is drawn in {beside}" for beside in result.draw(plot))

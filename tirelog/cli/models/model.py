@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -88,10 +89,12 @@ def new(
     )
     save_model(model, output)
     session.notes(remarks)
-    fitted = output.with_stem(f"{output.stem}_fitted")
+    named, fitted = (
+        shlex.quote(str(path)) for path in (output, output.with_stem(f"{output.stem}_fitted"))
+    )
     session.say(
-        f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or "
-        f"tirelog compare LOG --model {output}"
+        f"wrote {output}; next: tirelog model fit LOG --model {named} -o {fitted}, or "
+        f"tirelog compare LOG --model {named}"
     )
 
 
@@ -141,7 +144,7 @@ def add(
             help="Effect of the catalogue, or of --effects.", autocompletion=completion.effects
         ),
     ],
-    output: options.NewModel,
+    new_model: options.EditedModel,
     sets: options.Sets = [],  # noqa: B006
     setup: options.SetupFile = None,
     effects: options.EffectsFile = None,
@@ -154,21 +157,21 @@ def add(
 
     read, given = load_model(model, effects=effects), Session(setup, quiet).setup()
     values = _assignments(sets, f"{effect}.")
-    save_model(added(read, effect, values, setup=given, effects=effects), output)
+    save_model(added(read, effect, values, setup=given, effects=effects), new_model)
 
 
 @app.command()
 def remove(
     model: options.Model,
     effect: Annotated[str, typer.Argument(help="Effect of the model.")],
-    output: options.NewModel,
+    new_model: options.EditedModel,
     effects: options.EffectsFile = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Remove an effect."""
     from tirelog.api.models import load_model, save_model
 
-    save_model(load_model(model, effects=effects).without_effect(effect), output)
+    save_model(load_model(model, effects=effects).without_effect(effect), new_model)
 
 
 @app.command()
@@ -211,25 +214,26 @@ def nuisance(
         ),
     ],
     use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],
-    output: options.NewModel,
+    new_model: options.EditedModel,
     quiet: options.Quiet = False,
 ) -> None:
     """Say whether a nuisance of wheel, road or day stands beside the model."""
     from tirelog.api.models import load_model, save_model
 
-    save_model(load_model(model).with_nuisance(name, use), output)
+    save_model(load_model(model).with_nuisance(name, use), new_model)
 
 
 @app.command()
 def fit(
     logs: options.Logs,
     model: options.ModelFile,
-    output: options.NewModel,
+    new_model: options.EditedModel,
     setup: options.SetupFile = None,
     channel: Annotated[
         list[str],
         typer.Option(
-            help="Channel to fit; several times for several (default: the first that fits)."
+            help="Channel to fit; several times for several (default: the first that fits). Of "
+            "strain several gratings: their names with commas between, or all."
         ),
     ] = [],  # noqa: B006
     nuisances: Annotated[
@@ -253,7 +257,7 @@ def fit(
     from tirelog.api.models import load_model, refuse_another, save_model
     from tirelog.cli.models.model_page import fit_page, learned_page
 
-    refuse_another(output)
+    refuse_another(new_model)
     start = load_model(model, effects=effects)
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"]
     with Session(setup, quiet) as session:
@@ -262,7 +266,8 @@ def fit(
             line.say("fitting the model")
             result = fit_model(measured, start, nuisances=words)
         session.notes(result.remarks)
-        save_model(result.model, output)
+        session.refuse_edit(model, new_model)
+        save_model(result.model, new_model)
         if not quiet:
             typer.echo(fit_page(result))
             if result.learned is not None:

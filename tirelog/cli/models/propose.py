@@ -65,21 +65,17 @@ def propose(
             result.plot(plot)
         if output is not None and result.model is not None:
             save_model(result.model, output)
+        better = output or Path("BETTER.toml")
+        asked = answers.Asked(tuple(logs), setup, better, channel=channel, effects=effects)
+        follows = "" if result.status == "nothing" else asked.command("compare", model=True)
         if result.status == "nothing":
             unwritten = [str(path) for path in (output, plot) if path is not None]
             if unwritten:
                 session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
         if format == "json":
-            write_json(result.to_json() | {"next_command": _next(result, logs, output)}, None)
+            write_json(result.to_json() | {"next_command": follows}, None)
         else:
-            _page(result, _next(result, logs, output))
-
-
-def _next(result: ProposalOfLogs, logs: list[str], output: Path | None) -> str:
-    """The command to type next; empty if there is no proposal."""
-    if result.status == "nothing":
-        return ""
-    return f"tirelog compare {' '.join(logs)} --model {output or 'BETTER.toml'}"
+            _page(result, follows)
 
 
 def _page(result: ProposalOfLogs, command: str) -> None:

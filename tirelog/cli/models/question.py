@@ -30,6 +30,7 @@ def answered(
 
     read = load_model(model, effects=effects)
     found = measure(session.recordings(logs), read, channel)
+    session.notes(found.notes)
     with session.working() as line:
         line.say(doing)
         return ask(found, read)

@@ -43,7 +43,7 @@ from tirelog.runs.in_memory import readable_apart
 from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
+from tirelog.vocabulary.observables import OBSERVABLES, SCALARS, STRAIN
 
 #: bins of the angle over a revolution; twice as many need twice the samples per revolution to be
 #: filled
@@ -122,6 +122,13 @@ def stacks_from_logs(
     stacks = Stacks()
     for recording in recordings:
         source = observe_channel(recording, observable, channel)
+        others = [c.name for c in recording.of_kind(source.kind) if c.name != source.name]
+        if channel is None and others:
+            stacks.note(
+                f"{source.name} is one of {1 + len(others)} channels of {observable}; left out: "
+                f"{', '.join(others)} (--channel NAME takes another one"
+                f"{', --channel all fits them together' if observable == STRAIN else ''})"
+            )
         if observable in SCALARS:
             stack, said = scalar_stack(recording, source, observable)
             stacks.add(recording.log, [stack])
@@ -163,9 +170,11 @@ def stretches_of(
         refuse_swapped_surface(recording, channel, radius)
         if passages.doubt:
             raise UsageError(passages.doubt, file=recording.log)
+        seen = int(np.isfinite(passages.time_s).sum())
         raise UsageError(
-            f"{n} whole revolutions in channel {channel.name}",
-            allowed=f"at least {FEWEST} are needed to see what repeats",
+            f"{seen} passage{'' if seen == 1 else 's'} in channel {channel.name}"
+            + (f", {n} usable revolutions among them" if seen >= FEWEST + 2 else ""),
+            allowed=f"at least {FEWEST + 2} in a row are needed to see what repeats",
             do="give a longer log",
             file=recording.log,
         )

@@ -62,8 +62,8 @@ class Stacks(Sequence[Stack]):
         self.logs = (*self.logs, log)
 
     def note(self, sentence: str) -> None:
-        """A sentence that whoever reads a result of these stacks must see."""
-        self.notes = (*self.notes, sentence)
+        """A sentence that whoever reads a result of these stacks must see, once."""
+        self.notes = tuple(dict.fromkeys((*self.notes, sentence)))
 
     def of_log(self, number: int) -> Iterator[Stack]:
         """The stacks of one log, in order."""

@@ -114,7 +114,7 @@ def _duration(recording: Recording) -> float:
 
 def _about(recording: Recording) -> dict[str, str]:
     """What the setup says of tire and conditions, as text."""
-    about = recording.setup.tire.__dict__ | recording.setup.conditions.__dict__
+    about = recording.setup.tire.known() | recording.setup.conditions.__dict__
     return {key: text(value) for key, value in about.items() if value not in (None, "")}
 
 

@@ -1,0 +1,103 @@
+"""Property: a log counts once in an answer, whatever its name and its packing; what logs share in
+part is said.
+"""
+
+import gzip
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Command, tirelog
+
+__all__ = ["tirelog"]
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+#: lines of a sample log that hold some 80 revolutions
+_LINES = 25_000
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the begin of a log, its copies, half of it and another one; a model of them."""
+    folder = tmp_path_factory.mktemp("once")
+    setup = (SAMPLES / "hidden_1.toml").read_text()
+    begins = {}
+    for name in ("hidden_1", "hidden_2"):
+        with gzip.open(SAMPLES / f"{name}.csv.gz", "rt") as stream:
+            begins[name] = list(islice(stream, _LINES))
+    (folder / "a.csv").write_text("".join(begins["hidden_1"]))
+    (folder / "copy.csv").write_text("".join(begins["hidden_1"]))
+    (folder / "packed.csv.gz").write_bytes(
+        gzip.compress("".join(begins["hidden_1"]).encode(), compresslevel=1)
+    )
+    # from the middle on, below the two lines of preamble and header
+    head, rows = begins["hidden_1"][:3], begins["hidden_1"][3:]
+    (folder / "half.csv").write_text("".join(head + rows[_LINES // 2 :]))
+    (folder / "other.csv").write_text("".join(begins["hidden_2"]))
+    for name in ("a", "copy", "packed", "half", "other"):
+        (folder / f"{name}.toml").write_text(setup)
+    return folder
+
+
+@pytest.fixture
+def folder(logs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(logs)
+    return logs
+
+
+@pytest.fixture
+def model(folder: Path, tirelog: Command) -> str:
+    if not (folder / "m.toml").exists():
+        assert tirelog("model", "new", "--setup", "a.toml", "-o", "m.toml").status == 0
+    return "m.toml"
+
+
+POOLING = {
+    "compare": ["compare", "--model", "m.toml"],
+    "diagnose": ["diagnose", "--model", "m.toml"],
+    "ladder": ["ladder", "--model", "m.toml"],
+    "propose": ["propose", "--model", "m.toml"],
+    "fit": ["model", "fit", "--model", "m.toml", "-o", "fitted.toml"],
+    "report": ["report", "--model", "m.toml", "-o", "page.html"],
+}
+
+
+@pytest.mark.parametrize("name", POOLING)
+def test_a_copy_of_a_log_is_refused(folder: Path, tirelog: Command, model: str, name: str) -> None:
+    outcome = tirelog(*POOLING[name], "a.csv", "packed.csv.gz")
+    assert outcome.status == 2
+    assert "packed.csv.gz: holds the same samples of strain_1 as a.csv" in outcome.err
+    assert not (folder / "fitted.toml").exists()
+    assert not (folder / "page.html").exists()
+
+
+@pytest.mark.parametrize("again", ["a.csv", "./a.csv", "copy.csv", "run.h5"])
+def test_the_name_does_not_matter(folder: Path, tirelog: Command, model: str, again: str) -> None:
+    if again == "run.h5":
+        assert tirelog("ingest", "a.csv", "-o", "run.h5").status == 0
+    outcome = tirelog("compare", "a.csv", again, "--model", model)
+    assert outcome.status == 2
+    assert f"{again}: holds the same samples" in outcome.err
+
+
+def test_a_stretch_of_another_log_is_said(folder: Path, tirelog: Command, model: str) -> None:
+    outcome = tirelog("compare", "a.csv", "half.csv", "--model", model, "--format", "json")
+    assert outcome.status == 0
+    assert "half.csv: 100 % of its samples are in a.csv too and count twice" in outcome.err
+    assert "half.csv: 100 % of its samples" in outcome.out
+    outcome = tirelog("compare", "half.csv", "a.csv", "--model", model)
+    assert "a.csv: 50 % of its samples are in half.csv too" in outcome.err
+
+
+def test_of_other_logs_nothing_is_said(folder: Path, tirelog: Command, model: str) -> None:
+    outcome = tirelog("compare", "a.csv", "other.csv", "--model", model)
+    assert outcome.status == 0
+    assert "samples" not in outcome.err
+
+
+def test_a_table_says_that_its_rows_stand_twice(folder: Path, tirelog: Command) -> None:
+    outcome = tirelog("speed", "a.csv", "packed.csv.gz", "other.csv")
+    assert outcome.status == 0
+    assert outcome.err.count("holds the same samples as") == 1
+    assert "packed.csv.gz: holds the same samples as a.csv; rows twice" in outcome.err
