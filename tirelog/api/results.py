@@ -22,6 +22,7 @@ from tirelog.diagnosis.told import (
     errors_table,
     further_sentences,
     hits_table,
+    nuisances_sentence,
     parameters_table,
     ranking_table,
     steps_table,
@@ -43,8 +44,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Candidate", "Comparison", "ComparisonOfLogs", "DiagnosisOfLogs", "FitOfLogs", "GratingsFound",
     "LadderOfLogs", "Learned", "ProposalOfLogs", "ToldTable", "TransientComparison", "answer_of",
-    "errors_sentence", "errors_table", "further_sentences", "hits_table", "parameters_table",
-    "ranking_table", "together_table",
+    "errors_sentence", "errors_table", "further_sentences", "hits_table", "nuisances_sentence",
+    "parameters_table", "ranking_table", "together_table",
 ]  # fmt: skip
 
 #: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
@@ -177,7 +178,7 @@ class ComparisonOfLogs(Comparison):
 
     def _repr_html_(self) -> str:
         errors = together_table(self) if self.parts else errors_table(self)
-        said = [self.agreement] if self.agreement else []
+        said = [text for text in (nuisances_sentence(self), self.agreement) if text]
         return _html(repr(self), [errors, parameters_table(self)], (*said, *self.notes))
 
 

@@ -19,8 +19,17 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
+from tirelog.diagnosis.candidates.beside import groups_of, with_best_nuisances
 from tirelog.diagnosis.rest.leftover import half_angle
-from tirelog.diagnosis.results import Comparison, ErrorTables, Map, Rows, Waveforms, excess_of
+from tirelog.diagnosis.results import (
+    ERRORS,
+    Comparison,
+    ErrorTables,
+    Map,
+    Rows,
+    Waveforms,
+    excess_of,
+)
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences
 from tirelog.errors import UsageError
@@ -118,8 +127,17 @@ def other_observable(pieces: Pieces | PiecesTogether, model: Model) -> UsageErro
 
 
 def compare(measured: Measured, model: Model) -> Comparison:
-    """The model's free parameters fitted to all logs, and the error on manoeuvres left out."""
-    return comparison_of(start(measured, model), single_revolutions(measured))
+    """The model's free parameters fitted to all logs, and the error on manoeuvres left out.
+
+    Beside it the errors with the nuisances that earn a place, which `diagnose` lets in.
+    """
+    base = start(measured, model)
+    result, beside = comparison_of(base, single_revolutions(measured)), with_best_nuisances(base)
+    if beside is base:
+        return result
+    names = [name for name in groups_of(beside) if name not in groups_of(base)]
+    errors = {name: getattr(comparison_of(beside), name) for name in ERRORS}
+    return replace(result, with_nuisances={"nuisances": names, **errors})
 
 
 def comparison_of(base: Base, stacks: Sequence[Stack] | StacksTogether = ()) -> Comparison:

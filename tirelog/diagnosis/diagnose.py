@@ -175,6 +175,7 @@ class Diagnosis:
             | {"effects": rows, "note": " ".join(self.notes)}
             | {"certainty": self.certainty.to_json(), "drive_next": list(self.drive_next)}
             | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
+            | {"rmse_heldout_without_nuisances": (self.found.given or self.found.before).rmse_held}
             | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
             | {"suspects": [asdict(s) for s in self.suspects]}
@@ -210,7 +211,7 @@ def diagnose(
     else:
         base = start_from(pieces, model)
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
-    found = search_effects(base, extra, progress)
+    found = replace(search_effects(base, extra, progress), given=base)
     progress("describing what is left")
     return conclude(found, stacks, gratings)
 

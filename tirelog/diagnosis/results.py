@@ -20,6 +20,8 @@ from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
 Rows = list[dict[str, Any]]
+#: the errors of a comparison, in the order in which they are told
+ERRORS = ("rmse_heldout", "rmse", "noise_floor", "reduced_chi2")
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,9 @@ class Comparison:
                   model
     reduced_chi2  per degree of freedom, against noise and scatter alone, of the fitted point
 
+    `with_nuisances`: these errors beside the `nuisances` that earn a place and that the model does
+    not have; None if none does.
+
     `tables`: rows by revolution, angle, speed, regime, conditions. `half_angle_rad` is the patch's
     half length as an angle.
 
@@ -127,6 +132,7 @@ class Comparison:
     parts: tuple[Comparison, ...] = ()
     contributions: tuple[Contribution, ...] = ()
     agreement: str = ""
+    with_nuisances: Mapping[str, Any] | None = None
 
     @property
     def label(self) -> str:

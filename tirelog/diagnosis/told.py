@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from tirelog.diagnosis.candidates.drive_next import drive_sentences
 from tirelog.diagnosis.candidates.ranking import removed_errors
-from tirelog.diagnosis.results import Comparison, in_unit
-from tirelog.diagnosis.wording import percent, probability
+from tirelog.diagnosis.results import ERRORS, Comparison, in_unit
+from tirelog.diagnosis.wording import NUISANCES_SAID, percent, probability
 from tirelog.vocabulary.observables import shown
 
 if TYPE_CHECKING:
@@ -165,10 +165,32 @@ def errors_sentence(result: Diagnosis) -> str:
     )
     if result.rmse_heldout_before is None:
         error = f"error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out"
+    elif (given := result.found.given) is not None and result.found.came_in:
+        named = " and ".join(NUISANCES_SAID[name] for name in result.found.came_in)
+        error += f" (both with {named}; {in_unit(given.rmse_held, factor)} without)"
     return (
         f"{error}, noise floor {result.noise_floor * factor:.3g}; {result.revolutions} "
         f"revolutions, {result.manoeuvres} manoeuvres"
     )
+
+
+def nuisances_sentence(result: Comparison) -> str:
+    """The errors of a comparison with the nuisances that earn a place, and without; "" of none."""
+    beside = result.with_nuisances
+    if beside is None:
+        return ""
+    factor, unit = shown(result.observable, result.unit)
+
+    def errors(of: Mapping[str, Any]) -> str:
+        held, fitted, floor, chi2 = (of[name] for name in ERRORS)
+        return (
+            f"held out {in_unit(held, factor)} {unit}, fit {fitted * factor:.3g}, noise floor "
+            f"{floor * factor:.3g}, reduced chi-square {chi2:.3g}"
+        )
+
+    named = " and ".join(NUISANCES_SAID[name] for name in beside["nuisances"])
+    without = {name: getattr(result, name) for name in ERRORS}
+    return f"with {named} in the fit: {errors(beside)}; without: {errors(without)}"
 
 
 def further_sentences(result: Diagnosis) -> list[str]:

@@ -38,9 +38,11 @@ def _table(told: ToldTable) -> Any:
 
 def comparison_page(result: ComparisonOfLogs) -> None:
     """Errors, where they are, parameters; of several observables what each brings."""
-    from tirelog.api.results import parameters_table, together_table
+    from tirelog.api.results import nuisances_sentence, parameters_table, together_table
 
     out = page(_WIDTH)
+    if said := nuisances_sentence(result):
+        out.print(said)
     if not result.parts:
         _errors_page(out, result)
         out.print(_table(parameters_table(result)))

@@ -13,15 +13,17 @@ import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import nuisance
 from tirelog.diagnosis.candidates.naming import worth_it
+from tirelog.diagnosis.candidates.quiet import quiet_waveforms
 from tirelog.diagnosis.candidates.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.diagnosis.rules import (
     ALARM_P,
+    FEWEST_MANOEUVRES,
     GAIN_SIGMAS,
     NUISANCE_SHARE,
     TWINS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, refit
+from tirelog.inference.base import Base, refit, settled
 from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
@@ -154,6 +156,16 @@ def best_of(
 def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
     """`best_of` all nuisances that may earn a place."""
     return best_of(base, rival_nuisances(base, allowed))
+
+
+def with_best_nuisances(base: Base) -> Base:
+    """The base with every nuisance that earns its place, the best first; itself if none does."""
+    while base.cells.manoeuvres >= FEWEST_MANOEUVRES and not quiet_waveforms(base):
+        more = best_nuisance(base, allowed_nuisances(base))
+        if more is None:
+            break
+        base = settled(more)
+    return base
 
 
 def _drifts(base: Base) -> bool:

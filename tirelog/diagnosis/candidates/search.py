@@ -51,7 +51,7 @@ class Found:
 
     The base before, the steps, the base with all that was named, and what later names made
     needless. `alike`: pairs of a nuisance and an effect that removed as much, of which one was
-    taken.
+    taken. `given`: the base that the search began with, if it was kept.
     """
 
     before: Base
@@ -59,6 +59,13 @@ class Found:
     after: Base
     dropped: tuple[str, ...] = ()
     alike: tuple[tuple[str, str], ...] = ()
+    given: Base | None = None
+
+    @property
+    def came_in(self) -> tuple[str, ...]:
+        """The nuisances that stand beside the model before any effect, and did not when it came."""
+        own = groups_of(self.before if self.given is None else self.given)
+        return tuple(name for name in groups_of(self.before) if name not in own)
 
     @property
     def named(self) -> tuple[str, ...]:

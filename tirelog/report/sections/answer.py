@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.diagnosis.told import separation_sentence, strengths
+from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.report.figures import (
     GREY,
     INK,
@@ -166,6 +167,8 @@ def _facts(given: Answered, factor: float, unit: str) -> list[tuple[str, str]]:
     ]
     if found is not None and found.rmse_heldout_before is not None:
         told = f"{found.rmse_heldout_before * factor:.3g}"
+        if found.found.came_in:
+            told = f"{(compared.rmse_heldout or 0.0) * factor:.3g} → {told}"
         if found.selected and found.rmse_heldout_after is not None:
             told += f" → {found.rmse_heldout_after * factor:.3g}"
         told += (
@@ -267,13 +270,16 @@ def _rungs(given: Answered, factor: float) -> tuple[list[Rung], str]:
         return rungs, _climbed_on(climbed, logs_of(given.compared), factor)
     if found is None:
         return [_rung("the model as it came", "", given.compared, factor)], ""
-    rungs = [_rung("the model as it came", "", found.before, factor)]
+    rungs = [_rung("the model as it came", "", given.compared, factor)]
+    if came_in := found.found.came_in:
+        said = "; ".join(NUISANCES_SAID[name] for name in came_in)
+        rungs.append(_rung(f"+ {' and '.join(came_in)}", said, found.before, factor))
     if found.selected:
         added = " and ".join(found.selected)
         said = "; ".join(_what(given, name) for name in found.selected)
         rungs.append(_rung(f"+ {added}", said, found.after, factor))
     else:  # the floor of the verdict
-        rungs = [replace(rungs[0], floor=found.noise_floor * factor)]
+        rungs[-1] = replace(rungs[-1], floor=found.noise_floor * factor)
     if found.rmse_heldout_before is None:
         return rungs, "The error of the fit: of one manoeuvre none can be held out."
     return rungs, "Held-out error, beside the noise floor (the upright mark)."

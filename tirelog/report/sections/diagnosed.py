@@ -54,6 +54,7 @@ def model_story(
     colours: LogColours | None = None,
 ) -> Story:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
+    from tirelog.diagnosis.compare import compare
     from tirelog.diagnosis.diagnose import diagnose
     from tirelog.inference.measured import measured_for
     from tirelog.physics.model.own.user_effects import own_effects
@@ -62,6 +63,7 @@ def model_story(
     logs = measured_for(recordings, model.observables, asked.channel, level=level)
     own = own_effects(model.effects_file, asked=False)
     colours = LogColours(r.log for r in recordings) if colours is None else colours
+    compared = compare(logs.revolutions, model)
     found = diagnose(logs.revolutions, model, effects=own, progress=progress)
 
     def command(name: str) -> str:
@@ -69,7 +71,7 @@ def model_story(
 
     story = story_of(
         logs.revolutions,
-        found.before,
+        compared,
         found,
         climbed,
         command,
@@ -93,10 +95,11 @@ def model_story(
         return proposed(propose(logs.stacks, model, effects=own, progress=progress), wanted)
 
     if logs.obstacles:
-        compare = command("compare")
-        add("obstacles", compare, lambda: _obstacles(logs, found, compare, progress, colours))
+        by = command("compare")
+        add("obstacles", by, lambda: _obstacles(logs, compared, by, progress, colours))
     unknown = "what is unknown, written down as a formula"
     if found.next_command.startswith("tirelog propose"):
+        wanted = asked.with_options(found.next_command)
         if asked.propose:
             add(unknown, wanted, write_down)
         else:
@@ -110,7 +113,7 @@ def model_story(
 
 def _obstacles(
     logs: MeasuredLogs,
-    found: Diagnosis,
+    compared: Comparison,
     command: str,
     progress: Callable[[str], None],
     colours: LogColours,
@@ -118,11 +121,10 @@ def _obstacles(
     """The answer to the obstacles of the model that came, as `compare` gives it."""
     from tirelog.diagnosis.obstacles.compare import compare_transients
 
-    if found.before.model.carcass != "coupled_ring":
-        return obstacles.not_answered(logs.obstacles, found.before.model.carcass, command)
+    if compared.model.carcass != "coupled_ring":
+        return obstacles.not_answered(logs.obstacles, compared.model.carcass, command)
     progress("driving the model over the obstacles")
-    unit = found.before.unit
-    answers = compare_transients(logs.obstacles, found.before.model, unit=unit)
+    answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
     return obstacles.obstacles(answers, command, colours)
 
 
@@ -145,7 +147,7 @@ def story_of(
 
     colours = LogColours(model_sections.logs_of(compared)) if colours is None else colours
     best: Comparison | None = None
-    added: Sequence[str] = found.selected if found is not None else ()
+    added: Sequence[str] = () if found is None else (*found.found.came_in, *found.selected)
     missing: list[tuple[str, str]] = []
     if climbed is not None:
         top = top_of_ladder(compared.model, climbed, catalogue)

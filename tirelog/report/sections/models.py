@@ -21,6 +21,7 @@ from tirelog.diagnosis.told import (
     errors_sentence,
     errors_table,
     further_sentences,
+    nuisances_sentence,
     parameters_table,
     ranking_table,
     steps_table,
@@ -113,6 +114,7 @@ def _together(result: Comparison, command: str) -> Section:
             f"{result.observable} of one wheel are fitted together, each by its own noise; "
             f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
             result.agreement,
+            *_with_nuisances(result),
             *(f"{remark}." for remark in result.remarks),
         ],
         (),
@@ -139,6 +141,7 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         f"{in_unit(result.excess_heldout, factor)}. On the data of the fit: "
         f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; "
         f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
+        *_with_nuisances(result),
         where(result),
         *(f"{remark}." for remark in result.remarks),
     ]
@@ -159,6 +162,12 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
             page_table(parameters_table(result, fixed=True)),
         ],
     )
+
+
+def _with_nuisances(result: Comparison) -> list[str]:
+    """What the errors are beside nuisances, if any earns a place."""
+    said = nuisances_sentence(result)
+    return [f"{said[:1].upper()}{said[1:]}."] if said else []
 
 
 def where(result: Comparison) -> str:
