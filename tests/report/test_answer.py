@@ -433,8 +433,7 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
     again = "tirelog report made --setup s.toml --model M.toml --propose -o report.html"
     assert offered == ([] if asked_for else [again])
     if asked_for:
-        command = "tirelog propose made -o M+proposed.toml --setup s.toml --model M.toml"
-        assert story.before_ladder[0].command == command
+        assert story.before_ladder[0].command == story.answer.card.command
 
 
 def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.MonkeyPatch) -> None:
