@@ -34,7 +34,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "info": (
         ("tirelog info drive.csv.gz", "channels, rates, gaps, the setup"),
-        ("tirelog info unknown.mat", "without a setup: columns, ranges, likely kinds"),
+        ("tirelog info log.csv", "without a setup: columns, ranges, likely kinds"),
     ),
     "setup new": (("tirelog setup new log.csv -o log.toml", "a draft, guesses marked"),),
     "setup check": (("tirelog setup check drive.csv.gz", "what is implausible or missing"),),
@@ -43,12 +43,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("zstd -dc log.csv.zst | tirelog ingest - --setup drive.toml -o run.h5", "from a pipe"),
     ),
     "simulate": (
-        ("tirelog simulate scenario.toml -o log.csv", "beside it its truth and its setup"),
-        ("tirelog simulate scenario.toml -o log.csv --seed 7", "another draw of the noise"),
+        ("tirelog simulate scenarios/drive.toml -o made.csv", "beside it its truth and its setup"),
+        ("tirelog simulate scenarios/drive.toml -o made.csv --seed 7", "another draw of the noise"),
     ),
     "speed": (
         ("tirelog speed drive.csv.gz -o speed.csv", "a row per passage"),
-        ("tirelog speed a.csv b.csv --setup drive.toml | head -3", "two logs, one table"),
+        ("tirelog speed drive.csv.gz hidden_1.csv.gz | head -3", "two logs, one table"),
         ("tirelog speed drive.csv.gz -o speed.csv --plot speed.png", "and a picture"),
     ),
     "footprint": (
@@ -77,8 +77,8 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("tirelog slip encoder.h5 -o slip.csv", "of each turn, from the vehicle's speed (P2)"),
     ),
     "grip": (
-        ("tirelog grip braking.csv -o grip.csv", "adhesion share, friction used and left"),
-        ("tirelog grip braking.csv --static-friction 1.0", "on a road with more of it"),
+        ("tirelog grip drive.csv.gz -o grip.csv", "adhesion share, friction used and left"),
+        ("tirelog grip drive.csv.gz --static-friction 1.0", "on a road with more of it"),
     ),
     "strain-shift": (
         ("tirelog strain-shift cleat.csv.gz -o shift.csv", "the patch's place in wheel angle"),
@@ -93,13 +93,16 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "tables": (
         ("tirelog tables drive.csv.gz -o results", "all that the log has channels for"),
         (
-            "tirelog tables *.csv.gz -o results --table speed --table footprint",
+            "tirelog tables hidden_*.csv.gz -o results --table speed --table footprint",
             "two tables of many logs",
         ),
     ),
     "check": (
-        ("tirelog check now.csv --against golden.csv", "status 1 if rows moved"),
-        ("tirelog check now.csv --against golden.csv --tolerance speed_m_s=0.001", "or far enough"),
+        ("tirelog check speed.csv --against golden.csv", "status 1 if rows moved"),
+        (
+            "tirelog check speed.csv --against golden.csv --tolerance speed_m_s=0.001",
+            "or far enough",
+        ),
     ),
     "effects": (
         ("tirelog effects", "the catalogue"),
@@ -158,30 +161,31 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "diagnose": (
-        ("tirelog diagnose a.csv b.csv --model model.toml", "which effect is missing"),
-        ("tirelog diagnose a.csv b.csv --model model.toml --format json", "for a script"),
+        ("tirelog diagnose hidden_*.csv.gz --model model.toml", "which effect is missing"),
+        ("tirelog diagnose hidden_*.csv.gz --model model.toml --format json", "for a script"),
         (
-            "tirelog diagnose a.csv b.csv --model model.toml --leave-one-out log --bootstrap 500",
+            "tirelog diagnose hidden_*.csv.gz --model model.toml --leave-one-out log "
+            "--bootstrap 500",
             "does the verdict hang on one log, or on some manoeuvres?",
         ),
     ),
     "propose": (
         (
-            "tirelog propose a.csv b.csv --model model.toml -o better.toml",
+            "tirelog propose unknown_*.csv.gz --model model.toml -o better.toml",
             "the unknown effect as a formula",
         ),
     ),
     "ladder": (
         (
-            "tirelog ladder a.csv b.csv --model model.toml --save better.toml --plot l.png",
+            "tirelog ladder hidden_*.csv.gz --model model.toml --save better.toml --plot steps.png",
             "effects until nothing more is worth adding",
         ),
     ),
     "report": (
         ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
         (
-            "tirelog report a.csv b.csv --model m.toml --ladder m.ladder.json --propose -o r.html",
-            "with the ladder, and what is unknown written down",
+            "tirelog report hidden_*.csv.gz --model model.toml --ladder model.ladder.json -o r.htm",
+            "with the ladder; --propose also writes down what is unknown",
         ),
     ),
     "campaign run": (("tirelog campaign run campaign.toml --workers 2", "what is not made yet"),),

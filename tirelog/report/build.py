@@ -136,7 +136,8 @@ def _tables(
             continue
         if table is None or not len(table):
             why = "no channel for it" if table is None else "no passage was found"
-            report.missing.append((f"{name}: {why}", command))
+            seen = asked.command("info") if table is None else command
+            report.missing.append((f"{name}: {why}", seen))
             continue
         if name == "speed":
             report.sections.append(

@@ -130,14 +130,13 @@ def open_log_bytes(log: str) -> BinaryIO:
     if url is not None:
         return open_remote(url)
     try:
-        stream = open(log, "rb")  # noqa: SIM115
+        if log.endswith(".toml"):
+            with open(log, "rb") as stream:
+                text = stream.read(LARGEST_BYTES).decode("utf-8", "replace")
+            refuse_other_role(text, "a log", UsageError, log)
+        return open(log, "rb")
     except (OSError, ValueError) as problem:
         raise _unreadable(log, problem) from None
-    if log.endswith(".toml"):
-        text = stream.read(LARGEST_BYTES).decode("utf-8", "replace")
-        refuse_other_role(text, "a log", UsageError, log)
-        stream.seek(0)
-    return stream
 
 
 def _unreadable(log: str, problem: Exception) -> ReadError:

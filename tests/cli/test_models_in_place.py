@@ -1,0 +1,87 @@
+"""Property: a model is edited in its place, whole and only if nothing failed; what else a command
+reads is never written over.
+"""
+
+import gzip
+import shutil
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Command
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+
+
+@pytest.fixture
+def model(folder: Path, tirelog: Command) -> Path:
+    """A model beside a log of eighty revolutions."""
+    with gzip.open(SAMPLES / "hidden_1.csv.gz", "rt") as log:
+        (folder / "log.csv").write_text("".join(islice(log, 25_000)))
+    shutil.copy(SAMPLES / "hidden_1.toml", folder / "log.toml")
+    assert tirelog("model", "new", "--setup", "log.toml", "-o", "m.toml").status == 0
+    return folder / "m.toml"
+
+
+def test_an_edited_model_may_keep_its_name(model: Path, tirelog: Command) -> None:
+    assert tirelog("model", "add", "m.toml", "wear", "-o", "m.toml").status == 0
+    assert 'name = "wear"' in model.read_text()
+    assert tirelog("model", "remove", "m.toml", "wear", "-o", "./m.toml").status == 0
+    assert 'name = "wear"' not in model.read_text()
+    model.with_name("linked.toml").symlink_to("m.toml")
+    assert tirelog("model", "nuisance", "m.toml", "wheel", "on", "-o", "linked.toml").status == 0
+    assert 'wheel = "on"' in model.read_text()
+    before = model.read_text()
+    outcome = tirelog("model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml")
+    assert outcome.status == 0, outcome.err
+    assert model.read_text() != before
+    assert not list(model.parent.glob(".*.part"))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "add m.toml no_such_effect -o m.toml",
+        "remove m.toml wear -o m.toml",
+        "nuisance m.toml wheel perhaps -o m.toml",
+        "fit nowhere.csv --model m.toml -o m.toml",
+        "fit log.csv nowhere.csv --model m.toml -o m.toml",
+        "fit log.csv cut.csv.gz --model m.toml -o m.toml",
+        "fit log.csv log.csv --model m.toml -o m.toml",
+        "fit log.csv --model m.toml -o log.toml",
+        "fit log.csv --model m.toml -o log.csv",
+        "worn m.toml --new-depth 0.008 --depth 0.003 -o m.toml",
+    ],
+)
+def test_what_failed_leaves_the_model_as_it_was(model: Path, tirelog: Command, words: str) -> None:
+    whole = (SAMPLES / "hidden_2.csv.gz").read_bytes()
+    (model.parent / "cut.csv.gz").write_bytes(whole[:200_000])
+    shutil.copy(SAMPLES / "hidden_2.toml", model.parent / "cut.toml")
+    before = {path: path.read_bytes() for path in model.parent.iterdir()}
+    outcome = tirelog("model", *words.split())
+    assert outcome.status != 0
+    assert "Traceback" not in outcome.err
+    assert {path: path.read_bytes() for path in model.parent.iterdir()} == before
+
+
+def test_of_several_gratings_the_one_taken_is_named(
+    model: Path, tirelog: Command, folder: Path
+) -> None:
+    rows = (folder / "log.csv").read_text().splitlines()
+    setup = (folder / "log.toml").read_text()
+    block = setup[setup.index("[channels.strain_1]") : setup.index("[log]")]
+    own = [f"{row},{row.split(',')[1]}" if row[0].isdigit() else row for row in rows]
+    own[2] = f"{rows[2]},CH1_FBG2"
+    (folder / "log.csv").write_text("\n".join(own) + "\n")
+    second = block.replace("strain_1", "strain_2").replace("CH1_FBG1", "CH1_FBG2")
+    (folder / "log.toml").write_text(setup.replace("[log]", f"{second}[log]"))
+    said = "strain_1 is one of 2 channels of strain; left out: strain_2 (--channel NAME takes"
+    for words in ("compare", "propose"):
+        outcome = tirelog(words, "log.csv", "--model", "m.toml")
+        assert outcome.err.count(said) == 1, words
+    fitted = ("model", "fit", "log.csv", "--model", "m.toml", "-o", "m2.toml")
+    assert said in tirelog(*fitted).err
+    for channel in ("strain_1", "strain_2"):
+        named = tirelog("compare", "log.csv", "--model", "m.toml", "--channel", channel)
+        assert "left out" not in named.err
