@@ -116,6 +116,4 @@ def test_one_file_with_a_policy_and_nothing_from_outside(page_file: Path) -> Non
 
 
 def test_what_cannot_be_shown_is_named_with_its_command(page_file: Path) -> None:
-    assert re.search(
-        r"phase-shift: no channel for it: <code>tirelog phase-shift", page_file.read_text()
-    )
+    assert re.search(r"phase-shift: no channel for it: <code>tirelog info", page_file.read_text())
