@@ -2,6 +2,7 @@
 with advice.
 """
 
+import gzip
 import json
 import re
 import socket
@@ -24,6 +25,7 @@ from tirelog.campaign.names import json_of
 from tirelog.campaign.pieces_file import pieces_bytes, read_pieces
 from tirelog.campaign.remote_folder import _refuse_if_alive
 from tirelog.campaign.runner import plan_tasks
+from tirelog.cli import run
 from tirelog.cli.working import CampaignProgress
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.cells.pieces import pieces_of
@@ -365,3 +367,25 @@ def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(
         Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2
     )
     assert capsys.readouterr().err.startswith("tirelog: 1/2 a\\x1b[31m\\n.csv: 3 rows")
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_log_that_stands_twice_is_in_no_model(
+    manifest: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = manifest.parent
+    for more in (1, 2, 3):
+        (folder / "logs" / f"run_{more}.csv").unlink()
+    model = ["model", "new", "--setup", str(folder / "setup.toml"), "-o", str(folder / "beam.toml")]
+    assert run([*model, "--quiet"]) == 0
+    lines = (folder / "logs" / "run_0.csv").read_bytes()
+    (folder / "logs" / "again.csv.gz").write_bytes(gzip.compress(lines))
+    text = manifest.read_text().replace("logs/*.csv", "logs/*.csv*")
+    asked = '[[models]]\nfile = "beam.toml"\ncommands = ["compare"]\n'
+    manifest.write_text(text + asked)
+    (folder / "conditions.csv").unlink()
+    manifest.write_text(manifest.read_text().replace('conditions = "conditions.csv"\n', ""))
+    assert run(["campaign", "run", str(manifest)]) == 3
+    assert "logs_run_0.csv holds the same samples as logs_again.csv.gz" in capfd.readouterr().err
+    (folder / "logs" / "again.csv.gz").unlink()
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0

@@ -442,12 +442,8 @@ def test_the_ladder_s_bars_obey_no_name(capsys: pytest.CaptureFixture[str]) -> N
         noise_floor=1e-6,
         sentence="b\x1b]0;c\x07",
     )
-    ladder_bars(
-        SimpleNamespace(
-            observable="strain", unit="1", steps=[step], remarks=["d\re"], rmse_untouched=None
-        )
-    )
+    ladder_bars(SimpleNamespace(observable="strain", unit="1", steps=[step], rmse_untouched=None))
     shown = capsys.readouterr().err
     assert "a\\x1b[31m" in shown
-    assert "   b\\x1b]0;c\\x07\n   d\\re\n" in shown
+    assert "   b\\x1b]0;c\\x07\n" in shown
     assert "\x1b" not in shown

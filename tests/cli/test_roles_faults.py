@@ -1,5 +1,6 @@
 """Faults: a file that is given as another kind of file is called by its name, with what to type."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,15 @@ def test_a_file_in_the_wrong_role_is_named(
     assert f"{role} is needed here" in outcome.err
     assert use in outcome.err
     assert len(outcome.err.split("error:")) == 2
+
+
+def test_who_has_no_model_is_told_what_makes_one(folder: Path, tirelog: Command) -> None:
+    outcome = tirelog("compare", "log.csv")
+    assert outcome.status == 2
+    found = re.search(r"`tirelog (model new [^`]*)` makes a model", outcome.err)
+    assert found
+    words = found[1].replace("SETUP.toml", "log.toml").split()
+    assert tirelog(*words).status == 0
 
 
 def test_a_setup_without_a_radius_is_named_by_its_file(folder: Path, tirelog: Command) -> None:

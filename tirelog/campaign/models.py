@@ -208,9 +208,17 @@ def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Piec
 
     most = room(1 if observable in SCALARS else 2)
     chosen = [tasks[i] for i in chosen_logs(len(tasks), most)]
-    sizes = [
-        len(_kept(task, observable, ledger)) for task in chosen
-    ]  # read twice: all of them at once may not fit
+    sizes, seen = [], dict[str, str]()
+    for task in chosen:  # read twice: all of them at once may not fit
+        kept = _kept(task, observable, ledger)
+        sizes.append(len(kept))
+        same = seen.setdefault(_digest(kept.mean.tobytes()), task.name)
+        if same != task.name:
+            raise UsageError(
+                f"{task.name} holds the same samples as {same}",
+                allowed="each log counts once",
+                do="leave one of them out of the manifest",
+            )
     parts = [
         _kept(task, observable, ledger).thinned(share, number)
         for number, (task, share) in enumerate(zip(chosen, share_out(sizes, most), strict=True))

@@ -36,10 +36,10 @@ def _status_of(problem: BaseException) -> int:
         problem, "exit_code"
     ):  # a usage error of typer's own parser
         command = getattr(getattr(problem, "ctx", None), "command_path", "tirelog")
-        text, status = (
-            f"{problem.format_message().rstrip('.')}; see {command} --help",
-            int(ExitStatus.UNUSABLE_REQUEST),
-        )
+        text = f"{problem.format_message().rstrip('.')}; see {command} --help"
+        if text.startswith("Missing option '--model'"):
+            text += "; `tirelog model new --setup SETUP.toml -o MODEL.toml` makes a model"
+        status = int(ExitStatus.UNUSABLE_REQUEST)
     elif isinstance(problem, MemoryError):
         text, status = "out of memory; give a shorter log or free some", int(ExitStatus.DEFECT)
     else:

@@ -107,6 +107,7 @@ class Session:
         self._shared: Setup | None = None
         self._resources = ExitStack()
         self._noted: set[str] = set()
+        self._copies: dict[str, str] = {}
         self._lost: list[str] = []
         self._unread: list[str] = []
         self._refused: list[TirelogError] = []
@@ -251,9 +252,7 @@ class Session:
         given anything it ends here, with the status of the first refusal, and writes nothing.
         """
         self.setup()  # a setup for all logs that cannot be used stops the command
-        from tirelog.api.logs import samples_hash
-
-        gave, copies = False, dict[str, str]()
+        gave = False
         with self.working() as line:
             for number, log in enumerate(logs):
                 line.say(log, number, len(logs))
@@ -262,11 +261,7 @@ class Session:
                         if recording is None:
                             continue
                         if len(logs) > 1:
-                            digest = samples_hash(recording)
-                            if digest in copies:
-                                same = copies[digest]
-                                self.note(f"{log}: holds the same samples as {same}; rows twice")
-                            copies.setdefault(digest, log)
+                            self._note_copy(recording)
                         for part in made(recording):
                             self.notes(f"{log}: {remark}" for remark in part.remarks)
                             gave = True
@@ -290,7 +285,21 @@ class Session:
         self._kept = [recording for recording in opened if recording is not None]
         if not self._kept:
             raise typer.Exit(int(ExitStatus.NOTHING_READ))
+        for recording in self._kept if len(logs) > 1 else ():
+            self._note_copy(recording)
         return self._kept
+
+    def _note_copy(self, recording: Recording) -> None:
+        """A note if the log holds the samples of an earlier one, whose rows then come twice."""
+        from tirelog.api.logs import samples_hash
+
+        digest = samples_hash(recording)
+        if digest in self._copies:
+            self.note(
+                f"{recording.log}: holds the same samples as {self._copies[digest]}; what is made "
+                "of them comes twice"
+            )
+        self._copies.setdefault(digest, recording.log)
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None if it cannot be read (which has been said)."""

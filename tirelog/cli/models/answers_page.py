@@ -148,8 +148,6 @@ def ladder_bars(result: LadderOfLogs) -> None:
         bar = "".join("|" if i == floor else "#" if i < length else " " for i in range(_BAR))
         _line(f"{step.step:2d} {step.effect:18s} {bar} {error * factor:.3g} {unit}")
         _line(f"   {step.sentence}")
-    for remark in result.remarks:
-        _line(f"   {remark}")
     if result.rmse_untouched is not None:
         error, floor_there = (
             result.rmse_untouched * factor,

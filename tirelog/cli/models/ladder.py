@@ -56,6 +56,7 @@ def ladder(
         result = answered(session, logs, model, effects, channel, "climbing", ask)
         if not quiet:
             ladder_bars(result)
+        session.notes(result.remarks)
         if plot is not None:
             result.plot(plot)
         if save is not None:
