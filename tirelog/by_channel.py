@@ -203,7 +203,7 @@ def _by_stretches(
     from tirelog.runs.bursts import mended
     from tirelog.strain.footprint.footprint import Measuring
     from tirelog.strain.footprint.settle import settle
-    from tirelog.strain.footprint.table import cutoff_of_channel
+    from tirelog.strain.footprint.table import refuse_cutoff
     from tirelog.strain.passages.surface import passages_of
 
     channel = mended(stored)
@@ -212,8 +212,8 @@ def _by_stretches(
         yield _make(making, 0, channel, passages, _Forms())
         return
     work = Work(making.recording, channel, passages, None)
-    asked = cutoff_in(making.wanted["footprint"])
-    cutoff = cutoff_of_channel(making.recording, channel, passages, asked)
+    cutoff = cutoff_in(making.wanted["footprint"])
+    refuse_cutoff(making.recording, channel, cutoff)
     at_work: list[Measuring] = []  # of each process its own
 
     def make(number: int, wire: Wire | Here) -> tuple[Any]:

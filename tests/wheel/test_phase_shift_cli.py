@@ -4,6 +4,8 @@ pictures that it draws.
 
 import csv
 import io
+import shutil
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -206,3 +208,43 @@ def test_two_accelerometers_give_two_values_per_turn_in_the_order_of_time(tmp_pa
         mine = np.array([row["channel"] == name for row in table])
         pulled = np.nanmean(shift[mine & (time > 9.0) & (time < 12.0)])
         assert abs(pulled - 0.24) < 0.03
+
+
+SAMPLE = Path(__file__).parents[2] / "sample_data" / "encoder_low"
+
+
+def sample(folder, samples):
+    """The sample log of an encoder with each channel made anew by `samples` of its values."""
+    shutil.copy(SAMPLE.with_suffix(".toml"), folder / "log.toml")
+    shutil.copy(SAMPLE.with_suffix(".h5"), folder / "log.h5")
+    with h5py.File(folder / "log.h5", "r+") as file:
+        for name in ("wheel/acceleration", "wheel/encoder", "vehicle/speed"):
+            values, attributes = file[name][:], dict(file[name].attrs)
+            del file[name]
+            file.create_dataset(name, data=samples(values)).attrs.update(attributes)
+        del file["vehicle/acceleration"]
+    setup = (folder / "log.toml").read_text().split("[channels.vehicle_acceleration]")[0]
+    (folder / "log.toml").write_text(setup)
+    return folder / "log.h5"
+
+
+def test_a_wheel_that_turns_round_has_rows_in_one_direction_alone(tmp_path, capfd):
+    """An encoder does not tell the direction: the patch has a second place, whose rows are lost."""
+
+    def there_and_back(values):
+        there = values[: 9 * values.size // 20]
+        return np.concatenate([there, there[::-1]])
+
+    back = sample(tmp_path, there_and_back)
+    status, out, err = command(capfd, back)
+    assert status == 0, err
+    quality = [row["quality"] for row in rows(out)]
+    turned = len(quality) // 2
+    assert set(quality[: turned - 2]) == {"ok"}
+    assert set(quality[turned + 2 :]) == {"lost_peak"}
+
+
+def test_a_log_of_less_than_two_turns_has_a_footprint_without_lengths(tmp_path, capfd):
+    short = sample(tmp_path, lambda x: x[: x.size // 65])
+    assert run(["footprint", str(short)]) == 0
+    assert {row["length_m"] for row in rows(capfd.readouterr().out)} == {""}

@@ -2,7 +2,7 @@
 
 Its gain is in `derivatives`.
 
-    "auto" | "rest" | "400Hz" | "40x" --parse--> Cutoff
+    "auto" | "400Hz" | "40x" --parse--> Cutoff
         --speed of each passage--> cut-off [Hz], shape (n,)
 
 P2 used 400 Hz (and 300), "roughly 40 times the wheel frequency", chosen from the spectrum of the
@@ -24,8 +24,7 @@ from tirelog.vocabulary.arrays import FloatArray
 class Cutoff:
     """A cut-off setting.
 
-    `unit` 'Hz' (value in Hz), 'x' (multiples of the wheel frequency), 'auto', or 'rest', which
-    whoever has the log makes hertz of.
+    `unit` 'Hz' (value in Hz), 'x' (multiples of the wheel frequency) or 'auto'.
     """
 
     unit: str = "auto"
@@ -35,18 +34,18 @@ class Cutoff:
     def parse(cls, text: str) -> Cutoff:
         """`text` as the command line has it.
 
-        UsageError: neither auto or rest, nor a number with Hz or x.
+        UsageError: neither auto nor a number with Hz or x.
         """
-        if text.strip().lower() in ("auto", "rest"):
-            return cls(text.strip().lower())
+        if text.strip().lower() == "auto":
+            return cls()
         found = re.fullmatch(
             r"\s*([0-9]*\.?[0-9]+(?:[eE][0-9]+)?)\s*(k?hz|x)\s*", text, re.IGNORECASE
         )
         if not found or float(found[1]) <= 0:
             raise UsageError(
                 f"cut-off {text!r}",
-                allowed="allowed are auto, rest (from the log's standstill), hertz (400Hz) and "
-                "multiples of the wheel frequency (40x)",
+                allowed="allowed are auto, hertz (400Hz) and multiples of the wheel frequency, "
+                "as 40x",
                 do="mend it",
             )
         unit = found[2].lower()
@@ -69,4 +68,4 @@ class Cutoff:
         return np.abs(speed_m_s) * per_metre / (2.0 * np.pi)
 
     def __str__(self) -> str:
-        return self.unit if self.unit in ("auto", "rest") else f"{self.value:g}{self.unit}"
+        return self.unit if self.unit == "auto" else f"{self.value:g}{self.unit}"

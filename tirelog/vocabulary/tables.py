@@ -153,8 +153,8 @@ _ALL = (
                 "cutoff",
                 "--cutoff",
                 str,
-                "Low-pass of the plain lengths: auto, rest (from the standstill's spectrum), hertz "
-                "(400Hz), or multiples of the wheel frequency (40x).",
+                "Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel "
+                "frequency (40x).",
             ),
         ),
         picture="tirelog.plots.tables.footprint:draw",

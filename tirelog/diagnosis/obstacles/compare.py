@@ -259,7 +259,8 @@ def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResul
     off, error = log.off(), _steady_error(log, hit, model)
     near = np.flatnonzero(log.calm)
     phi = split_turns(log.wheel.theta(log.time_s))[1]
-    bins = np.minimum(((phi + np.pi) * (_ANGLES / (2.0 * np.pi))).astype(np.int64), _ANGLES - 1)
+    place = (phi + np.pi) * (_ANGLES / (2.0 * np.pi))
+    bins = np.clip(place.astype(np.int64), 0, _ANGLES - 1)
     rows = (log.time_s >= hit.time_s) & (log.time_s - hit.time_s <= hit.since_s[-1] + 1e-9)
     at_hit = bins[rows][: hit.since_s.size]
     edges = BANDS_HZ[: int(np.searchsorted(BANDS_HZ, 0.5 * log.rate_Hz))]

@@ -204,7 +204,7 @@ def assign_pieces(stack: Stack) -> IntArray:
         bands = int(
             np.clip(np.ceil(spread / BAND_M_S), 1, max(1, min(MOST_BANDS, rows.size // FEWEST)))
         )
-        band = np.minimum(((speed - low) / max(spread, 1e-9) * bands).astype(int), bands - 1)
+        band = np.clip(((speed - low) / max(spread, 1e-9) * bands).astype(int), 0, bands - 1)
         _, band = np.unique(_merge_small(band), return_inverse=True)
         cell[rows] = first + band
         first += int(band.max()) + 1

@@ -75,7 +75,7 @@ class Splines:
             np.polynomial.legendre.leggauss(24) if length_rad else (np.zeros(1), np.full(1, 2.0))
         )
         place = ((angle_rad + 0.5 * length_rad * points) / self.step_rad) % self.elements
-        element = np.minimum(place.astype(int), self.elements - 1)
+        element = np.clip(place.astype(int), 0, self.elements - 1)
         row = np.zeros(self.elements)
         index = (element[:, None] - DEGREE + np.arange(DEGREE + 1)) % self.elements
         for derivative, weight in weights.items():

@@ -76,7 +76,7 @@ class KnotPlaces:
         """
         row = np.clip(np.floor(time_place).astype(np.intp), 1, knots - 3)
         column = ((angle_turns + 0.5) % 1.0) * points
-        left = np.minimum(np.floor(column).astype(np.intp), points - 1)
+        left = np.clip(np.floor(column).astype(np.intp), 0, points - 1)
         width = points + ANGLE_POINTS
         index = (row - 1) * width + left + 1
         return cls(

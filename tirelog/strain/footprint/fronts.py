@@ -205,7 +205,8 @@ def _mean_form(channel: Channel, passages: Passages) -> _Form | None:
     known = np.flatnonzero(np.isfinite(passages.omega_rad_s) & good(passages.quality))
     if not known.size:
         known = np.flatnonzero(np.isfinite(passages.omega_rad_s))
-    chosen = known[np.unique(np.linspace(0, known.size - 1, _LEARNT).round().astype(int))]
+    places = np.linspace(0, known.size - 1, min(_LEARNT, known.size))
+    chosen = known[places.round().astype(int)]
     rough = np.radians([-4.0, 4.0])
     forms = []
     for row in chosen:

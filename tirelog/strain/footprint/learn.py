@@ -172,7 +172,8 @@ def _classes(speed_m_s: FloatArray) -> IntArray:
     low, high = float(speed_m_s.min()), float(speed_m_s.max())
     count = int(np.clip(np.floor(np.log(high / low) / np.log(CLASS_RATIO)) + 1, 1, CLASSES))
     share = (speed_m_s**2 - low**2) / max(high**2 - low**2, 1e-300)
-    return np.minimum(np.floor(share * count), count - 1).astype(np.int64)
+    # numpy squares by x * x, Python by pow: in the last bit the slowest may lie below its class
+    return np.clip(np.floor(share * count), 0, count - 1).astype(np.int64)
 
 
 def _steady_first(passages: Passages, rows: IntArray) -> tuple[IntArray, IntArray, bool]:

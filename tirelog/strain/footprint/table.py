@@ -15,7 +15,6 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released
-from tirelog.strain.footprint.at_rest import cutoff_at_rest
 from tirelog.strain.footprint.footprint import Footprint, footprint
 from tirelog.strain.footprint.learn import LEAST_SPEED_M_S
 from tirelog.strain.footprint.measure import Measured
@@ -48,10 +47,9 @@ def footprint_of_channel(
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`.
 
-    `settled`: the form of its passages, None if there is none; `measured`: as of `footprint`, with
-    the cut-off of `cutoff_of_channel`.
+    `settled`: the form of its passages, None if there is none; `measured`: as of `footprint`.
     """
-    cutoff = cutoff_of_channel(recording, channel, passages, cutoff)
+    refuse_cutoff(recording, channel, cutoff)
     found = footprint(channel, passages, cutoff, block_samples, settled, measured)
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,
@@ -78,15 +76,8 @@ def footprint_of_channel(
     return FootprintOfChannel(channel, passages, found, columns, remarks)
 
 
-def cutoff_of_channel(
-    recording: Recording, channel: Channel, passages: Passages, cutoff: Cutoff
-) -> Cutoff:
-    """The low-pass of a channel, at rest where that is asked for.
-
-    UsageError: it is above what the channel's samples hold.
-    """
-    if cutoff.unit == "rest":
-        cutoff = Cutoff("Hz", cutoff_at_rest(channel, passages))
+def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> None:
+    """UsageError for a low-pass above what the channel's samples hold."""
     if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
         raise UsageError(
             f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} Hz "
@@ -95,7 +86,6 @@ def cutoff_of_channel(
             do="give a lower one, or auto",
             file=recording.log,
         )
-    return cutoff
 
 
 def _remarks(

@@ -104,10 +104,8 @@ def _scatter(
     """
     rows = np.unique(np.linspace(0, alpha.size - 1, SCATTER_FROM).astype(np.int64))
     phi, rest = residuals(windows, template, found, alpha, rows)
-    part = np.minimum(
-        ((phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS).astype(np.int64),
-        SCATTER_PARTS - 1,
-    )
+    place = (phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS
+    part = np.clip(place.astype(np.int64), 0, SCATTER_PARTS - 1)
     size = np.abs(rest)
     sigma = np.array(
         [

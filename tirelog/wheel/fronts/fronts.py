@@ -194,14 +194,26 @@ def _expected(dips: Dips, wheel: WheelAngle, turn: float) -> tuple[Dips, FloatAr
     if abs(turn / (2 * np.pi) - 1) < 0.01:
         for number in np.unique(stretch):
             rows = np.flatnonzero(stretch == number)
-            usual = np.angle(np.exp(1j * middle[rows]).sum())
-            usual += float(np.median(np.angle(np.exp(1j * (middle[rows] - usual)))))
+            phase = np.sort(middle[rows] % (2 * np.pi))
+            # of a wheel that turned round the patch has two places; the mean lies in neither
+            spread = np.concatenate([phase, phase + 2 * np.pi])
+            ahead = np.searchsorted(spread, phase + 15 * DEGREE) - np.arange(phase.size)
+            usual = float(np.median(spread[ahead.argmax() + np.arange(ahead.max())]))
             kept[rows] = np.abs(np.angle(np.exp(1j * (middle[rows] - usual)))) < 15 * DEGREE
+    ends = middle[[0, -1]]
     dips, middle = dips.take(kept), middle[kept]
     turns = np.maximum(np.rint(np.diff(middle) / turn).astype(np.int64), 1)
     row = np.concatenate([[0], np.cumsum(turns)])
-    expected = np.interp(np.arange(row[-1] + 1), row, middle)
-    return dips, expected, row
+    before, after = np.rint(np.abs(middle[[0, -1]] - ends) / turn).astype(np.int64)
+    inside = np.interp(np.arange(row[-1] + 1), row, middle)
+    expected = np.concatenate(
+        [
+            inside[0] - turn * np.arange(before, 0, -1),
+            inside,
+            inside[-1] + turn * np.arange(1, after + 1),
+        ]
+    )
+    return dips, expected, row + before
 
 
 def _median(x: FloatArray) -> float:

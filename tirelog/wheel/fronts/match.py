@@ -152,7 +152,7 @@ def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray,
     """
     step = (high - low) / (size - 3)
     x = np.clip((u - low) / step, 0.0, size - 3)
-    first = np.minimum(x.astype(np.int64), size - 4)
+    first = np.clip(x.astype(np.int64), 0, size - 4)
     return first, x - first, step
 
 
