@@ -25,7 +25,6 @@ from tirelog.diagnosis.candidates.naming import first_step
 from tirelog.diagnosis.candidates.signatures import all_signatures, candidate_effects
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import make_cells
-from tirelog.inference.fit.cells import Problem
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.inference.stacks.spooled import joined
 from tirelog.physics.model.model import Model
@@ -44,12 +43,7 @@ class Seen:
     def __init__(self, base: Base) -> None:
         known = nuisance(base)
         residual = known.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
-        found, _ = all_signatures(
-            Problem(base.cells, base.white),
-            base.model,
-            candidate_effects(base.model),
-            base.fit.prediction,
-        )
+        found, _ = all_signatures(base, candidate_effects(base.model))
         best, _ = assess(base, found)
         self.residual = residual.reshape(-1)
         self.effects = [a.id for a in best for _ in a.signature.strengths]

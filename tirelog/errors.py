@@ -14,10 +14,13 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from enum import IntEnum
-from typing import Self
+from functools import wraps
+from typing import ParamSpec, Self, TypeVar
 
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 _USER = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2})[^\s/?#]*@")
 _QUERY = re.compile(
     r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2}[^\s?#]*)\?((?:[^\s'\"<>:;,]|[:;,](?!\s|$))+)"
@@ -118,6 +121,24 @@ class SetupError(TirelogError):
 
 class ModelError(TirelogError):
     """A model file, effect or parameter that cannot be used, or a fit that did not converge."""
+
+
+def or_refusal(compute: Callable[_P, _T]) -> Callable[_P, _T | ModelError]:
+    """`compute` that gives back the ModelError that it meets, and does not raise it.
+
+    For whatever a search only tries, such as a model without an effect or a planned manoeuvre. Such
+    a model may be none that the physics computes; then the reason is the answer, and the type
+    checker asks each caller what becomes of it.
+    """
+
+    @wraps(compute)
+    def tried(*given: _P.args, **named: _P.kwargs) -> _T | ModelError:
+        try:
+            return compute(*given, **named)
+        except ModelError as refusal:
+            return refusal
+
+    return tried
 
 
 class OutputError(TirelogError):

@@ -32,7 +32,7 @@ from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.diagnosis.propose import propose as proposing
 from tirelog.diagnosis.trust import by_group
 from tirelog.diagnosis.trust.inclusion import MOST_DRAWS
-from tirelog.errors import UsageError
+from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.measured import (
     MeasuredLogs,
     measured_for,
@@ -219,7 +219,9 @@ def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
             "does",
         )
         return ComparisonOfLogs.of(result, aside=aside)
-    answers = compare_transients(found.obstacles, result.model, unit=result.unit)
+    answers = or_refusal(compare_transients)(found.obstacles, result.model, unit=result.unit)
+    if isinstance(answers, ModelError):
+        return ComparisonOfLogs.of(result, aside=(f"the obstacles are not compared: {answers}",))
     return ComparisonOfLogs.of(result, answers)
 
 

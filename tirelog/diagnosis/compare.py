@@ -9,8 +9,9 @@ The file is longer than others: all that a comparison shows of one fit, in each 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import PurePath
 from typing import Any
 
@@ -32,7 +33,7 @@ from tirelog.diagnosis.results import (
 )
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences
-from tirelog.errors import UsageError
+from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
     Base,
     FittedChannel,
@@ -54,7 +55,7 @@ from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, together
-from tirelog.vocabulary.quality import Quality, quality_text
+from tirelog.vocabulary.quality import Quality, marked, quality_text
 
 #: cells whose waveforms are shown, and rows of the residual's map, at most; only pictures and the
 #: JSON depend on them
@@ -524,17 +525,18 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     model = base.model
     if model.beside:
         model = model_of(model, stack.observable, base.cells.member)
-    predicted = (
-        model.predict(stack.conditions, surface=stack.surface, each=True, **angles)
-        + base.fit.beside[cell]
-    )
+    predicted = _of_each(model, stack, angles) + base.fit.beside[cell]
     left = np.where(
         np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan
     )
     direction = base.plain.direction[cell]
     size = np.nansum(left[..., None] * direction, axis=1, keepdims=True)
     left = left - (direction * size).sum(axis=-1)
-    rmse = np.where(left_out, np.nan, np.sqrt(np.nanmean(left**2, axis=1)))
+    beyond = np.isnan(left).all(axis=1)
+    rmse = np.full(len(stack), np.nan)
+    known = ~(left_out | beyond)
+    rmse[known] = np.sqrt(np.nanmean(left[known] ** 2, axis=1))
+    words = marked(left_out, Quality.LEFT_OUT) | marked(beyond, Quality.BEYOND_MODEL)
     floor = np.where(
         left_out, np.nan, np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell]
     )
@@ -546,7 +548,22 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
             "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]),
             "manoeuvre": int(stack.manoeuvre[i]), "rmse": float(rmse[i]),
             "noise_floor": float(floor[i]),
-            "quality": quality_text(Quality.LEFT_OUT if left_out[i] else 0),
+            "quality": quality_text(int(words[i])),
         }
         for i in range(len(stack))
     ]  # fmt: skip
+
+
+def _of_each(model: Model, stack: Stack, angles: Mapping[str, Any]) -> FloatArray:
+    """The prediction of each revolution, (n, m); NaN of those that the model cannot compute."""
+    predict = or_refusal(partial(model.predict, surface=stack.surface, each=True))
+    found = predict(stack.conditions, **angles)
+    if not isinstance(found, ModelError):
+        return found
+    result = np.full(stack.values.shape, np.nan)
+    for i in range(len(stack)):
+        own = {name: None if all_ is None else all_[i : i + 1] for name, all_ in angles.items()}
+        one = predict(stack.conditions.take(np.array([i])), **own)
+        if not isinstance(one, ModelError):
+            result[i] = one[0]
+    return result

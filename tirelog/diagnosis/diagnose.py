@@ -291,6 +291,7 @@ def conclude(
     if asked is not None and isinstance(result, TogetherBase):
         gratings = asked.with_strengths(result, selected)
         notes += gratings.sentences()
+    notes += found.untested
     notes += nuisance_sentences(beside, result)
     notes += scatter_sentences(result)
     stayed = [n.nuisance for n in beside if n.stayed]

@@ -14,9 +14,9 @@ from pathlib import PurePath
 
 import numpy as np
 
-from tirelog.errors import ModelError
-from tirelog.inference.base import Base, apart
-from tirelog.inference.cells.together import model_of, predicted
+from tirelog.errors import ModelError, or_refusal
+from tirelog.inference.base import Base, apart, change_to
+from tirelog.inference.cells.together import model_of
 from tirelog.inference.scatter import scatter_columns
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -51,16 +51,16 @@ def effect_curves(base: Base, effects: Sequence[str]) -> list[EffectCurve]:
     """
     base = apart(base)[0]
     found = [_curve(base, name) for name in effects]
-    return [curve for curve in found if curve is not None]
+    return [curve for curve in found if not isinstance(curve, ModelError)]
 
 
-def _curve(base: Base, effect: str) -> EffectCurve | None:
+@or_refusal
+def _curve(base: Base, effect: str) -> EffectCurve | ModelError:
     cells, fit = base.cells, base.fit
-    try:
-        without = predicted(model_of(fit.model.without_effect(effect), cells.observable), cells)
-    except ModelError:
-        return None
-    added = fit.prediction - without
+    lost = change_to(base, model_of(fit.model.without_effect(effect), cells.observable))
+    if isinstance(lost, ModelError):
+        return lost
+    added = -lost
     own = [i for i, name in enumerate(fit.names) if name.startswith(f"{effect}.")]
     slopes = fit.jacobian[..., own]
     covariance = fit.known.covariance[np.ix_(own, own)]

@@ -33,6 +33,7 @@ from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
+from tirelog.errors import ModelError
 from tirelog.inference.base import Base, settled
 from tirelog.inference.cells.together import PiecesTogether
 from tirelog.inference.fit.cells import Problem
@@ -92,6 +93,10 @@ def ladder(
                 steps.append(_removed(_row(len(steps), after, top, None), dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)
+    untested = list(found.untested)
+    if isinstance(on_locked, ModelError):
+        untested.append(f"No error on the manoeuvres that nothing had touched: {on_locked.what}.")
+        on_locked = None, None
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
     return Ladder(
         observable=observed(after)[0],
@@ -117,6 +122,7 @@ def ladder(
             *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
             *nuisance_sentences(nuisances_found(after), after),
             *more,
+            *untested,
             *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),
         ),
     )

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tirelog.diagnosis.candidates.beside import groups_of
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, apart
 from tirelog.inference.bends import bends
 from tirelog.inference.cells.cells import cells_of
@@ -35,8 +36,9 @@ def locked_away(
     return pieces.take(~mask), pieces.take(mask)
 
 
-def untouched(after: Base, locked: Pieces | PiecesTogether) -> tuple[float, float]:
-    """(rmse of the model on the locked manoeuvres, the floor there).
+@or_refusal
+def untouched(after: Base, locked: Pieces | PiecesTogether) -> tuple[float, float] | ModelError:
+    """(rmse of the model on the locked manoeuvres, the floor there), or why it has none there.
 
     The offsets are as fitted on the others. Of several observables both are in floors.
     """
@@ -76,7 +78,10 @@ def _untouched_several(after: Base, locked: PiecesTogether) -> tuple[float, floa
     squares, weights = [], []
     for part, own, scale in zip(apart(after), locked.parts, layout.scales, strict=True):
         if len(own):
-            squares.append(np.square(untouched(part, own)) / scale**2)
+            there = untouched(part, own)
+            if isinstance(there, ModelError):
+                raise there
+            squares.append(np.square(there) / scale**2)
             weights.append(float(own.number.sum()))
     rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
     return rmse, floor

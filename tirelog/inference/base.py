@@ -24,10 +24,11 @@ from functools import cached_property
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.bends import bends
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.levers import with_ratios
-from tirelog.inference.cells.together import in_bins, joined_cells, parts_of
+from tirelog.inference.cells.together import in_bins, joined_cells, parts_of, predicted
 from tirelog.inference.fit.apart import fits_apart
 from tirelog.inference.fit.cells import (
     Fit,
@@ -529,8 +530,24 @@ def settled(base: Base) -> Base:
     return base.settled
 
 
+def change_to(base: Base, model: Model) -> FloatArray | ModelError:
+    """What another model predicts beyond the fitted one, (C, m), or why it cannot be computed."""
+    there = or_refusal(predicted)(model, base.cells)
+    return there if isinstance(there, ModelError) else there - base.fit.prediction
+
+
+@or_refusal
+def refit_without(base: Base, *effects: str) -> Base | ModelError:
+    """The base without some of its effects, fitted again, or why that cannot be."""
+    return refit(base, base.model.without_effect(*effects))
+
+
+@or_refusal
 def refit(base: Base, model: Model) -> Base:
-    """Another model (an effect more, other start values) on the same cells, metric and floor."""
+    """Another model on the same cells, metric and floor, or why it cannot be computed.
+
+    It may have an effect more, or other start values.
+    """
     fit = fit_model(base.cells, base.white, model.resolved(base.cells.conditions), several=False)
     held_white, held_plain = held_out_losses(fit.cells, base.white, base.plain, fit)
     return replace(base, cells=fit.cells, fit=fit, held_white=held_white, held_plain=held_plain)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.fit.cells import Fit, take_cells
 from tirelog.inference.nuisances import moved_prediction, relative_changes
@@ -39,10 +39,9 @@ def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     linear = shared.columns[..., own] @ fit.amplitudes[own]
     for c in range(len(cells)):
         factors = {name: 1.0 + float(change[c]) for name, change in changes.items()}
-        try:
-            moved = moved_prediction(take_cells(cells, np.array([c])), fit.model, factors)[0]
-        except ModelError:
-            continue
-        change = moved - fit.prediction[c] - linear[c]
-        bent[c] = np.where(np.isfinite(change), change, 0.0)
+        own_cell = take_cells(cells, np.array([c]))
+        moved = or_refusal(moved_prediction)(own_cell, fit.model, factors)
+        if not isinstance(moved, ModelError):
+            change = moved[0] - fit.prediction[c] - linear[c]
+            bent[c] = np.where(np.isfinite(change), change, 0.0)
     return bent

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.cells.together import predicted
@@ -134,14 +134,13 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
         return cells
     step = np.clip(np.sqrt(cells.speed_square.mean(axis=1)), 0.05, 1.0)
     speed = cells.conditions.speed_m_s
-    try:
-        up, down = (
-            predicted(
-                fit.model, cells, conditions=replace(cells.conditions, speed_m_s=speed + s * step)
-            )
-            for s in (1.0, -1.0)
+    up, down = (
+        or_refusal(predicted)(
+            fit.model, cells, conditions=replace(cells.conditions, speed_m_s=speed + s * step)
         )
-    except ModelError:
+        for s in (1.0, -1.0)
+    )
+    if isinstance(up, ModelError) or isinstance(down, ModelError):
         return cells
     slope = (up - down) / (2.0 * step[:, None])
     taken = np.concatenate([cells.random, cells.shift[..., None]], axis=-1)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.levers import at_lever
 from tirelog.inference.cells.shared import SharedEffects
@@ -258,11 +258,8 @@ def shared_effects(
     known = next((n for n in fit.model.nuisances if n.name == name), None)
     if known is None or cells.phi.shape[1] == 1:
         return None
-    try:
-        found = _COLUMNS[name](cells, fit, known, cells if whole is None else whole)
-    except ModelError:
-        return None
-    if found is None:
+    found = or_refusal(_COLUMNS[name])(cells, fit, known, cells if whole is None else whole)
+    if found is None or isinstance(found, ModelError):
         return None
     columns = np.where(np.isfinite(cells.values)[..., None], found.columns, 0.0)
     return replace(found, columns=columns) if np.isfinite(columns).all() else None
@@ -414,12 +411,13 @@ def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
         for name in ("foundation_stiffness_N_m2", "radial_stiffness_N_m2")
         if name in fit.model.parameters
     ]
-    try:
-        slopes["inflation pressure"] = _relative_slopes(cells, fit.model, stiffness).sum(axis=-1)
-        radius = _radius_slope(cells, fit.model)
-    except ModelError:
+    pressure = or_refusal(_relative_slopes)(cells, fit.model, stiffness)
+    if not isinstance(pressure, ModelError):
+        slopes["inflation pressure"] = pressure.sum(axis=-1)
+    radius = or_refusal(_radius_slope)(cells, fit.model)
+    if radius is None or isinstance(radius, ModelError):
         return slopes
-    return slopes if radius is None else slopes | {"rolling radius": radius}
+    return slopes | {"rolling radius": radius}
 
 
 def _rms(fit: Fit) -> float:

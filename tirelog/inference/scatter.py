@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc  # tail of F; scipy.stats takes a second to import
 
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import model_of, predicted
 from tirelog.inference.fit.cells import Fit
@@ -94,12 +94,13 @@ def load_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
     load = np.where(
         np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan)
     )
-    try:
-        up, down = (
-            predicted(model, cells, conditions=replace(conditions, load_N=load * (1.0 + s * _STEP)))
-            for s in (1, -1)
+    up, down = (
+        or_refusal(predicted)(
+            model, cells, conditions=replace(conditions, load_N=load * (1.0 + s * _STEP))
         )
-    except ModelError:
+        for s in (1, -1)
+    )
+    if isinstance(up, ModelError) or isinstance(down, ModelError):
         return fit.prediction, np.zeros(fit.prediction.shape)
     slope = (up - down) / (2.0 * _STEP)
     if not np.isfinite(slope).all() and cells.phi.shape[1] == 1:

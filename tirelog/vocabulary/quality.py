@@ -93,6 +93,7 @@ class Quality(IntFlag):
     LEAK = "strain was lost at this stop", ("inflation",)
     # ---- what a comparison says
     LEFT_OUT = "not compared: many other logs left it no room", ("compare --by revolution",)
+    BEYOND_MODEL = "the model computes no such speed or load", ("compare --by revolution",)
     UNLIKE = "the model covers less than a fifth of the hit", ("compare --by hit",)
 
 

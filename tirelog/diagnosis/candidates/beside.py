@@ -122,15 +122,11 @@ def rival_nuisances(base: Base, allowed: Iterable[str]) -> tuple[RefittedNuisanc
     found = []
     alarming = [a for a in assess_nuisances(base, allowed) if a.alarms]
     for a in alarming[:_MOST_REFITTED]:
-        try:
-            refitted = with_nuisance(base, a.effects)
-        except ModelError:
+        refitted = with_nuisance(base, a.effects)
+        if isinstance(refitted, ModelError) or (a.group == "drift" and not _drifts(refitted)):
             continue
-        if a.group == "drift" and not _drifts(refitted):
-            continue
-        found.append(
-            RefittedNuisance(base.noise_chi2 - refitted.noise_chi2, len(a.effects), refitted)
-        )
+        removed = base.noise_chi2 - refitted.noise_chi2
+        found.append(RefittedNuisance(removed, len(a.effects), refitted))
     return tuple(found)
 
 
@@ -177,11 +173,8 @@ def _drifts(base: Base) -> bool:
     return is_drift(held.of_groups(["drift"]), base.fit.amplitudes[own])
 
 
-def with_nuisance(base: Base, effects: SharedEffects) -> Base:
-    """The base with a nuisance beside its model, fitted again.
-
-    ModelError if the model cannot be computed where the fit leads.
-    """
+def with_nuisance(base: Base, effects: SharedEffects) -> Base | ModelError:
+    """The base with a nuisance beside its model, fitted again, or why that cannot be."""
     (name,) = effects.groups
     if frees(base.model, name) is not None:
         return refit(base, freed(base.model, [name]))
@@ -189,8 +182,8 @@ def with_nuisance(base: Base, effects: SharedEffects) -> Base:
     return _beside(base, SharedEffects.joined([*held, effects]), base.model)
 
 
-def with_nuisances(base: Base, groups: Sequence[str]) -> Base:
-    """The base with these nuisances and no other beside its model, fitted again."""
+def with_nuisances(base: Base, groups: Sequence[str]) -> Base | ModelError:
+    """The base with these nuisances and no other beside its model, fitted again, or why not."""
     return _beside(base, shared_by(base.cells, base.fit, groups), _free_of_law(base, groups))
 
 
@@ -202,7 +195,7 @@ def needed_nuisances(base: Base) -> tuple[str, ...]:
         kept = [g for g in groups if g != group]
         shared = base.cells.shared.of_groups(kept) if base.cells.shared else None
         less = _beside(base, shared, _free_of_law(base, kept))
-        if not _earns_it(less, base):
+        if not isinstance(less, ModelError) and not _earns_it(less, base):
             base, groups = less, kept
     return tuple(groups)
 
@@ -232,7 +225,7 @@ def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
     return freed(model, groups)
 
 
-def _beside(base: Base, shared: SharedEffects | None, model: Model) -> Base:
+def _beside(base: Base, shared: SharedEffects | None, model: Model) -> Base | ModelError:
     raw = None if base.raw is None else replace(base.raw, shared=shared)
     return refit(replace(base, cells=replace(base.cells, shared=shared), raw=raw), model)
 

@@ -28,7 +28,7 @@ from tirelog.diagnosis.candidates.search import Found
 from tirelog.diagnosis.candidates.separation import ALLOWED, WANTED_SIGMA, driven, separations
 from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.candidates.signatures import candidate_effects, with_candidate
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.together import model_of
 from tirelog.inference.nuisances import freed, frees
@@ -103,11 +103,8 @@ def drive_next(found: Found, verdict: str, probability: float | None) -> list[di
     floor = math.sqrt(base.floor.square)
     parted: dict[str, list[tuple[Rival, float]]] = {}
     for rival in rivals[:_MOST_RIVALS]:
-        try:
-            rows = separations(base, rival.first, rival.second, rival.beside)
-        except ModelError:
-            continue
-        for row in rows:
+        rows = separations(base, rival.first, rival.second, rival.beside)
+        for row in [] if isinstance(rows, ModelError) else rows:
             if row["manoeuvre"] not in held and row["rest"] > floor / 9.0:
                 parted.setdefault(row["manoeuvre"], []).append((rival, row["separation_sigma"]))
     by_name = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
@@ -212,9 +209,8 @@ def _beside(found: Found, p: float) -> list[Rival]:
     for nuisance, effect in found.alike:
         if effect not in found.named or nuisance in groups_of(found.after):
             continue
-        try:
-            without = found.after.model.without_effect(effect)
-        except ModelError:
+        without = or_refusal(found.after.model.without_effect)(effect)
+        if isinstance(without, ModelError):
             continue
         linear = frees(without, nuisance) is None
         second = without if linear else freed(without, [nuisance])

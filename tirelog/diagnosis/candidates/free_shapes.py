@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.inference.base import Base, TogetherBase, apart
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base, TogetherBase, apart, change_to
 from tirelog.inference.cells.together import embedded
-from tirelog.inference.fit.cells import Problem
 from tirelog.vocabulary.arrays import FloatArray
 
 #: nodes of free shapes over the wheel's angle [rad]: 3 degrees apart about the patch, 10 beyond;
@@ -54,13 +54,9 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
         if all(part.cells.member for part in apart(base)):  # the tire's shape is one to all
             return np.asarray(sum(each), dtype=np.float64)
         return np.concatenate(each, axis=-1)
-    problem = Problem(base.cells, base.white)
-    others = tuple(e for e in base.model.effects if e.id != effect_id)
-    contribution = np.nan_to_num(
-        base.fit.prediction - problem.predict(replace(base.model, effects=others), {})
-    )
     weight = base.plain.weights
-    size, strength, shape = np.linalg.svd(contribution * weight, full_matrices=False)
+    contribution = np.nan_to_num(_contribution(base, effect_id)) * weight
+    size, strength, shape = np.linalg.svd(contribution, full_matrices=False)
     loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
     phi = base.cells.phi
     here = hats(phi)
@@ -74,6 +70,18 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     columns: FloatArray = loading[:, None, None] * here
     columns /= max(float(np.abs(loading).max()), 1e-300)
     return columns
+
+
+def _contribution(base: Base, effect_id: str) -> FloatArray:
+    """What an effect of the fitted model adds, (C, m); its tangent if nothing holds without it."""
+    others = tuple(e for e in base.model.effects if e.id != effect_id)
+    lost = change_to(base, replace(base.model, effects=others))
+    if not isinstance(lost, ModelError):
+        return -lost
+    (own,) = (e for e in base.model.effects if e.id == effect_id)
+    strengths = [f"{effect_id}.{name}" for name in own.effect.strength]
+    values = [base.model.values[n] * (n in strengths) for n in base.fit.names]
+    return np.asarray(base.fit.jacobian @ np.array(values))
 
 
 def _acts_in(part: Base, effect_id: str) -> bool:

@@ -47,8 +47,7 @@ from tirelog.diagnosis.rules import (
     WORSE_SIGMAS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, refit, settled
-from tirelog.inference.fit.cells import Problem
+from tirelog.inference.base import Base, refit_without, settled
 from tirelog.inference.fit.errors import NULL
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Offsets
@@ -135,10 +134,8 @@ def _without_columns(a: Assessed) -> Assessed:
 
 def assess_all(base: Base, extra: Iterable[Effect]) -> tuple[list[Assessed], dict[str, str]]:
     """Signatures of every candidate at the fitted point, assessed."""
-    problem, extra = Problem(base.cells, base.white), tuple(extra)
-    found, reasons = all_signatures(
-        problem, base.model, candidate_effects(base.model, extra), base.fit.prediction
-    )
+    extra = tuple(extra)
+    found, reasons = all_signatures(base, candidate_effects(base.model, extra))
     assessed, invisible = assess(base, found)
     return assessed, {**idle_candidates(base.model, extra), **reasons, **invisible}
 
@@ -152,8 +149,8 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
     ]
     tried = []
     for one, found in zip(leading, refits(base, leading), strict=True):
-        if isinstance(found, str):
-            reasons[one.id] = found
+        if isinstance(found, ModelError):
+            reasons[one.id] = found.what
         else:
             tried.append(Refitted(one, found))
     if not tried:
@@ -364,37 +361,35 @@ def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str
     for name in named:
         if len(named) - len(dropped) == 1:
             break
-        try:
-            less = refit(after, after.model.without_effect(name))
-        except ModelError:
-            continue
-        if not worth_it(less, after):
+        less = refit_without(after, name)
+        if not isinstance(less, ModelError) and not worth_it(less, after):
             after, dropped = less, [*dropped, name]
     return after, tuple(dropped)
 
 
 def regrouped(
     after: Base, named: Sequence[str], extra: Iterable[Effect] = ()
-) -> dict[str, tuple[str, ...]]:
+) -> tuple[dict[str, tuple[str, ...]], list[str]]:
     """For each of several named effects the set of those that could stand in its place.
 
-    Beside the others, which stay; nothing stands in for what one of them acts through.
+    Beside the others, which stay; and sentences on those whose place none is tried in, since
+    nothing can be computed without them.
     """
     groups: dict[str, tuple[str, ...]] = {}
+    untested = []
     for name in named:
-        try:
-            fewer = after.model.without_effect(name)
-        except ModelError:
-            groups[name] = ()
+        without_it = refit_without(after, name)
+        if isinstance(without_it, ModelError):
+            untested.append(f"Not tested, what could stand in place of {name}: {without_it.what}.")
             continue
-        without_it = refit(after, fewer)
         assessed, reasons = assess_all(without_it, extra)
         rivals = [
             a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic
         ][:MOST_CONTENDERS]
         contenders = contend(without_it, rivals, reasons)
-        groups[name] = group_of(contenders) if contenders and contenders[0].id == name else ()
-    return groups
+        if contenders and contenders[0].id == name:
+            groups[name] = group_of(contenders)
+    return groups, untested
 
 
 def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:

@@ -39,6 +39,7 @@ from tirelog.diagnosis.rules import (
     NUISANCE_SHARE,
     TWINS,
 )
+from tirelog.errors import ModelError
 from tirelog.inference.base import Base, settled
 from tirelog.physics.effects import Effect
 
@@ -51,7 +52,8 @@ class Found:
 
     The base before, the steps, the base with all that was named, and what later names made
     needless. `alike`: pairs of a nuisance and an effect that removed as much, of which one was
-    taken. `given`: the base that the search began with, if it was kept.
+    taken. `given`: the base that the search began with, if it was kept. `untested`: sentences on
+    what the search could not ask, and why.
     """
 
     before: Base
@@ -59,6 +61,7 @@ class Found:
     after: Base
     dropped: tuple[str, ...] = ()
     alike: tuple[tuple[str, str], ...] = ()
+    untested: tuple[str, ...] = ()
     given: Base | None = None
 
     @property
@@ -101,6 +104,7 @@ def search_effects(
     if not quiet_waveforms(climb.after):
         climb = _with_one_to_begin(base, rivals, extra, progress, climb)
     allowed, alike = allowed_nuisances(base), tuple(climb.alike)
+    untested: tuple[str, ...] = ()
     while True:
         beside = groups_of(climb.after)
         needed = needed_nuisances(climb.after) if beside != groups_of(base) else beside
@@ -108,23 +112,28 @@ def search_effects(
             base = climb.ground  # nuisances came in before any effect: the steps stand as they are
             break
         # one that came in after an effect may show that the effect stood in for another one
-        progress(f"once more beside {' and '.join(needed) or 'no nuisance'}")
-        base = settled(with_nuisances(base, needed))
+        words = f"once more beside {' and '.join(needed) or 'no nuisance'}"
+        again = with_nuisances(base, needed)
+        if isinstance(again, ModelError):
+            untested = (f"Not searched {words}: {again.what}.",)
+            break
+        progress(words)
+        base = settled(again)
         allowed = tuple(name for name in allowed if name not in beside)
         climb = _climb(base, extra, progress, allowed)
         alike += tuple(pair for pair in climb.alike if pair not in alike)
     steps, after = climb.steps, climb.after
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
-        return Found(base, tuple(steps), after, alike=alike)
+        return Found(base, tuple(steps), after, alike=alike, untested=untested)
     progress("looking for what could stand in place of each")
     after, dropped = without_needless(after, named)
     after = settled(after) if dropped else after
-    groups = regrouped(after, [name for name in named if name not in dropped], extra)
+    groups, why_not = regrouped(after, [name for name in named if name not in dropped], extra)
     steps = [
         replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
     ]
-    return Found(base, tuple(steps), after, dropped, alike)
+    return Found(base, tuple(steps), after, dropped, alike, (*untested, *why_not))
 
 
 def _with_one_to_begin(

@@ -18,7 +18,7 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.rules import LIKE
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.fit.cells import Problem, free_names
@@ -140,6 +140,7 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
     return False
 
 
+@or_refusal
 def separations(
     base: Base, first: Model, second: Model, beside: Sequence[str] = ()
 ) -> list[dict[str, Any]]:
@@ -168,14 +169,13 @@ def separations(
     noise = np.sqrt(
         base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS)
     )
-    result = []
-    for manoeuvre in ALLOWED:
-        try:
-            conditions = planned(base, manoeuvre)
-            ours = first.predict(conditions, phi, surface=base.cells.surface)
-            other, slopes = second.linearised(conditions, phi, names, surface=base.cells.surface)
-        except ModelError:
-            continue
+
+    @or_refusal
+    def row_of(manoeuvre: CandidateManoeuvre) -> dict[str, Any] | None:
+        """How far it parts the two; None if what a nuisance would do there is not known."""
+        conditions = planned(base, manoeuvre)
+        ours = first.predict(conditions, phi, surface=base.cells.surface)
+        other, slopes = second.linearised(conditions, phi, names, surface=base.cells.surface)
         shift = np.gradient(other, phi, axis=1)[..., None] * np.eye(_SPEEDS)[:, None, :]
         between = _load_columns(base, first, conditions, phi, ours)
         own = np.ones((_SPEEDS, _ANGLES, 1))
@@ -185,7 +185,7 @@ def separations(
             fit = replace(base.fit, prediction=other, cells=there)
             stretch = shared_by(there, fit, groups, cells)
             if stretch is None or stretch.names != shared.names:
-                continue  # what the nuisance would do there is not known
+                return None
             columns.append(stretch.columns)
         new = np.concatenate([*columns, own, shift, between], axis=-1) / noise
         new = new.reshape(-1, new.shape[-1])
@@ -195,15 +195,12 @@ def separations(
         basis = orthonormal(both[:, 1:])
         left = both[:, 0] - basis @ (basis.T @ both[:, 0])
         sigma = float(np.linalg.norm(left[old.shape[0] :]))
-        if np.isfinite(sigma):
-            result.append(
-                {
-                    "manoeuvre": manoeuvre.name,
-                    "separation_sigma": sigma,
-                    "rest": float(left[old.shape[0] :].std() * noise),
-                }
-            )
-    return sorted(result, key=lambda row: -row["separation_sigma"])
+        rest = float(left[old.shape[0] :].std() * noise)
+        return {"manoeuvre": manoeuvre.name, "separation_sigma": sigma, "rest": rest}
+
+    rows = [row for row in map(row_of, ALLOWED) if isinstance(row, dict)]
+    known = [row for row in rows if np.isfinite(row["separation_sigma"])]
+    return sorted(known, key=lambda row: -row["separation_sigma"])
 
 
 def _stretch(cells: Cells, conditions: Conditions, phi: FloatArray, level: FloatArray) -> Cells:
@@ -252,6 +249,9 @@ def advise(
     by_name = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
     for other, rival in rivals[1:]:
         found = separations(base, model, rival)
+        if isinstance(found, ModelError):
+            notes.append(f"Not tested, what tells {name} from {other}: {found.what}.")
+            continue
         useful = [
             row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0
         ]

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
+from tirelog.inference.base import Base, change_to
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import lacking, rows_by_observable
-from tirelog.inference.fit.cells import Problem
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
 from tirelog.physics.model.entry import ModelEffect
@@ -112,32 +112,29 @@ def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) ->
     return model.with_effect(ModelEffect.of(effect), **clipped)
 
 
-def signatures_of(
-    problem: Problem, model: Model, effect: Effect, prediction: FloatArray
-) -> list[Signature]:
-    """All variants of one candidate.
-
-    ModelError if it cannot be computed here (`needs`, or the physics refuses it).
-    """
-    missing = lacking(effect, model, problem.cells)
+@or_refusal
+def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
+    """All variants of one candidate, or why it cannot be tested on these cells."""
+    cells, model = base.cells, base.model
+    missing = lacking(effect, model, cells)
     if missing:
         raise ModelError(f"needs {', '.join(missing)}")
-    refuse_stand_in(effect, model, problem.cells)
+    refuse_stand_in(effect, model, cells)
     own = {p.name: p for p in effect.parameters}
     result = []
-    size = float(np.nanmax(np.abs(prediction)))
+    size = float(np.nanmax(np.abs(base.fit.prediction)))
     for shape in variants(effect):
         columns, names = [], []
         for name in effect.strength:
-            added = with_candidate(model, effect, {**shape, name: own[name].probe}).resolved(
-                problem.cells.conditions
-            )
-            change = (problem.predict(added, {}) - prediction) / own[name].probe
-            if np.nanmax(np.abs(change)) * abs(own[name].probe) > _NOTHING * size:
-                columns.append(change)
+            added = with_candidate(model, effect, {**shape, name: own[name].probe})
+            change = change_to(base, added.resolved(cells.conditions))
+            if isinstance(change, ModelError):
+                return change
+            if np.nanmax(np.abs(change)) > _NOTHING * size:
+                columns.append(change / own[name].probe)
                 names.append(name)
-        several = np.unique(problem.cells.log).size > 1
-        if columns and several and all(_moves_zeros_alone(problem.cells, x) for x in columns):
+        several = np.unique(cells.log).size > 1
+        if columns and several and all(_moves_zeros_alone(cells, x) for x in columns):
             raise ModelError(
                 "differs from log to log alone, and each log counts the "
                 f"{' and '.join(OWN_ZERO)} from a zero of its own"
@@ -180,15 +177,14 @@ def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
     return bool(np.nanmax(np.abs(moved)) < _SAME * np.nanmax(np.abs(change)))
 
 
-def all_signatures(
-    problem: Problem, model: Model, effects: Iterable[Effect], prediction: FloatArray
-) -> tuple[list[Signature], dict[str, str]]:
+def all_signatures(base: Base, effects: Iterable[Effect]) -> tuple[list[Signature], dict[str, str]]:
     """Signatures of all candidates, and the reasons of those that are not tested."""
     found: list[Signature] = []
     reasons: dict[str, str] = {}
     for effect in effects:
-        try:
-            found += signatures_of(problem, model, effect, prediction)
-        except ModelError as refused:
-            reasons[effect.id] = refused.what
+        own = signatures_of(base, effect)
+        if isinstance(own, ModelError):
+            reasons[effect.id] = own.what
+        else:
+            found += own
     return found, reasons

@@ -18,7 +18,7 @@ import numpy as np
 from tirelog.apart import made_apart
 from tirelog.diagnosis.candidates.assessment import Assessed
 from tirelog.diagnosis.candidates.signatures import with_candidate
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, refit, thinned
 from tirelog.inference.fit.cells import Fit, Problem, descend_together, free_names
 from tirelog.physics.model.model import Model
@@ -35,8 +35,8 @@ _TRIAL_STEPS = 12
 SAME_CHI2 = 1e-3
 #: a model with a candidate where its trial ended, and chi-square there
 Trial = tuple[Model, float]
-#: a refit as it comes from another process: fit and held-out losses, or why it failed
-_Again = tuple[Fit, FloatArray, FloatArray] | str
+#: a refit as it comes from another process: fit and held-out losses
+_Again = tuple[Fit, FloatArray, FloatArray]
 
 
 def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, float]]]:
@@ -62,17 +62,15 @@ def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, floa
     return [(m, {**shape, **s}) for m in models for s in (linear, probes)]
 
 
+@or_refusal
 def _trial(
     base: Base, few: Base, candidate: Assessed, model: Model, values: dict[str, float]
-) -> Trial | None:
-    """Where a start leads on `few` cells; None if it is refused."""
-    try:
-        start = with_candidate(model, candidate.signature.effect, values)
-        start = start.resolved(base.cells.conditions)
-        names, problem = free_names(start, few.cells), Problem(few.cells, few.white)
-        return descend_together([problem], start, names, steps=_TRIAL_STEPS)[:2]
-    except ModelError:
-        return None
+) -> Trial:
+    """Where a start leads on `few` cells."""
+    start = with_candidate(model, candidate.signature.effect, values)
+    start = start.resolved(base.cells.conditions)
+    names, problem = free_names(start, few.cells), Problem(few.cells, few.white)
+    return descend_together([problem], start, names, steps=_TRIAL_STEPS)[:2]
 
 
 def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) -> Base:
@@ -86,17 +84,17 @@ def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) ->
     least = min(chi2 for _, chi2 in trials)
     reached = [model for model, chi2 in trials if chi2 <= (1.0 + SAME_CHI2) * least]
     best = refit(base, min(reached, key=lambda model: _moved(base, model)))
+    if isinstance(best, ModelError):
+        raise best
     if best.fit.chi2 > base.fit.chi2:
         raise ModelError(f"the fit with {name} ended above the fit without it")
     return best
 
 
+@or_refusal
 def _again(base: Base, candidate: Assessed, trials: Sequence[Trial]) -> _Again:
     """The same without what the base has already: it goes from process to process."""
-    try:
-        found = refit_candidate(base, candidate, trials)
-    except ModelError as failed:
-        return failed.what
+    found = refit_candidate(base, candidate, trials)
     return found.fit, found.held_white, found.held_plain
 
 
@@ -110,19 +108,23 @@ def _moved(base: Base, model: Model) -> float:
     return float(sum(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs))
 
 
-def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | str]:
+def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError]:
     """Of each candidate the base with it, refitted, or why that failed."""
     few = thinned(base, _TRIAL_CELLS)
     starts = [(one, *start) for one in candidates for start in _starts(base, one)]
     ends = made_apart([partial(_trial, base, few, *start) for start in starts])
     trials = [
-        [end for start, end in zip(starts, ends, strict=True) if start[0] is one and end]
+        [
+            end
+            for start, end in zip(starts, ends, strict=True)
+            if start[0] is one and not isinstance(end, ModelError)
+        ]
         for one in candidates
     ]
     jobs = [partial(_again, base, *pair) for pair in zip(candidates, trials, strict=True)]
-    found: list[Base | str] = []
+    found: list[Base | ModelError] = []
     for again in made_apart(jobs):
-        if isinstance(again, str):
+        if isinstance(again, ModelError):
             found.append(again)
             continue
         fit, white, plain = again

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from tirelog.diagnosis.obstacles.fit import View, fit_hit, motion_at, view_of
-from tirelog.errors import ModelError, UsageError
+from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.fit.descent import descend
 from tirelog.inference.fit.errors import errors_of
 from tirelog.inference.motion import motion_names
@@ -150,10 +150,8 @@ class _Hits:
         return self._left(self._views(theta), theta)
 
     def square(self, theta: FloatArray) -> float:
-        try:
-            return float((self.residual(theta) ** 2).sum())
-        except ModelError:
-            return float("inf")
+        left = or_refusal(self.residual)(theta)
+        return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         views, columns = self._views(theta), []

@@ -21,7 +21,7 @@ from tirelog.diagnosis.propose.grammar import EXPONENTS, LAW_BOUNDS, LAW_UNITS
 from tirelog.diagnosis.propose.ground import Ground
 from tirelog.diagnosis.propose.scan import Atom, columns_of, polish, strengths
 from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2, REST_SHARE
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, refit
 from tirelog.inference.floor import held_out_losses, steps_left_out
 from tirelog.physics.model.entry import ModelEffect
@@ -170,12 +170,8 @@ def polished(ground: Ground, atoms: Sequence[Atom]) -> list[Atom]:
     leading = list(best.values())[:POLISHED]
     first, taken = [_form_of(atom) for atom in leading[:2]], {id(atom) for atom in leading}
     others = [a for a in atoms if _form_of(a) in first and id(a) not in taken][:OTHER_LAWS]
-    found = []
-    for atom in [*leading, *others]:
-        try:
-            found.append(polish(ground, atom))
-        except ModelError:
-            continue
+    tried = [or_refusal(polish)(ground, atom) for atom in [*leading, *others]]
+    found = [atom for atom in tried if not isinstance(atom, ModelError)]
     return sorted(found, key=lambda atom: -atom.explained)
 
 
@@ -192,6 +188,7 @@ class _Linear:
     removed: float
 
 
+@or_refusal
 def _linear(full: Ground, atom: Atom) -> _Linear:
     base = full.base
     white, plain = held_out_losses(
@@ -213,12 +210,8 @@ def _without_needless_laws(rows: Sequence[_Linear], base: Base) -> list[_Linear]
 
 def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
     """The leading atoms refitted in the model, and the simplest of the best; None if all fail."""
-    scored = []
-    for atom in atoms:
-        try:
-            scored.append(_linear(full, atom))
-        except ModelError:
-            continue
+    tried = [_linear(full, atom) for atom in atoms]
+    scored = [row for row in tried if not isinstance(row, ModelError)]
     if not scored:
         return None
     scored.sort(key=lambda row: float(row.white.sum()))
@@ -227,8 +220,8 @@ def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
     leading = near[:REFITTED]
     stages = {row.atom.form.stage.name for row in leading}
     leading += [row for row in near if row.atom.form.stage.name not in stages][:1]
-    tried = [_drafted(full, row.atom, name) for row in leading]
-    drafts = [draft for draft in tried if draft is not None]
+    refitted = [_drafted(full, row.atom, name) for row in leading]
+    drafts = [draft for draft in refitted if isinstance(draft, Draft)]
     if not drafts:
         return None
     drafts.sort(key=lambda draft: float(draft.base.held_white.sum()))
@@ -241,16 +234,16 @@ def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
     return Choice(good[0], (good[0], *other[: MOST_AS_GOOD - 1]), tuple(drafts))
 
 
+@or_refusal
 def _drafted(full: Ground, atom: Atom, name: str) -> Draft | None:
     """The atom refitted in the model; None if that fails or ends above the base."""
     base = full.base
-    try:
-        amplitudes, _ = strengths(full, atom)
-        entry = entry_of(atom, amplitudes, name, base.model.observable)
-        new = refit(base, base.model.with_entry(entry))
-    except ModelError:
+    amplitudes, _ = strengths(full, atom)
+    entry = entry_of(atom, amplitudes, name, base.model.observable)
+    new = refit(base, base.model.with_entry(entry))
+    if isinstance(new, ModelError) or new.fit.chi2 > base.fit.chi2:
         return None
-    return None if new.fit.chi2 > base.fit.chi2 else _read(atom, entry, new)
+    return _read(atom, entry, new)
 
 
 def _read(atom: Atom, entry: ModelEffect, new: Base, quarter: int | None = None) -> Draft:
@@ -289,7 +282,7 @@ def simplified(draft: Draft) -> Draft:
             law = replace(best.atom.law, numbers={**best.atom.law.numbers, number: wanted})
             atom = replace(best.atom, law=law, fixed=(*best.atom.fixed, number))
             trial = _with_fixed(best, atom, best.quarter)
-            if trial is not None and _costs_nothing(
+            if isinstance(trial, Draft) and _costs_nothing(
                 best.base, trial.base, small=abs(wanted - value) <= _ROUND_NEAR
             ):
                 best = trial
@@ -297,12 +290,13 @@ def simplified(draft: Draft) -> Draft:
     if best.atom.form.wave:
         phase = best.base.model.values[f"{best.entry.id}.psi"]
         trial = _with_fixed(best, best.atom, round(phase / (0.5 * np.pi)) % 4)
-        if trial is not None and _costs_nothing(best.base, trial.base):
+        if isinstance(trial, Draft) and _costs_nothing(best.base, trial.base):
             best = trial
     return best
 
 
-def _with_fixed(draft: Draft, atom: Atom, quarter: int | None) -> Draft | None:
+@or_refusal
+def _with_fixed(draft: Draft, atom: Atom, quarter: int | None) -> Draft | ModelError:
     """The draft with some of its numbers given, fitted again from where it is."""
     base, name = draft.base, draft.entry.id
     size = base.model.values[f"{name}.A"]
@@ -310,12 +304,9 @@ def _with_fixed(draft: Draft, atom: Atom, quarter: int | None) -> Draft | None:
     amplitudes = np.array(
         [size * np.sin(phase), size * np.cos(phase)] if atom.form.wave else [size]
     )
-    try:
-        entry = entry_of(atom, amplitudes, name, base.model.observable, quarter)
-        new = refit(base, base.model.without_effect(name).with_entry(entry))
-    except ModelError:
-        return None
-    return _read(atom, entry, new, quarter)
+    entry = entry_of(atom, amplitudes, name, base.model.observable, quarter)
+    new = refit(base, base.model.without_effect(name).with_entry(entry))
+    return new if isinstance(new, ModelError) else _read(atom, entry, new, quarter)
 
 
 def _costs_nothing(before: Base, rounded: Base, *, small: bool = False) -> bool:

@@ -20,10 +20,12 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import nuisance
-from tirelog.inference.base import Base
-from tirelog.inference.fit.cells import Problem
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base, change_to
 from tirelog.inference.metric.offsets import ProjectedOut
 from tirelog.inference.metric.whitening import Whitener
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.own.expression import parse_expression
 from tirelog.physics.model.own.user_effects import CONDITIONS, PLACES
 from tirelog.vocabulary.arrays import FloatArray
@@ -69,7 +71,6 @@ class Ground:
         beside = cells.values - base.fit.prediction - base.fit.beside
         #: root mean square of what base and nuisances leave, in the observable's unit
         self.missing = float(np.sqrt(np.nanmean(beside**2)))
-        self.problem = Problem(cells, base.white)
         self.manoeuvres = cells.manoeuvres
         self.values: dict[str, Any] = {
             name: getattr(cells.conditions, column)[:, None] for name, column in CONDITIONS.items()
@@ -99,6 +100,16 @@ class Ground:
     def coupled(self, whitened: FloatArray) -> FloatArray:
         """What couples cells, on columns `of_cells`: nuisances, offsets, base taken out."""
         return self.taken.without(self._coupling(whitened.copy()))
+
+    def response(self, effect: Effect, probe: float) -> FloatArray:
+        """The change of the prediction by an effect, per unit of its `probe`, (C, m).
+
+        ModelError if the model cannot be computed with it.
+        """
+        change = change_to(self.base, self.base.model.with_effect(ModelEffect.of(effect)))
+        if isinstance(change, ModelError):
+            raise change
+        return np.nan_to_num(change) / probe
 
     def expression(self, text: str, numbers: Mapping[str, Any]) -> FloatArray:
         """An expression's values on the cells; numbers of shape (S, 1, 1) give (S, C, m)."""

@@ -16,7 +16,7 @@ from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.diagnosis.propose.ground import Ground
 from tirelog.diagnosis.propose.scan import typical
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.projection import side_by_side
@@ -112,9 +112,8 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     factors = np.stack([ground.law(law.text, law.numbers) for law in given])
     ranked: list[tuple[float, tuple[str, str], GivenLaw]] = []
     for key in NODES:
-        try:
-            own = _hats(ground, *key)
-        except ModelError:
+        own = or_refusal(_hats)(ground, *key)
+        if isinstance(own, ModelError):
             continue
         worth = ground.worth(ground.of_cells(own.columns), factors, own.nodes.size)
         explained = [
@@ -126,10 +125,11 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     best: dict[tuple[str, str], GivenLaw] = {}
     for _, key, law in ranked:
         best.setdefault(key, law)
-    found = [_measured(full, key, law) for key, law in list(best.items())[:_TRIED]]
+    asked = list(best.items())[:_TRIED]
     # the runner-up laws of the best frame: an exponent by what is held out
-    first = next(iter(best), None)
-    found += [_measured(full, key, law) for _, key, law in ranked[:3] if key == first][1:]
+    asked += [(key, law) for _, key, law in ranked[:3] if key == asked[0][0]][1:]
+    tried = [_measured(full, key, law) for key, law in asked]
+    found = [shape for shape in tried if not isinstance(shape, ModelError)]
     return sorted(found, key=lambda shape: -shape.removed)
 
 
@@ -173,8 +173,7 @@ def _response(
     effect = effect_by_shape(
         "probe_", acts_on, frame, "1", nodes.tolist(), (probe * values).tolist()
     )
-    model = ground.base.model.with_effect(ModelEffect.of(effect))
-    return np.nan_to_num(ground.problem.predict(model, {}) - ground.base.fit.prediction) / probe
+    return ground.response(effect, probe)
 
 
 def _solved(
@@ -188,6 +187,7 @@ def _solved(
     return float((inverse * along**2).sum()), heights, (vectors * inverse) @ vectors.T
 
 
+@or_refusal
 def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShape:
     """One shape on all cells, and what it removes from manoeuvres left out."""
     base, own = full.base, _hats(full, *key)

@@ -49,11 +49,10 @@ from tirelog.diagnosis.rules import (
     SECOND_LEAST,
 )
 from tirelog.diagnosis.wording import NUISANCES_SAID, percent
-from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import Base, refit, settled, thinned
+from tirelog.errors import ModelError, UsageError, or_refusal
+from tirelog.inference.base import Base, change_to, refit, refit_without, settled, thinned
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether
-from tirelog.inference.fit.cells import Problem
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
@@ -243,11 +242,9 @@ def _without_needless(climb: _Climb) -> _Climb:
     for name in names[:-1]:
         if _share(after, name) > _PLAINLY:
             continue
-        try:
-            less = refit(after, after.model.without_effect(name))
-        except ModelError:
-            continue
-        if less.square_held - after.square_held < LEAST_SHARE_OF_FLOOR * after.floor.square:
+        less = refit_without(after, name)
+        least = LEAST_SHARE_OF_FLOOR * after.floor.square
+        if not isinstance(less, ModelError) and less.square_held - after.square_held < least:
             after = less
             needed.remove(name)
     if needed == names:
@@ -261,7 +258,10 @@ def _without_needless(climb: _Climb) -> _Climb:
         old = entries[names[i]]
         renamed.append(replace(old, effect=replace(old.effect, id=new)))
         model = model.with_entry(renamed[-1])
-    top = settled(refit(after, model))
+    again = refit(after, model)
+    if isinstance(again, ModelError):
+        return climb
+    top = settled(again)
     climb.scans = [climb.scans[i] for i in kept]
     choices = []
     for entry, i in zip(renamed, kept, strict=True):
@@ -272,9 +272,11 @@ def _without_needless(climb: _Climb) -> _Climb:
 
 
 def _share(base: Base, name: str) -> float:
-    """What an effect adds to the waveforms, in squared floors."""
-    bare = Problem(base.cells, base.white).predict(base.model.without_effect(name), {})
-    added = base.plain(np.nan_to_num(base.fit.prediction - bare))
+    """What an effect adds to the waveforms, in squared floors; infinite if it has to stay."""
+    lost = change_to(base, base.model.without_effect(name))
+    if isinstance(lost, ModelError):
+        return float("inf")
+    added = base.plain(np.nan_to_num(lost))
     return float((added**2).sum()) / base.plain.weight / base.floor.square
 
 
@@ -302,27 +304,24 @@ def _proposal(
             base.model, diagnosis.sentence, base.cells.manoeuvres, diagnosis, climb.shapes
         )
     if status == "nothing":
-        return _nothing(
-            base.model,
-            _doubt(climb),
-            base.cells.manoeuvres,
-            diagnosis,
-            climb.shapes,
-        )
+        return _nothing(base.model, _doubt(climb), base.cells.manoeuvres, diagnosis, climb.shapes)
     progress("asking the manoeuvres that were locked away")
     number = int(np.unique(locked.manoeuvre).size)
     before_there, after_there = untouched(base, locked), untouched(after, locked)
-    result = Locked(number, before_there[0], after_there[0], after_there[1])
-    if result.share is None or result.share < _CONFIRMED:
-        held = percent(max(result.share or 0.0, 0.0))
-        return _nothing(
-            base.model,
-            f"what was found removes {held} of the excess on the {number} manoeuvres that were "
-            "locked away, too little to be claimed.",
-            base.cells.manoeuvres,
-            diagnosis,
-            climb.shapes,
-        )
+    result, doubt = None, ""
+    for there in (before_there, after_there):
+        if isinstance(there, ModelError):
+            doubt = f"of the manoeuvres that were locked away nothing is known: {there.what}."
+    if not isinstance(before_there, ModelError) and not isinstance(after_there, ModelError):
+        result = Locked(number, before_there[0], *after_there)
+        if result.share is None or result.share < _CONFIRMED:
+            held = percent(max(result.share or 0.0, 0.0))
+            doubt = (
+                f"what was found removes {held} of the excess on the {number} manoeuvres that were "
+                "locked away, too little to be claimed."
+            )
+    if doubt:
+        return _nothing(base.model, doubt, base.cells.manoeuvres, diagnosis, climb.shapes)
     own = {effect.id for effect in base.model.effects}
     written = tuple(e.id for e in after.model.effects if e.id not in own)
     covering = with_covering_errors(after, written)
@@ -376,10 +375,9 @@ def _with_shape(base: Base, shapes: list[MeasuredShape], p: float) -> Base | Non
     surely = surely_gains(best.gain, 1.0, p, base.share(best.removed))
     if not surely or best.removed < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return None
-    try:
-        return settled(refit(base, base.model.with_entry(best.entry(_shape_name(base)))))
-    except ModelError:
-        return None
+    entered = or_refusal(base.model.with_entry)(best.entry(_shape_name(base)))
+    refitted = entered if isinstance(entered, ModelError) else refit(base, entered)
+    return None if isinstance(refitted, ModelError) else settled(refitted)
 
 
 def _shape_name(base: Base) -> str:

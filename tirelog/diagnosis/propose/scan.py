@@ -16,9 +16,8 @@ from scipy.optimize import least_squares
 from tirelog.diagnosis.candidates.sign_flips import flip_signs
 from tirelog.diagnosis.propose.grammar import LAW_BOUNDS, Form, GivenLaw, forms, laws
 from tirelog.diagnosis.propose.ground import Ground
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base
-from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.own.user_effects import CONDITIONS, effect_by_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
@@ -129,9 +128,7 @@ def _response(ground: Ground, form: Form, text: str, numbers: Mapping[str, float
         for name, value in numbers.items()
     ]
     probe = effect_by_expression("probe_", stage.acts_on, f"A * ({body})", tuple(parameters))
-    model = ground.base.model.with_effect(ModelEffect.of(probe))
-    change: FloatArray = ground.problem.predict(model, {}) - ground.base.fit.prediction
-    return np.nan_to_num(change) / stage.probe
+    return ground.response(probe, stage.probe)
 
 
 def scan(ground: Ground) -> Scanned:
@@ -178,10 +175,9 @@ def _batches(
     count = next((values.size for values in grid.values()), 1)
     for start in range(0, count, _SOME):
         numbers = {name: values[start : start + _SOME] for name, values in grid.items()}
-        try:
-            yield numbers, unit_columns(ground, form, numbers, in_bins=False)
-        except ModelError:
-            continue
+        columns = or_refusal(unit_columns)(ground, form, numbers, in_bins=False)
+        if not isinstance(columns, ModelError):
+            yield numbers, columns
 
 
 def _turned(
@@ -265,27 +261,29 @@ def polish(ground: Ground, atom: Atom) -> Atom:
     residual = ground.residual.ravel()
     kept: dict[tuple[float, ...], FloatArray] = {}
 
+    @or_refusal
     def left(x: FloatArray) -> FloatArray:
         now = at(x)
         key = tuple(now.numbers.values())
-        try:
-            if key not in kept:  # a step in the law alone leaves the form
-                kept.clear()
-                unit = unit_columns(ground, now.form, now.numbers, in_bins=False)
-                kept[key] = ground.of_cells(unit)
-            factor = ground.law(now.law.text, now.law.numbers)
-            columns = ground.without(kept[key] * factor[:, None, None])
-        except ModelError:
-            return residual
+        if key not in kept:  # a step in the law alone leaves the form
+            kept.clear()
+            unit = unit_columns(ground, now.form, now.numbers, in_bins=False)
+            kept[key] = ground.of_cells(unit)
+        factor = ground.law(now.law.text, now.law.numbers)
+        columns = ground.without(kept[key] * factor[:, None, None])
         found = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
         return np.asarray(residual - columns @ found)
+
+    def all_or_left(x: FloatArray) -> FloatArray:
+        found = left(x)
+        return residual if isinstance(found, ModelError) else found
 
     def turned(values: FloatArray) -> FloatArray:
         return np.where(logged, np.log(np.where(logged, values, 1.0)), values / scale)
 
     inside = np.clip(start, bounds[:, 0] * (1 + 1e-9) + 1e-12, bounds[:, 1] * (1 - 1e-9) - 1e-12)
     reached = least_squares(
-        left,
+        all_or_left,
         turned(inside),
         bounds=(turned(bounds[:, 0]) - 1e-6, turned(bounds[:, 1]) + 1e-6),
         max_nfev=_STEPS,

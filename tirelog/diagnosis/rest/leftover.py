@@ -16,7 +16,7 @@ removal of the best family.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -276,12 +276,21 @@ def _exponent(
     observable.
     """
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
-    kinds: list[Callable[[], FloatArray]] = [lambda: free]  # one after the other in memory
-    if pressed and free.shape[-1] > 1:
-        kinds.insert(0, lambda: pressure_columns(base))
-    explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
-    best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
-    return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
+
+    def explained(columns: FloatArray) -> list[float]:
+        return [
+            _explained(one)
+            for one in _scores(base, taken, residual, columns, [speed**e for e in FINE_EXPONENTS])
+        ]
+
+    # one after the other in memory
+    bells = pressure_columns(base) if pressed and free.shape[-1] > 1 else None
+    by_pressure = [] if bells is None else explained(bells)
+    del bells
+    by_shape = explained(free)
+    in_pressure = max(by_pressure, default=-1.0) >= max(by_shape)
+    best = by_pressure if in_pressure else by_shape
+    return FINE_EXPONENTS[int(np.argmax(best))], in_pressure
 
 
 def _crosses_zero(base: Base) -> bool:
@@ -294,13 +303,6 @@ def _crosses_zero(base: Base) -> bool:
         return False
     left = base.plain(np.nan_to_num(cells.values - base.fit.prediction))
     return bool(abs(left.sum()) < _ONE_SIGN * np.abs(left).sum())
-
-
-def _explained_by_exponent(
-    base: Base, taken: ProjectedOut, residual: FloatArray, columns: FloatArray, speed: FloatArray
-) -> list[float]:
-    by = [speed**e for e in FINE_EXPONENTS]
-    return [_explained(one) for one in _scores(base, taken, residual, columns, by)]
 
 
 def _one_side(

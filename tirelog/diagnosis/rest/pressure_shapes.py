@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.diagnosis.candidates.signatures import with_candidate
-from tirelog.inference.base import Base
-from tirelog.inference.fit.cells import Problem
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base, change_to
 from tirelog.physics.effects import Drive, Effect, Site
 from tirelog.physics.effects.base import Values
 from tirelog.physics.parameters import Parameter
@@ -56,19 +56,16 @@ def _probe(centre: float) -> Effect:
     )
 
 
-def pressure_columns(base: Base) -> FloatArray:
-    """Changes of the prediction by a bell of pressure at each place of the patch, (C, m, 19)."""
-    problem = Problem(base.cells, base.white)
-    return np.stack(
-        [
-            (
-                problem.predict(
-                    with_candidate(base.model, _probe(float(c)), {"height": _HEIGHT}), {}
-                )
-                - base.fit.prediction
-            )
-            / _HEIGHT
-            for c in _CENTRES
-        ],
-        axis=-1,
-    )
+def pressure_columns(base: Base) -> FloatArray | None:
+    """Changes of the prediction by a bell of pressure at each place of the patch, (C, m, 19).
+
+    None if the model cannot be computed with one of them.
+    """
+    changes = []
+    for centre in _CENTRES:
+        pressed = with_candidate(base.model, _probe(float(centre)), {"height": _HEIGHT})
+        change = change_to(base, pressed)
+        if isinstance(change, ModelError):
+            return None
+        changes.append(change / _HEIGHT)
+    return np.stack(changes, axis=-1)

@@ -32,7 +32,6 @@ from tirelog.diagnosis.rules import (
     SECOND_LEAST,
 )
 from tirelog.inference.base import Base
-from tirelog.inference.fit.cells import Problem
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.physics.effects import Effect
 from tirelog.vocabulary.arrays import FloatArray
@@ -137,9 +136,7 @@ def _alarms(
     A further effect must remove more than the first.
     """
     effects = [e for e in candidate_effects(base.model, extra) if e.id in names]
-    found, _ = all_signatures(
-        Problem(base.cells, base.white), base.model, effects, base.fit.prediction
-    )
+    found, _ = all_signatures(base, effects)
     kept, scores, _ = scores_of(base, found)
     if not kept:
         return {}

@@ -14,7 +14,7 @@ two on to all of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.apart import made_apart
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import lacking, linearised, predicted
 from tirelog.inference.fit.descent import MOST_STEPS, descend, leaving
@@ -42,6 +42,10 @@ STARTS: tuple[Mapping[str, float], ...] = (
     {"foundation_stiffness_N_m2": 4.0, "flexural_stiffness_N_m2": 0.4},
     {"flexural_stiffness_N_m2": 4.0, "tread_stiffness_N_m2": 0.3},
     {"flexural_stiffness_N_m2": 8.0, "foundation_stiffness_N_m2": 8.0, "lever_arm_m": 8.0},
+)
+#: the same for a model below whose critical speed none of its starts is: each doubles that speed
+_STIFFER: tuple[Mapping[str, float], ...] = tuple(
+    {"flexural_stiffness_N_m2": 4.0**i, "foundation_stiffness_N_m2": 4.0**i} for i in range(5)
 )
 #: a shift below this is left to the linear nuisance [rad]; most centrings in a row; twice as much
 #: is still less than a bin of the angle, 0.025; the rounds end earlier as a rule
@@ -233,10 +237,8 @@ class _Together:
         )
 
     def square(self, theta: FloatArray) -> float:
-        try:
-            return float((self._residual(self.values(theta)) ** 2).sum())
-        except ModelError:
-            return float("inf")
+        left = or_refusal(self._residual)(self.values(theta))
+        return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
 
     def _residual(self, values: Mapping[str, float]) -> FloatArray:
         return np.concatenate(
@@ -258,10 +260,12 @@ def descend_together(
     return model.with_values(together.values(reached.theta)), reached.square, reached.settled
 
 
-def starts(model: Model, names: Sequence[str]) -> list[Model]:
+def starts(
+    model: Model, names: Sequence[str], every: Sequence[Mapping[str, float]] = STARTS
+) -> list[Model]:
     """The model's own values, and others around them that stay within the bounds."""
     result = []
-    for factors in STARTS:
+    for factors in every:
         moved = {n: f * model.values[n] for n, f in factors.items() if n in names}
         if factors and not moved:
             continue
@@ -301,27 +305,34 @@ def fit_channels(
         for name in model.free
         if all(name in free_names(model, cells) for cells, _ in channels)
     )
-    candidates = starts(model, names) if several else [model]
-    if len(candidates) > 1:
-        candidates = _promising(channels, names, candidates)
-    results, refused = [], None
-    for start in candidates:
-        problems = [Problem(*channel) for channel in channels]  # which a descent centres
-        try:
-            results.append((problems, *descend_together(problems, start, names, steps=steps)))
-        except ModelError as problem_of_start:
-            refused = problem_of_start
-    if not results:
-        raise refused or ModelError(
-            "the model could not be fitted",
-            allowed="a model that predicts these speeds is allowed",
-            do="change its start values",
-        )
+    results: list[tuple[list[Problem], Model, float, bool]] = []
+    for begins in _begins(channels, names, model) if several else ([model],):
+        for start in begins:
+            problems = [Problem(*channel) for channel in channels]  # which a descent centres
+            end = or_refusal(descend_together)(problems, start, names, steps=steps)
+            if isinstance(end, ModelError):
+                refused = end
+            else:
+                results.append((problems, *end))
+        if results:
+            break
+    else:
+        raise refused
     problems, best, _, settled = min(results, key=lambda result: result[2])
     fits = finish(problems, best, names, settled)
     if several and fits[0].held:
         fits = _from_within(channels, model, fits)
     return fits
+
+
+def _begins(
+    channels: Sequence[CellsInMetric], names: Sequence[str], model: Model
+) -> Iterator[list[Model]]:
+    """Where to begin: the most promising starts; if none can be computed all, then stiffer ones."""
+    every = starts(model, names)
+    yield _promising(channels, names, every) if len(every) > 1 else every
+    yield every
+    yield from ([start] for start in starts(model, names, _STIFFER)[1:])
 
 
 def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit]) -> list[Fit]:
@@ -336,12 +347,9 @@ def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit
     ]
     for begin in _promising(channels, names, inner):
         problems = [Problem(*channel) for channel in channels]
-        try:
-            found, reached, settled = descend_together(problems, begin, names)
-        except ModelError:
-            continue
-        if reached < least:
-            fits = finish(problems, found, names, settled)
+        end = or_refusal(descend_together)(problems, begin, names)
+        if not isinstance(end, ModelError) and end[1] < least:
+            fits = finish(problems, end[0], names, end[2])
             least = sum(fit.chi2 for fit in fits)
     return fits
 
@@ -351,7 +359,7 @@ def _promising(
 ) -> list[Model]:
     """The two best of the starts after a few steps on a few cells."""
     ends = made_apart([partial(_tried, channels, names, start) for start in candidates])
-    reached = [end for end in ends if end is not None]
+    reached = [end for end in ends if not isinstance(end, ModelError)]
     reached.sort(key=lambda result: result[1])
     distinct = [
         r
@@ -361,14 +369,12 @@ def _promising(
     return [r[0] for r in distinct[:2]] or candidates
 
 
+@or_refusal
 def _tried(
     channels: Sequence[CellsInMetric], names: Sequence[str], start: Model
-) -> tuple[Model, float] | None:
-    """Where a start leads on a few cells, and chi-square there; None if it is refused."""
-    try:
-        return descend_together([_few(*one) for one in channels], start, names, steps=15)[:2]
-    except ModelError:
-        return None
+) -> tuple[Model, float]:
+    """Where a start leads on a few cells, and chi-square there."""
+    return descend_together([_few(*one) for one in channels], start, names, steps=15)[:2]
 
 
 def _few(cells: Cells, white: Whitener) -> Problem:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, or_refusal
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Drive
 from tirelog.physics.model.few_speeds import COUNTS, few_speeds, told_by
@@ -138,20 +138,31 @@ class Predicting:
         shares: FloatArray | None = None,
     ) -> FloatArray:
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
-        ends = []
-        for value in (flat[name] + step, flat[name] - step):
-            moved = {**flat, name: value}
-            base, active = self._split(moved)
-            ends.append(replace(task, base=base, active=active, near=task))
+
+        @or_refusal
+        def at(moved: float) -> tuple[Any, Any]:
+            """Modes and level with the value moved by so many steps."""
+            base, active = self._split({**flat, name: flat[name] + moved * step})
+            end = replace(task, base=base, active=active, near=task)
+            if angles is None:
+                return 0.0, scalar(end, observable, _lever(end, surface))
+            modes, level = waveform(end, observable, _lever(end, surface))
+            return modes, level + _added(end, observable, angles)
+
+        high, low = at(1.0), at(-1.0)
+        width = 2.0 * step
+        if isinstance(high, ModelError):  # at the edge of what is computed: the slope within
+            high, width = at(0.0), step
+        elif isinstance(low, ModelError):
+            low, width = at(0.0), step
+        if isinstance(high, ModelError):
+            raise high
+        if isinstance(low, ModelError):
+            raise low
+        level: FloatArray = (high[1] - low[1]) / width
         if angles is None:
-            value_up, value_down = (scalar(end, observable, _lever(end, surface)) for end in ends)
-            return (value_up - value_down) / (2.0 * step)
-        (up, level_up), (down, level_down) = (
-            waveform(end, observable, _lever(end, surface)) for end in ends
-        )
-        added_up, added_down = (_added(end, observable, angles) for end in ends)
-        level = (level_up - level_down + added_up - added_down) / (2.0 * step)
-        return angles.evaluate((up - down) / (2.0 * step), shares) + _of_rows(level, shares)
+            return level
+        return angles.evaluate((high[0] - low[0]) / width, shares) + _of_rows(level, shares)
 
     def _angles(
         self, phi_rad: FloatArray | Angles | None, phi_variance: FloatArray | None

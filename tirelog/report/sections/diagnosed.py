@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Recording
-from tirelog.errors import ModelError, TirelogError, UsageError, nearest
+from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
 from tirelog.report.figures import LogColours
 from tirelog.report.page import Section
 from tirelog.report.sections import models as model_sections
@@ -64,7 +64,8 @@ def model_story(
     own = own_effects(model.effects_file, asked=False)
     colours = LogColours(r.log for r in recordings) if colours is None else colours
     compared = compare(logs.revolutions, model)
-    found = diagnose(logs.revolutions, model, effects=own, progress=progress)
+    asked_of = or_refusal(diagnose)(logs.revolutions, model, effects=own, progress=progress)
+    found = None if isinstance(asked_of, ModelError) else asked_of
 
     def command(name: str) -> str:
         return asked.report_command() if name == "report" else asked.command(name, model=True)
@@ -77,8 +78,10 @@ def model_story(
         command,
         catalogue,
         colours,
-        asked.with_options(found.next_command),
+        "" if found is None else asked.with_options(found.next_command),
     )
+    if isinstance(asked_of, ModelError):
+        story.missing.append((f"the diagnosis: {asked_of}", command("diagnose")))
     better = f"{(asked.model or Path('M.toml')).with_suffix('')}+proposed.toml"
     wanted = asked.command("propose", "-o", better, model=True)
 
@@ -98,14 +101,14 @@ def model_story(
         by = command("compare")
         add("obstacles", by, lambda: _obstacles(logs, compared, by, progress, colours))
     unknown = "what is unknown, written down as a formula"
-    if found.next_command.startswith("tirelog propose"):
+    if found is not None and found.next_command.startswith("tirelog propose"):
         wanted = asked.with_options(found.next_command)
         if asked.propose:
             add(unknown, wanted, write_down)
         else:
             again = replace(asked, propose=True).report_command()
             story.missing.append((f"{unknown} (--propose)", again))
-    elif asked.propose:
+    elif asked.propose and found is not None:
         word = found.verdict.replace("_", " ")
         story.missing.append((f"{unknown}: the verdict is {word}", wanted))
     return story
