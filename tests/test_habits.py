@@ -137,3 +137,16 @@ def test_classes_of_speed_are_those_that_there_are() -> None:
         classes = _classes(speed)
         assert classes.min() == 0
         assert classes[np.argmax(speed)] == classes.max()
+
+
+def test_what_a_search_tries_is_never_an_exception() -> None:
+    """`or_refusal` makes a value of it, which the type checker asks each caller for."""
+    caught = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for folder in ("diagnosis", "inference")
+        for path in sorted((ROOT / "tirelog" / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ExceptHandler)
+        and any(isinstance(n, ast.Name) and n.id == "ModelError" for n in ast.walk(node))
+    ]
+    assert caught == []

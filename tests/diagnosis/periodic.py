@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import redirect_stdout
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+
+from tirelog.cli import run
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
@@ -177,3 +180,37 @@ def write_log(
         )
     )
     return name
+
+
+#: the commands that answer for a model, and a word of each answer
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "compare": '"rmse_heldout"',
+        "diagnose": '"verdict"',
+        "ladder": '"decision"',
+        "propose": '"status"',
+        "report": 'section id="model"',
+    }
+)
+
+
+def failures(
+    folder: Path, carcass: str, log: str = "log.csv", commands: Iterable[str] = COMMANDS
+) -> list[str]:
+    """What went wrong with each command on a log in the folder, with a fresh model.
+
+    A status other than 0, or an answer without its word.
+    """
+    model, at = str(folder / "model.toml"), str(folder / log)
+    setup = at.replace(".csv", ".toml")
+    made = ["model", "new", "--carcass", carcass, "--setup", setup, "-o", model, "--quiet"]
+    found = [] if run(made) == 0 else ["model new"]
+    for name in commands:
+        answer, page = folder / "answer.json", folder / "page.html"
+        options = ["-o", str(page)] if name == "report" else ["--format", "json"]
+        with answer.open("w", encoding="utf-8") as stream, redirect_stdout(stream):
+            status = run([name, at, "--model", model, "--quiet", *options])
+        told = page if name == "report" and page.is_file() else answer
+        if status or COMMANDS[name] not in told.read_text(encoding="utf-8"):
+            found.append(f"{name}: status {status}")
+    return found

@@ -20,6 +20,7 @@ from tirelog.diagnosis.told import (
     ToldTable,
     errors_sentence,
     errors_table,
+    floor_sentences,
     further_sentences,
     hits_table,
     nuisances_sentence,
@@ -44,8 +45,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Candidate", "Comparison", "ComparisonOfLogs", "DiagnosisOfLogs", "FitOfLogs", "GratingsFound",
     "LadderOfLogs", "Learned", "ProposalOfLogs", "ToldTable", "TransientComparison", "answer_of",
-    "errors_sentence", "errors_table", "further_sentences", "hits_table", "nuisances_sentence",
-    "parameters_table", "ranking_table", "together_table",
+    "errors_sentence", "errors_table", "floor_sentences", "further_sentences", "hits_table",
+    "nuisances_sentence", "parameters_table", "ranking_table", "together_table",
 ]  # fmt: skip
 
 #: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in

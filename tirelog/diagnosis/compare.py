@@ -52,7 +52,7 @@ from tirelog.inference.motion import without_motion_parameters
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, together
 from tirelog.vocabulary.quality import Quality, marked, quality_text
@@ -448,11 +448,16 @@ def _row(base: Base, rows: FloatArray, description: dict[str, Any]) -> dict[str,
     within = float(
         (share * np.where(share > 0, base.cells.within[index], 0.0)).sum() / plain.weight
     )
-    rmse = float(np.sqrt(max(within + plain.mean_square((plain(residual) ** 2).sum()), 0.0)))
-    floor = float(np.sqrt(within + base.floor.between))
-    return description | {
+    left = plain.mean_square((plain(residual) ** 2).sum())
+    return description | _sizes(left, within, base.floor.between, base.cells.revolutions[index])
+
+
+def _sizes(left: float, within: float, between: float, revolutions: IntArray) -> dict[str, Any]:
+    """The errors of a row of a table, of the mean squares that a model leaves above `within`."""
+    rmse, floor = (float(np.sqrt(max(within + more, 0.0))) for more in (left, between))
+    return {
         "rmse": rmse, "noise_floor": floor, "excess": excess_of(rmse, floor),
-        "revolutions": int(base.cells.revolutions[index].sum()),
+        "excess_within": float(np.sqrt(max(left, 0.0))), "revolutions": int(revolutions.sum()),
     }  # fmt: skip
 
 
@@ -484,17 +489,8 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
         total = share[:, zone].sum()
         left = ((share * np.nan_to_num(residual) ** 2)[:, zone].sum() - bias[:, zone].sum()) / total
         within = (share * np.where(share > 0, base.cells.within, 0.0))[:, zone].sum() / total
-        floor = float(np.sqrt(within + base.floor.between_by_angle[zone].mean()))
-        rmse = float(np.sqrt(max(within + left, 0.0)))
-        rows.append(
-            {
-                "angle": name,
-                "rmse": rmse,
-                "noise_floor": floor,
-                "excess": excess_of(rmse, floor),
-                "revolutions": int(base.cells.revolutions.sum()),
-            }
-        )
+        between = float(base.floor.between_by_angle[zone].mean())
+        rows.append({"angle": name} | _sizes(left, within, between, base.cells.revolutions))
     return rows
 
 
@@ -556,14 +552,14 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
 
 def _of_each(model: Model, stack: Stack, angles: Mapping[str, Any]) -> FloatArray:
     """The prediction of each revolution, (n, m); NaN of those that the model cannot compute."""
-    predict = or_refusal(partial(model.predict, surface=stack.surface, each=True))
-    found = predict(stack.conditions, **angles)
+    computed = or_refusal(partial(model.predict, surface=stack.surface, each=True))
+    found = computed(stack.conditions, **angles)
     if not isinstance(found, ModelError):
         return found
     result = np.full(stack.values.shape, np.nan)
     for i in range(len(stack)):
         own = {name: None if all_ is None else all_[i : i + 1] for name, all_ in angles.items()}
-        one = predict(stack.conditions.take(np.array([i])), **own)
+        one = computed(stack.conditions.take(np.array([i])), **own)
         if not isinstance(one, ModelError):
             result[i] = one[0]
     return result

@@ -292,7 +292,7 @@ def conclude(
         gratings = asked.with_strengths(result, selected)
         notes += gratings.sentences()
     notes += found.untested
-    notes += nuisance_sentences(beside, result)
+    notes += nuisance_sentences(beside, result, fails=verdict in ("unknown", "partial"))
     notes += scatter_sentences(result)
     stayed = [n.nuisance for n in beside if n.stayed]
     notes += alike_sentences(found.alike, selected, stayed, result)

@@ -23,6 +23,7 @@ from tirelog.diagnosis.candidates.nuisance_sizes import (
     nuisances_found,
     observed,
 )
+from tirelog.diagnosis.candidates.quiet import quiet
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.gratings.gather import gathered
@@ -93,6 +94,7 @@ def ladder(
                 steps.append(_removed(_row(len(steps), after, top, None), dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)
+    fails = verdict != "at_the_floor" and not quiet(after, after.floor.square)
     untested = list(found.untested)
     if isinstance(on_locked, ModelError):
         untested.append(f"No error on the manoeuvres that nothing had touched: {on_locked.what}.")
@@ -120,7 +122,7 @@ def ladder(
             *remarks_of(found.before),
             *said,
             *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
-            *nuisance_sentences(nuisances_found(after), after),
+            *nuisance_sentences(nuisances_found(after), after, fails=fails),
             *more,
             *untested,
             *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),

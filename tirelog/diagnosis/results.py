@@ -94,8 +94,9 @@ class Comparison:
     rmse          on the revolutions of the fit
     rmse_heldout  on manoeuvres that the fit had not seen, each left out in its turn; None if there
                   is but one
-    noise_floor   what scatter alone leaves; its part `between` like manoeuvres is seen through this
-                  model
+    noise_floor   what scatter alone leaves; its part `within` manoeuvres depends on the data alone,
+                  that `between` like manoeuvres on the model too: a worse one takes some of its
+                  misfit for scatter, so `excess` cannot rank models; `excess_heldout_within` can
     reduced_chi2  per degree of freedom, against noise and scatter alone, of the fitted point
 
     `with_nuisances`: these errors beside the `nuisances` that earn a place and that the model does
@@ -148,15 +149,24 @@ class Comparison:
     def excess_heldout(self) -> float | None:
         return None if self.rmse_heldout is None else excess_of(self.rmse_heldout, self.noise_floor)
 
+    @property
+    def excess_within(self) -> float:
+        """The error above what repeats within manoeuvres, which no model has a say in."""
+        return excess_of(self.rmse, self.noise_floor_within)
+
+    @property
+    def excess_heldout_within(self) -> float | None:
+        """The same on manoeuvres held out: by it models of one log can be ranked."""
+        held = self.rmse_heldout
+        return None if held is None else excess_of(held, self.noise_floor_within)
+
     def to_json(self) -> dict[str, Any]:
         apart = (
             *("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks"),
             *("member", "parts", "contributions", "agreement"),
         )
-        names = [name for name in self.__dataclass_fields__ if name not in apart] + [
-            "excess",
-            "excess_heldout",
-        ]
+        names = [name for name in self.__dataclass_fields__ if name not in apart]
+        names += ["excess", "excess_heldout", "excess_within", "excess_heldout_within"]
         told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)}
         )

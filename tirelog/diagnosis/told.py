@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.compare import TransientComparison
     from tirelog.diagnosis.propose.results import Proposal
 
+_ABOVE = "above scatter"
 _ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
 
 
@@ -39,17 +40,30 @@ class ToldTable:
 
 
 def held_out(result: Comparison, factor: float) -> list[float | str]:
-    """Error, floor and excess on manoeuvres held out; dashes if none could be."""
-    floor = result.noise_floor * factor
-    if result.rmse_heldout is None or result.excess_heldout is None:
-        return ["-", floor, "-"]
-    return [result.rmse_heldout * factor, floor, result.excess_heldout * factor]
+    """Error, error above `within`, floor and excess on manoeuvres held out; dashes if none is."""
+    names = ("rmse_heldout", "excess_heldout_within", "noise_floor", "excess_heldout")
+    found = [getattr(result, name) for name in names]
+    return ["-" if value is None else value * factor for value in found]
+
+
+def floor_sentences(result: Comparison) -> list[str]:
+    """Which of the errors rank models, and which depend on the model."""
+    factor, _ = shown(result.observable, result.unit)
+    within, between = result.noise_floor_within * factor, result.noise_floor_between * factor
+    return [
+        f"{_ABOVE}: the error above the scatter within manoeuvres, {within:.3g}. That scatter "
+        "depends on the data alone, so this column ranks models, held out.",
+        f"floor: with the scatter between like manoeuvres, {between:.3g}. That part depends on the "
+        "model, since a worse one takes misfit for scatter: do not rank models by excess.",
+        "Errors are those of one revolution at one angle.",
+    ]
 
 
 def errors_table(result: Comparison, log_name: Callable[[str], str] = str) -> ToldTable:
     """Errors of a comparison: of all, by angle, speed, regime and log."""
     factor, unit = shown(result.observable, result.unit)
-    fitted = (result.rmse * factor, result.noise_floor * factor, result.excess * factor)
+    names = ("rmse", "excess_within", "noise_floor", "excess")
+    fitted = [getattr(result, name) * factor for name in names]
     rows: list[list[Any]] = [
         ["all, fitted", *fitted, result.revolutions],
         ["all, held out", *held_out(result, factor), None],
@@ -61,10 +75,10 @@ def errors_table(result: Comparison, log_name: Callable[[str], str] = str) -> To
                 if name == "conditions"
                 else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
             )
-            errors = (row[key] * factor for key in ("rmse", "noise_floor", "excess"))
+            errors = (row[key] * factor for key in names)
             rows.append([f"  {part}", *errors, row["revolutions"]])
-    names = ["", "rmse", "floor", "excess", "revolutions"]
-    return ToldTable(f"Where the error is [{unit}]", names, rows)
+    columns = ["", "rmse", _ABOVE, "floor", "excess", "revolutions"]
+    return ToldTable(f"Where the error is [{unit}]", columns, rows)
 
 
 def parameters_table(result: Comparison, fixed: bool = False) -> ToldTable:
@@ -105,7 +119,7 @@ def together_table(result: Comparison) -> ToldTable:
         factor, unit = shown(part.observable, part.unit)
         errors = (part.rmse * factor, *held_out(part, factor))
         rows.append([f"  {part.label}", *errors, part.reduced_chi2, unit])
-    names = ["", "rmse", "held out", "floor", "excess", "chi-square", "unit"]
+    names = ["", "rmse", "held out", _ABOVE, "floor", "excess", "chi-square", "unit"]
     return ToldTable("Errors of each observable", names, rows)
 
 

@@ -66,21 +66,18 @@ def comparison_page(result: ComparisonOfLogs) -> None:
 
 def _errors_page(out: Console, result: Comparison) -> None:
     """The errors of one observable, and where they are."""
-    from tirelog.api.results import errors_table
+    from tirelog.api.results import errors_table, floor_sentences
 
-    factor, unit = shown(result.observable, result.unit)
+    _, unit = shown(result.observable, result.unit)
     named = f"{result.observable} of {result.member}" if result.member else result.observable
     out.print(
         f"{named} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} manoeuvres"
     )
-    out.print(_table(errors_table(result).columns("", "rmse", "floor", "excess")))
+    errors = errors_table(result)
+    out.print(_table(errors.columns(*errors.names[:-1])))
+    for said in floor_sentences(result):
+        out.print(said)
     out.print(f"reduced chi-square {result.reduced_chi2:.3g}, fit {result.fit_percent:.2f} %")
-    out.print(
-        f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, "
-        f"{result.noise_floor_between * factor:.3g} between them "
-        "as this model sees them (a worse model takes some of its misfit for scatter); "
-        "errors are those of one revolution at one angle"
-    )
 
 
 def _hits_page(result: TransientComparison) -> None:

@@ -32,6 +32,9 @@ _SPOKEN_SHARE = 0.2
 #: what is ordinary at one harmonic, and 100 microstrain
 _MUCH_FORCE = 0.02
 _MUCH_RUN_OUT = 1e-4
+#: ordinary sizes beyond which a nuisance may be misfit: one in 370 is larger by chance; twice as
+#: many leave a wheel of 6 % to be balanced for a wrong carcass
+_ORDINARY = 3.0
 _ORDER = ("first", "second", "third")
 
 
@@ -177,9 +180,19 @@ def observed(base: Base, name: str = "") -> tuple[str, str]:
     return own, OBSERVABLES[own].unit if own in OBSERVABLES else FLOORS
 
 
-def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
-    """What stayed beside the model, in words, and what to do about it."""
-    return [_sentence(nuisance, base) for nuisance in found if nuisance.stayed]
+def nuisance_sentences(
+    found: Sequence[NuisanceFound], base: Base, *, fails: bool = False
+) -> list[str]:
+    """What the fit includes beside the model, in words, and what to do about it.
+
+    `fails`: the model leaves a rest that no effect explains. Then, at a bound or beyond ordinary
+    sizes nothing is concluded, since a nuisance takes what it can of any misfit.
+    """
+    values = [(name, base.model.parameters[name]) for name in base.fit.names]
+    at_bound = [name for name, p in values if p.value != 0.0 and p.value in (p.min, p.max)]
+    doubts = ["the model leaves a rest"] if fails else []
+    doubts += [f"{name} is at its bound" for name in dict.fromkeys([*base.fit.held, *at_bound])]
+    return [_sentence(nuisance, base, doubts) for nuisance in found if nuisance.stayed]
 
 
 def scatter_sentences(base: Base) -> list[str]:
@@ -229,13 +242,23 @@ def alike_sentences(
     return said
 
 
-def _sentence(found: NuisanceFound, base: Base) -> str:
+def _sentence(found: NuisanceFound, base: Base, doubts: Sequence[str]) -> str:
     most = max((abs(part.value) / part.ordinary for part in found.parts), default=0.0)
     told = [
         part
         for part in found.parts
         if part.sigmas >= _SPOKEN_SIGMAS and abs(part.value) / part.ordinary > _SPOKEN_SHARE * most
     ] or [found.largest]
+    sizes, tells = _reading(found, told, base)
+    if most > _ORDINARY:
+        doubts = [*doubts, f"it is {most:.2g} times its ordinary size"]
+    if doubts:
+        tells = f"no finding, since {' and '.join(doubts)}: misfit of the model may be in it"
+    return f"The fit includes {NUISANCES_SAID[found.nuisance]}: {sizes}; {tells}."
+
+
+def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> tuple[str, str]:
+    """The sizes of a nuisance in words, and what they tell if the model is right."""
     said = ", ".join(_said(part, base) for part in told)
     if found.nuisance == "wheel":
         much = any(
@@ -243,23 +266,17 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
             for part in told
             if part.unit in ("1", "strain", "m/m")
         )
-        does = "balance the wheel or mount the tire anew" if much else "within what wheels do"
-        return f"Beside the model stands the wheel: {said}; {does}."
+        return said, "balance the wheel or mount the tire anew" if much else "within what wheels do"
     if found.nuisance == "drift":
-        baseline = any(_plain(part.name).startswith("baseline") for part in told)
-        or_effect = (
-            " A baseline that moves is what thermal_drift does, too: "
-            f"{_parted_by('drift', base)} parts them."
-        )
-        return (
-            f"Beside the model stands a drift: {said}; as of a tire that warms or loses pressure."
-            f"{or_effect if baseline else ''}"
-        )
+        tells = "as of a tire that warms or loses pressure"
+        if any(_plain(part.name).startswith("baseline") for part in told):
+            tells += (
+                ". A baseline that moves is what thermal_drift does, too: "
+                f"{_parted_by('drift', base)} parts them"
+            )
+        return said, tells
     if found.nuisance == "rolling":
-        return (
-            f"Beside the model stands the rolling radius, against the setup's: {said}; "
-            "give the setup's [tire] the radius that a measured way shows."
-        )
+        return said, "give the setup's [tire] the radius that a measured way shows"
     (part,) = found.parts
     parameter = frees(base.model, found.nuisance)
     if parameter is None:
@@ -267,15 +284,8 @@ def _sentence(found: NuisanceFound, base: Base) -> str:
     else:
         exponent = base.model.values[parameter]
         said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
-    if found.nuisance == "pressure_law":
-        return (
-            f"Beside the model stands another law of the pressure: {said}; or what went along with "
-            "the pressure, such as the load."
-        )
-    return (
-        f"Beside the model stands another patch law: {said}; or what went along with the load, "
-        "such as the pressure."
-    )
+    law, other = ("pressure", "load") if found.nuisance == "pressure_law" else ("load", "pressure")
+    return said, f"or what went along with the {law}, such as the {other}"
 
 
 def _said(part: NuisancePart, base: Base) -> str:

@@ -20,6 +20,7 @@ from tirelog.diagnosis.told import (
     ToldTable,
     errors_sentence,
     errors_table,
+    floor_sentences,
     further_sentences,
     nuisances_sentence,
     parameters_table,
@@ -143,6 +144,7 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
         *_with_nuisances(result),
         where(result),
+        *floor_sentences(result),
         *(f"{remark}." for remark in result.remarks),
     ]
     figures = [

@@ -1,0 +1,33 @@
+"""Property: whatever repeats with the wheel gets an answer from every command of a model."""
+
+import secrets
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.diagnosis.periodic import COMMANDS, failures, write_log
+
+
+def answered(folder: Path, seed: int, commands: tuple[str, ...], **how: Any) -> None:
+    shape = write_log(folder / "log.csv", seed, **how)
+    carcass = "ring" if seed % 4 == 3 else "beam"
+    found = failures(folder, carcass, commands=commands)
+    assert found == [], f"write_log(path, {seed}), which is a {shape}, with a {carcass}"
+
+
+@pytest.mark.slow
+def test_a_model_that_nothing_holds_without_its_effect_has_a_verdict(tmp_path: Path) -> None:
+    """A soft carcass under belt_tension is beyond its critical speed without it."""
+    write_log(tmp_path / "log.csv", 0, "box", manoeuvres=4, seconds=2.0)
+    assert failures(tmp_path, "beam", commands=("diagnose",)) == []
+
+
+def test_any_waveform_has_a_comparison_and_a_verdict(tmp_path: Path) -> None:
+    answered(tmp_path, secrets.randbelow(2**31), ("compare", "diagnose"), manoeuvres=3, seconds=1.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(4))
+def test_any_waveform_is_answered_by_every_command(tmp_path: Path, number: int) -> None:
+    answered(tmp_path, 4 * secrets.randbelow(2**29) + number, tuple(COMMANDS))
