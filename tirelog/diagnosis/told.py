@@ -204,7 +204,10 @@ def nuisances_sentence(result: Comparison) -> str:
 
     named = " and ".join(NUISANCES_SAID[name] for name in beside["nuisances"])
     without = {name: getattr(result, name) for name in ERRORS}
-    return f"with {named} in the fit: {errors(beside)}; without: {errors(without)}"
+    return (
+        f"with {named} in the fit: {errors(beside)}; without: {errors(without)}. A missing effect "
+        "can look like that: `tirelog diagnose` tells which"
+    )
 
 
 def further_sentences(result: Diagnosis) -> list[str]:

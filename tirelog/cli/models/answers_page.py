@@ -41,8 +41,6 @@ def comparison_page(result: ComparisonOfLogs) -> None:
     from tirelog.api.results import nuisances_sentence, parameters_table, together_table
 
     out = page(_WIDTH)
-    if said := nuisances_sentence(result):
-        out.print(said)
     if not result.parts:
         _errors_page(out, result)
         out.print(_table(parameters_table(result)))
@@ -60,6 +58,8 @@ def comparison_page(result: ComparisonOfLogs) -> None:
             for part in result.parts:
                 out.print("")
                 _errors_page(out, part)
+    if said := nuisances_sentence(result):
+        out.print(said)
     if result.obstacles is not None:
         _hits_page(result.obstacles)
 
