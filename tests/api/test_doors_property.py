@@ -8,7 +8,7 @@ import pytest
 
 import tirelog
 from tests.cli.conftest import SETUP, Command
-from tirelog.tables.writer import read_table
+from tirelog.tables.frame import read_table
 
 ENCODER = Path(__file__).parents[2] / "sample_data" / "encoder.h5"
 

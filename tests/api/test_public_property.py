@@ -13,7 +13,7 @@ import pytest
 
 import tirelog
 from tests.cli.conftest import Command
-from tirelog.tables.writer import read_table
+from tirelog.tables.frame import read_table
 from tirelog.vocabulary.columns import COLUMNS
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"

@@ -7,7 +7,8 @@ import pytest
 from tests.tables.speed_rows import PART
 from tirelog.errors import OutputError, ReadError, UsageError
 from tirelog.storage.whole import whole_file
-from tirelog.tables.writer import TableWriter, read_table
+from tirelog.tables.frame import read_table
+from tirelog.tables.writer import TableWriter
 
 
 def test_nothing_stands_under_the_name_when_the_work_fails(tmp_path: Path) -> None:

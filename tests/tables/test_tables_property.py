@@ -10,7 +10,8 @@ import pytest
 
 from tests.tables.speed_rows import PART
 from tirelog.errors import UsageError
-from tirelog.tables.writer import TableWriter, read_table
+from tirelog.tables.frame import read_table
+from tirelog.tables.writer import TableWriter
 from tirelog.vocabulary.columns import COLUMNS, TABLES, TableColumn, register
 from tirelog.vocabulary.tables import TABLE_FORMATS
 

@@ -12,7 +12,7 @@ from tirelog.api.logs import Path
 from tirelog.errors import UsageError
 from tirelog.storage.whole import whole_file
 from tirelog.tables.check import Difference, as_table, differences, of_like_logs, summary
-from tirelog.tables.writer import read_table
+from tirelog.tables.frame import read_table
 
 
 @dataclass(frozen=True)

@@ -8,22 +8,44 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tirelog.errors import ModelError, UsageError
-from tirelog.storage.documents import json_value
+from tirelog.storage.documents import json_of
 from tirelog.storage.whole import whole_file
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.results import Ladder
 
-_STEP = (
-    "step",
-    "effect",
-    "rmse_fit",
-    "rmse_heldout",
-    "noise_floor",
-    "excess_heldout",
-    "p_adjusted",
-    "decision",
-)
+#: what every step of a kept ladder has, as `json_of` takes it
+_STEP: dict[str, Any] = {
+    "step": int,
+    "effect": str,
+    "rmse_fit": float,
+    "rmse_heldout": float | None,
+    "noise_floor": float,
+    "excess_heldout": float | None,
+    "p_adjusted": float | None,
+    "decision": str,
+    "outcome?": str,
+}
+_LADDER: dict[str, Any] = {
+    "steps": [_STEP],
+    "observable?": str,
+    "unit?": str,
+    "verdict?": str,
+    "climbed?": str,
+    "logs?": [str],
+    "remarks?": [str],
+    "manoeuvres?": int,
+    "manoeuvres_locked?": int,
+    "rmse_untouched?": float | None,
+    "floor_untouched?": float | None,
+}
+_PARAMETER = {"value": float, "se": float | None, "unit": str}
+#: a ladder of which the page can be made
+_WHOLE = _LADDER | {
+    "observable": str,
+    "unit": str,
+    "steps": [_STEP | {"sentence": str, "parameters": {str: _PARAMETER}}],
+}
 
 
 def _outcome(decision: str) -> str:
@@ -44,21 +66,23 @@ def read_history(model: Path) -> list[dict[str, Any]]:
     """
     path = history_file(model)
     try:
-        ladders = json_value(path.read_text(encoding="utf-8"))["ladders"]
-        if all(set(_STEP) <= set(step) for entry in ladders for step in entry["steps"]):
-            for step in (step for entry in ladders for step in entry["steps"]):
-                step.setdefault("outcome", _outcome(str(step["decision"])))
-            return list(ladders)
+        ladders = json_of(path.read_text(encoding="utf-8"), {"ladders": [_LADDER]})["ladders"]
     except FileNotFoundError:
         return []
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        pass
-    raise ModelError(
-        "is no history of ladders",
-        allowed="it is the file that `tirelog ladder` keeps",
-        do="move it away to begin another",
-        file=path,
-    )
+    except (OSError, ValueError) as problem:
+        raise ModelError(
+            f"is no history of ladders ({problem})",
+            allowed="it is the file that `tirelog ladder` keeps",
+            do="move it away to begin another",
+            file=path,
+        ) from None
+    return [_with_outcomes(entry) for entry in ladders]
+
+
+def _with_outcomes(ladder: dict[str, Any]) -> dict[str, Any]:
+    for step in ladder["steps"]:
+        step.setdefault("outcome", _outcome(step["decision"]))
+    return ladder
 
 
 def history_rows(model: Path) -> dict[str, list[Any]]:
@@ -77,7 +101,9 @@ def history_rows(model: Path) -> dict[str, list[Any]]:
     }
     nothing = float("nan")
     return about | {
-        key: [nothing if step[key] is None else step[key] for _, step in rows] for key in _STEP
+        key: [nothing if step[key] is None else step[key] for _, step in rows]
+        for key in _STEP
+        if key != "outcome?"
     }
 
 
@@ -95,17 +121,16 @@ def read_ladder(path: Path) -> dict[str, Any]:
     UsageError: neither.
     """
     try:
-        found = json_value(path.read_text(encoding="utf-8"))
-        climbed = found["ladders"][-1] if "ladders" in found else found
-        needed = {*_STEP, "sentence", "parameters"}
-        whole = bool(climbed["steps"]) and all(needed <= set(step) for step in climbed["steps"])
-        if whole and isinstance(climbed["observable"], str) and isinstance(climbed["unit"], str):
-            return dict(climbed)
-    except (OSError, ValueError, KeyError, IndexError, TypeError):
-        pass
-    raise UsageError(
-        "is no ladder",
-        allowed="`tirelog ladder LOG --model M` keeps one beside the model, as M.ladder.json",
-        do="give that",
-        file=path,
-    )
+        text = path.read_text(encoding="utf-8")
+        several = json_of(text, {"ladders?": [_WHOLE]}).get("ladders")
+        climbed = several[-1] if several else json_of(text, _WHOLE)
+        if not climbed["steps"]:
+            raise ValueError("it has no steps")
+    except (OSError, ValueError) as problem:
+        raise UsageError(
+            f"is no ladder ({problem})",
+            allowed="`tirelog ladder LOG --model M` keeps one beside the model, as M.ladder.json",
+            do="give that",
+            file=path,
+        ) from None
+    return _with_outcomes(climbed)

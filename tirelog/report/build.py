@@ -123,8 +123,8 @@ def _tables(
         command = asked.command(name)
         lines: pd.DataFrame | None = None
         remarks: list[str] = []
+        table = tables.get(name)
         try:
-            table = tables.get(name)
             if table is None:
                 made = ready.pop(name, None) or made_tables([name], recordings)[name]
                 table, lines, remarks = made.table, made.regressions, made.remarks

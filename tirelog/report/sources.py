@@ -9,7 +9,7 @@ paths --columns--> kind of table
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,7 @@ import pandas as pd
 from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
 from tirelog.products import OF_A_DRIVE, tables_of
-from tirelog.tables.frame import frame_of
-from tirelog.tables.writer import read_table
+from tirelog.tables.frame import frame_of, table_parts
 from tirelog.vocabulary.columns import OPTIONAL, TABLES
 
 KINDS = ("speed", "footprint", "dissipation", "phase-shift", "dissipation-fit")
@@ -45,11 +44,17 @@ class SourceTables:
 
     def add(self, path: Path, log: str | None = None, kind: str | None = None) -> None:
         """One more file.  UsageError: no table that can be drawn."""
-        self.files.setdefault(kind or table_kind(_columns(path), path), []).append((path, log))
+        if kind is None:
+            kind = table_kind(list(next(table_parts(path))), path)
+        self.files.setdefault(kind, []).append((path, log))
 
     def get(self, kind: str) -> pd.DataFrame | None:
         """All rows of a kind, or None if none was given."""
-        parts = [part for path, log in self.files.get(kind, ()) for part in _read(path, log)]
+        parts = [
+            _lighter(part, log)
+            for path, log in self.files.get(kind, ())
+            for part in table_parts(path, _UNUSED)
+        ]
         return _joined(parts) if parts else None
 
 
@@ -64,36 +69,6 @@ def table_kind(columns: Sequence[str], path: Path) -> str:
         do="make it anew",
         file=path,
     )
-
-
-def _columns(path: Path) -> list[str]:
-    if path.suffix == ".parquet" and path.is_file():
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            return [str(name) for name in pq.read_schema(path).names]
-        except (OSError, pa.ArrowException):
-            pass  # said by read_table, in its words
-    return [str(name) for name in read_table(path).columns]
-
-
-def _read(path: Path, log: str | None) -> Iterator[pd.DataFrame]:
-    """A table's drawn columns, part by part; an hour of 16 gratings is half a million rows."""
-    if path.suffix == ".parquet":
-        import pyarrow.parquet as pq
-
-        wanted = [name for name in _columns(path) if name not in _UNUSED]
-        with pq.ParquetFile(
-            path, read_dictionary=[name for name in _WORDS if name in wanted]
-        ) as file:
-            for group in range(file.num_row_groups):
-                yield _lighter(
-                    file.read_row_group(group, columns=wanted, use_threads=False).to_pandas(), log
-                )
-        return
-    frame = read_table(path)
-    yield _drawn_of(frame, log)
 
 
 def _drawn_of(frame: pd.DataFrame, log: str | None) -> pd.DataFrame:

@@ -16,10 +16,27 @@ from typing import Any
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure
 from tirelog.report.page import Card, PageTable, Rung, Section
-from tirelog.storage.documents import json_value
+from tirelog.storage.documents import json_of
 
 #: ids stand in the page as they are
 _ID = re.compile(r"[a-z][a-z0-9_-]*")
+_CARD = {
+    **dict.fromkeys(("word", "sentence", "command", "rungs_said", "unit"), str),
+    "facts": [[str]],
+    "advice": [str],
+    "rungs": [{"name": str, "said": str, "error": float, "floor": float}],
+}
+_SECTION = {
+    **dict.fromkeys(("id", "title", "command"), str),
+    "text": [str],
+    "figures": [
+        {"id": str, "title": str, "alt": str, "traces": [{str: object}], "layout": {str: object}}
+    ],
+    "tables": [{"caption": str, "header": [str], "rows": [[str]], "colours?": [int]}],
+    "card?": _CARD,
+    "formulas?": [[str]],
+    "sources?": [[str]],
+}
 
 
 def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> dict[str, Any]:
@@ -33,7 +50,9 @@ def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> d
 def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
     """(sections, what is missing) of a file.  UsageError: it is none."""
     try:
-        content = json_value(path.read_text(encoding="utf-8"))
+        content = json_of(
+            path.read_text(encoding="utf-8"), {"sections": [_SECTION], "missing": [[str]]}
+        )
         sections = [_section(one) for one in content["sections"]]
         return sections, [(str(what), str(command)) for what, command in content["missing"]]
     except (OSError, ValueError, KeyError, TypeError):
@@ -50,26 +69,13 @@ def _section(data: dict[str, Any]) -> Section:
     tables = [PageTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
     if card is not None:
-        card = _card(card)
+        rungs = [Rung(**one) for one in card["rungs"]]
+        card = Card(**card | {"facts": [tuple(one) for one in card["facts"]], "rungs": rungs})
     for pairs in ("formulas", "sources"):
         data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
     return Section(**data, figures=figures, tables=tables, card=card)
-
-
-def _card(data: dict[str, Any]) -> Card:
-    rungs = [
-        Rung(str(one["name"]), str(one["said"]), float(one["error"]), float(one["floor"]))
-        for one in data["rungs"]
-    ]
-    words = ("word", "sentence", "command", "rungs_said", "unit")
-    return Card(
-        **{name: str(data[name]) for name in words},
-        facts=[(str(term), str(text)) for term, text in data["facts"]],
-        advice=[str(text) for text in data["advice"]],
-        rungs=rungs,
-    )
 
 
 def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str, str]]]]:

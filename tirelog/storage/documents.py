@@ -119,6 +119,37 @@ def json_value(text: str | bytes) -> Any:
         raise ValueError(f"nested deeper than {DEEPEST}") from None
 
 
+def json_of(text: str | bytes, shape: Any) -> Any:
+    """What JSON `text` holds; ValueError if it is no JSON, goes too far or has another `shape`.
+
+    A shape is a type, a union with None, [shape of each], {str: shape of each}, or {"name": shape,
+    "name_that_may_be_missing_or_null?": shape}. A whole number is a float too.
+    """
+    value = json_value(text)
+    _refuse_other(value, shape, "it")
+    return value
+
+
+def _refuse_other(value: Any, shape: Any, place: str) -> None:
+    """ValueError if the value at a `place` of the document has another shape."""
+    if isinstance(shape, list) and isinstance(value, list):
+        for number, one in enumerate(value):
+            _refuse_other(one, shape[0], f"{place}[{number}]")
+    elif isinstance(shape, dict) and isinstance(value, dict):
+        named: dict[str, Any] = dict.fromkeys(value, shape[str]) if str in shape else shape
+        for name, one in named.items():
+            key = name.removesuffix("?")
+            if value.get(key) is not None or (key == name and key in value):
+                _refuse_other(value[key], one, f"{place}.{key}")
+            elif key == name:
+                raise ValueError(f"{place} has no {key}")
+    elif isinstance(shape, list | dict) or not (
+        (isinstance(value, shape) and (shape in (bool, object) or not isinstance(value, bool)))
+        or (type(value) is int and isinstance(0.0, shape))
+    ):
+        raise ValueError(f"{place} is {type(value).__name__}")
+
+
 def _bounded(tables: Any) -> Any:
     """`tables` as they are.
 

@@ -10,19 +10,21 @@ it answers may take as long as it takes.
 from __future__ import annotations
 
 import errno
+import posixpath
 import re
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
+from urllib.parse import unquote
 
 from tirelog.errors import OutputError, ReadError, TirelogError, UsageError, without_credentials
 
 T = TypeVar("T")
 
-_ADDRESS = re.compile(r"^([a-z][a-z0-9+.-]+):/{1,2}(?=[^/])")
+_ADDRESS = re.compile(r"^([a-z][a-z0-9+.-]+):/{1,2}(?=[^/])", re.IGNORECASE)
 #: a path of this machine as an address
-_FILE = re.compile(r"^file:/+(?=[^/])")
+_FILE = re.compile(r"^file:/+(?=[^/])", re.IGNORECASE)
 #: a store has to answer a question within this time
 ANSWER_S = 8.0
 #: object stores: a put is seen whole or not at all; elsewhere a file is put under another name and
@@ -41,7 +43,18 @@ def address(path: Path | str) -> str | None:
     if match := _FILE.match(text):
         return f"file:///{text[match.end() :]}"
     match = _ADDRESS.match(text)
-    return f"{match[1]}://{text[match.end() :]}" if match else None
+    return f"{match[1].lower()}://{text[match.end() :]}" if match else None
+
+
+def object_of(url: str) -> tuple[str, str]:
+    """What an address means, however it is spelled: (kind of store, path in it).
+
+    Spellings that some stores tell apart, `a//b` and `a/b` or `%20` and a blank, count as one: to
+    refuse an output too many costs less than an input. UsageError: no store of this kind is known.
+    """
+    system = _filesystem(url)
+    path = unquote(str(system._strip_protocol(url)))
+    return type(system).__name__, posixpath.normpath(f"/{path.lstrip('/')}")
 
 
 def shown(path: Path | str) -> str:

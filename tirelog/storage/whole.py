@@ -27,7 +27,7 @@ from functools import cache
 from pathlib import Path
 
 from tirelog.errors import OutputError, UsageError
-from tirelog.storage.remote import address, upload
+from tirelog.storage.remote import address, object_of, upload
 
 _ADVICE = {
     errno.ENOENT: "the folder has to exist; make it or give another path",
@@ -51,7 +51,7 @@ _OWN_STREAM = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
 _swept: set[Path] = set()
-_inputs: dict[tuple[int, int], str] | None = None
+_inputs: dict[tuple[int | str, int | str], str] | None = None
 _batch: list[tuple[Path, Path]] | None = None
 
 
@@ -195,35 +195,40 @@ def inputs_kept() -> Iterator[None]:
         _inputs = before
 
 
+def _identity(place: Path | str | int) -> tuple[int | str, int | str] | None:
+    """What two names of one object share; None for what is not there, or is no regular file."""
+    url = None if isinstance(place, int) else address(place)
+    if url is not None and not url.startswith("file:"):
+        return object_of(url)
+    with suppress(OSError, ValueError):
+        about = os.stat(place if url is None else url.removeprefix("file://"))
+        return (about.st_dev, about.st_ino) if stat.S_ISREG(about.st_mode) else None
+    return None
+
+
 def taken_as_input(
     place: Path | str | int, name: str | None = None, *, edited: bool = False
 ) -> None:
-    """Remember the regular file at a path, or of a descriptor, as an input of this command.
+    """Remember a regular file, by path or descriptor, or an address as an input of this command.
 
     An `edited` one may be replaced by the command's output, unless it was taken as another input.
     """
-    if _inputs is None:
-        return
-    with suppress(OSError, ValueError):
-        about = os.stat(place)
-        if stat.S_ISREG(about.st_mode):
-            kept_as = "" if edited else name or str(place)
-            _inputs.setdefault((about.st_dev, about.st_ino), kept_as)
+    if _inputs is not None and (identity := _identity(place)) is not None:
+        _inputs.setdefault(identity, "" if edited else name or str(place))
 
 
 def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:
-    """UsageError if one of the outputs, through links too, is a file that was taken as an input."""
+    """UsageError if one of the outputs, through links too, was taken as an input."""
     for output in outputs if _inputs else ():
-        with suppress(OSError, ValueError):
-            about = os.stat(output)
-            if taken := _inputs and _inputs.get((about.st_dev, about.st_ino)):
-                same = "" if taken == str(output) else f" ({taken})"
-                raise UsageError(
-                    f"is an input of this command{same}",
-                    allowed="no output takes the place of an input",
-                    do="give another name",
-                    file=name or output,
-                )
+        identity = _identity(output)
+        if identity is not None and _inputs and (taken := _inputs.get(identity)):
+            same = "" if taken == str(output) else f" ({taken})"
+            raise UsageError(
+                f"is an input of this command{same}",
+                allowed="no output takes the place of an input",
+                do="give another name",
+                file=name or output,
+            )
 
 
 def refuse_one_for_two(*outputs: Path | str) -> None:
@@ -232,7 +237,8 @@ def refuse_one_for_two(*outputs: Path | str) -> None:
     for output in outputs:
         if address(output) is None and _streams(Path(output)):
             continue
-        place = address(output) or os.path.realpath(output)
+        url = address(output)
+        place = os.path.realpath(output) if url is None else str(object_of(url))
         if place in seen:
             raise UsageError(
                 "is given for two outputs",
@@ -258,10 +264,12 @@ def whole_file(path: Path | str) -> Iterator[Path]:
     """
     url = address(path)
     if url is not None:
+        refuse_inputs(path)
         with temporary_folder() as folder:
             local = folder / (_cut(Path(path).name) or "result")
             local.touch()
             yield local
+            refuse_inputs(path)  # a log that a pattern matched is known once it is read
             upload(local, url)
         return
     path = Path(path)

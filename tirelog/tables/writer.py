@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import sys
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, suppress
@@ -244,37 +243,3 @@ class TableWriter(AbstractContextManager["TableWriter"]):
 
         names = TABLES.get(self.name, ())
         self._begin(names, pa.schema([arrow_field(name) for name in names]))
-
-
-def read_table(path: Path | str) -> Any:
-    """A table that tirelog (or another tool) wrote, as a pandas DataFrame.
-
-    The suffix decides, '-' is csv on standard input. ReadError: nothing there, or not a table.
-    """
-    import pandas as pd
-    import pyarrow as pa
-
-    from tirelog.errors import ReadError
-
-    format = "csv" if str(path) == "-" else table_format(path, None)
-    source: Any = sys.stdin.buffer if str(path) == "-" else os.fspath(path)
-    try:
-        if format == "parquet":
-            return pd.read_parquet(source)
-        if format == "csv":
-            blanks = {c.name: [""] for c in COLUMNS.values() if c.kind != "text"}
-            table = pd.read_csv(source, keep_default_na=False, na_values=blanks)
-            if not isinstance(
-                table.index, pd.RangeIndex
-            ):  # the first cells were taken for names of rows
-                raise ValueError("its rows have more cells than its header has names")
-            return table
-        return pd.read_json(source, orient="records", lines=format == "ndjson")
-    except (OSError, ValueError, pa.ArrowException) as problem:
-        told = " ".join(str(problem).split())  # of several lines, now and then
-        raise ReadError(
-            f"is not a table ({told})",
-            allowed="csv, ndjson, json and parquet are read",
-            do="write one with -o",
-            file=path,
-        ) from None

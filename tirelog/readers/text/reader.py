@@ -407,7 +407,8 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
         size = abs(float(first.replace(layout.decimal, ".")))
         exact = size * columns.time_factor > _EXACT_ABOVE_S
         if exact:  # as many decimals as int64 holds of twice the first stamp
-            tick_places = min(TICK_PLACES, math.floor(math.log10(LARGEST / (2.0 * size))))
+            most = LARGEST / (2.0 * min(size, LARGEST))
+            tick_places = min(TICK_PLACES, math.floor(math.log10(most)))
             exact = tick_places >= most_decimals(stamps, layout.decimal)
     behind = [
         layout.counts_at + layout.counts - 1 if layout.counts else -1,

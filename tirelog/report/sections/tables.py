@@ -8,7 +8,6 @@ quality word are counted, not drawn.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from tirelog.report.sections.recorded import (
     short_names,
     ways,
 )
+from tirelog.tables.frame import table_parts
 from tirelog.vocabulary.quality import good_rows
 
 _METHODS = {
@@ -288,9 +288,8 @@ def phase_shift_section(
 
 def campaign(summary: Path, command: str) -> Section:
     """A campaign's logs and how each ended, from its summary.  UsageError: it is none."""
-    with summary.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.reader(stream))
-    header, body = (rows[0] if rows else []), rows[1:]
+    table = next(table_parts(summary, words=True))
+    header, body = list(table), table.to_numpy().tolist()
     if "status" not in header:
         raise UsageError(
             "is no campaign's summary",

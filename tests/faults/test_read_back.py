@@ -1,0 +1,103 @@
+"""Faults: files that tirelog wrote and reads back damaged, and an output that is an input
+elsewhere, end with a message that names the file.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tirelog.cli import run
+from tirelog.tables.writer import TableWriter
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+LOG = str(SAMPLES / "drive.csv.gz")
+STEP = {
+    "step": 0, "effect": "base", "rmse_fit": 1e-6, "rmse_heldout": None, "noise_floor": 1e-6,
+    "excess_heldout": None, "p_adjusted": None, "decision": "start", "sentence": "s",
+    "parameters": {"k": {"value": 1.0, "se": None, "unit": "1"}},
+}  # fmt: skip
+
+
+def speed_table(path: Path, rows: int = 5000) -> Path:
+    columns = ("time_s", "speed_m_s", "period_s", "speed_se_m_s", "acceleration_m_s2")
+    rng = np.random.default_rng(1)
+    with TableWriter("speed", path, None) as table:
+        table.write(
+            {"log": "a.csv", "channel": "1", "revolution": np.arange(rows), "quality": "ok"}
+            | {name: rng.random(rows) for name in columns}
+        )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("\na.csv,1,0,", "\na.csv,1,0x1F,", "row 1, column revolution: no int"),
+        ("\na.csv,1,3,", "\na.csv,1,3.5,", "row 4, column revolution: no int"),
+        (",ok\na.csv,1,3,", ",ok\na.csv,1,3,x", "row 4, column time_s: no float"),
+    ],
+)
+def test_a_cell_of_another_kind_is_named(tmp_path, capfd, old, new, said):
+    table = speed_table(tmp_path / "t.csv")
+    table.write_text(table.read_text().replace(old, new, 1))
+    page = tmp_path / "page.html"
+    assert run(["report", LOG, "--table", str(table), "-o", str(page)]) == 4
+    assert said in capfd.readouterr().err
+    assert not page.exists()
+
+
+def test_a_damaged_page_of_parquet_is_said(tmp_path, capfd):
+    table = speed_table(tmp_path / "t.parquet")
+    data = bytearray(table.read_bytes())
+    data[len(data) // 3 : len(data) // 3 + 400] = bytes(400)
+    table.write_bytes(data)
+    page = tmp_path / "page.html"
+    assert run(["report", LOG, "--table", str(table), "-o", str(page)]) == 4
+    assert "is not a table" in capfd.readouterr().err
+    assert not page.exists()
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "said"),
+    [
+        ("effect", 7, "steps[0].effect is int"),
+        ("noise_floor", "x", "steps[0].noise_floor is str"),
+        ("rmse_fit", True, "steps[0].rmse_fit is bool"),
+        ("parameters", {"k": {"value": 1.0}}, "steps[0].parameters.k has no se"),
+        ("parameters", [], "steps[0].parameters is list"),
+    ],
+)
+def test_a_ladder_of_other_types_is_none(tmp_path, capfd, where, value, said):
+    ladder = {"observable": "strain", "unit": "1", "steps": [STEP | {where: value}]}
+    (tmp_path / "m.ladder.json").write_text(json.dumps({"ladders": [ladder]}))
+    page = tmp_path / "page.html"
+    arguments = ["report", LOG, "--ladder", str(tmp_path / "m.ladder.json"), "-o", str(page)]
+    assert run(arguments) == 2
+    assert said in capfd.readouterr().err
+    assert not page.exists()
+
+
+@pytest.mark.parametrize("digits", [309, 320])
+def test_a_time_beyond_the_largest_float_is_no_defect(tmp_path, digits):
+    rows = [f"{k * 0.001:.3f},{1550 + k % 7},1542" for k in range(300)]
+    rows[0] = f"{'9' * digits},1550,1542"
+    (tmp_path / "l.csv").write_text("\n".join(["time_s,CH1_FBG1,CH1_FBG2", *rows]) + "\n")
+    setup = str(SAMPLES / "drive.toml")
+    assert run(["speed", str(tmp_path / "l.csv"), "--setup", setup]) in (2, 3, 4)
+
+
+@pytest.mark.parametrize(
+    "output", ["memory://b/l.csv", "MEMORY://b/l.csv", "memory://b//l.csv", "memory://b/x/../l.csv"]
+)
+def test_an_output_is_no_input_elsewhere(tmp_path, capfd, output):
+    fsspec = pytest.importorskip("fsspec")
+    store = fsspec.filesystem("memory")
+    log = b"time_s,CH1_FBG1,CH1_FBG2\n0.000,1550,1542\n0.001,1550,1542\n"
+    store.pipe_file("/b/l.csv", log)
+    setup = str(SAMPLES / "drive.toml")
+    assert run(["speed", "memory://b/l.csv", "--setup", setup, "-o", output]) == 2
+    assert "is an input of this command" in capfd.readouterr().err
+    assert store.cat_file("/b/l.csv") == log
+    store.rm("/b", recursive=True)
