@@ -36,7 +36,7 @@ Made = TypeVar("Made")
 #: what a process says of the number that it works on
 ASKS, TOLD, MADE, FAILED = "asks", "told", "made", "failed"
 #: a process can only be forked safely there
-POSSIBLE = sys.platform == "linux"
+POSSIBLE = sys.platform == "linux" and hasattr(os, "fork")
 
 
 class Wire:

@@ -200,6 +200,24 @@ def _check(base: Path, folder: Path, rng: Rng) -> list[str]:
     return ["check", first, "--against", second, "-o", "out/table.csv"]
 
 
+def _read_back(base: Path, folder: Path, rng: Rng) -> list[str]:
+    """A damaged table or ladder that the page is made of."""
+    _copied(base, folder, "plain.csv", "plain.toml")
+    log = ["report", "plain.csv", "--setup", "plain.toml", "-o", "out/page.html"]
+    if rng.random() < 0.4:
+        _mutated(base, folder, "m.ladder.json", damage.damaged_json, rng)
+        return [*log, "--ladder", "m.ladder.json"]
+    suffix = str(rng.choice(["csv", "parquet", "ndjson", "json"]))
+    how = {
+        "csv": damage.damaged_text,
+        "parquet": damage.damaged_bytes,
+        "ndjson": damage.damaged_json,
+        "json": damage.damaged_json_table,
+    }[suffix]
+    _mutated(base, folder, f"table.{suffix}", how, rng)
+    return [*log, "--table", f"table.{suffix}"]
+
+
 #: family: (share of the cases, how a case of it is built)
 FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
     "text": (
@@ -232,6 +250,7 @@ FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
     "campaign": (0.04, _campaign),
     "scenario": (0.03, _scenario),
     "check": (0.03, _check),
+    "read back": (0.06, _read_back),
 } | {
     family: (
         0.01,

@@ -3,6 +3,8 @@ elsewhere, end with a message that names the file.
 """
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +103,84 @@ def test_an_output_is_no_input_elsewhere(tmp_path, capfd, output):
     assert "is an input of this command" in capfd.readouterr().err
     assert store.cat_file("/b/l.csv") == log
     store.rm("/b", recursive=True)
+
+
+def test_a_setup_with_any_line_ends_is_read(tmp_path):
+    lines = (SAMPLES / "drive.toml").read_text().split("\n")
+    ends = ("\n", "\r\n", "\r")
+    setup = tmp_path / "s.toml"
+    setup.write_bytes("".join(line + ends[k % 3] for k, line in enumerate(lines)).encode())
+    assert run(["info", LOG, "--setup", str(setup)]) == 0
+
+
+def test_a_setup_elsewhere_is_read(capfd):
+    fsspec = pytest.importorskip("fsspec")
+    store = fsspec.filesystem("memory")
+    store.pipe_file("/b/s.toml", (SAMPLES / "drive.toml").read_bytes())
+    assert run(["speed", LOG, "--setup", "memory://b/s.toml"]) == 0
+    assert run(["speed", LOG, "--setup", "memory://b/no.toml"]) in (2, 4)
+    assert "memory://b/no.toml" in capfd.readouterr().err
+    store.rm("/b", recursive=True)
+
+
+def test_a_folder_without_tables_is_removed(tmp_path):
+    output = tmp_path / "new" / "folder"
+    setup = tmp_path / "s.toml"
+    setup.write_text((SAMPLES / "drive.toml").read_text())
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("os.fsync", lambda number: (_ for _ in ()).throw(OSError(28, "full")))
+        assert run(["tables", LOG, "--setup", str(setup), "-o", str(output)]) == 2
+    assert not output.parent.exists()
+    assert run(["tables", LOG, "--setup", str(setup), "-o", str(output)]) == 0
+    assert len(list(output.iterdir())) == 3
+
+
+RECORDER = """
+import sys, time, h5py, numpy as np
+with h5py.File("l.h5", "w", libver="latest") as file:
+    made = file.create_dataset("wl", shape=(0,), maxshape=(None,), chunks=(500,), dtype="f8")
+    made.attrs["sampling_rate_Hz"] = 2500.0
+    if sys.argv[1] == "swmr":
+        file.swmr_mode = True
+    made.resize((50_000,))
+    made[:] = 1550 + 0.001 * np.random.default_rng(1).random(50_000)
+    made.flush()
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize(("mode", "status"), [("swmr", 3), ("locked", 4)])
+def test_a_log_that_is_being_recorded(tmp_path, monkeypatch, capfd, mode, status):
+    monkeypatch.chdir(tmp_path)
+    text = (SAMPLES / "drive.toml").read_text().split("[channels.temp_1]")[0]
+    text = text.replace("CH1_FBG1", "/wl").replace('temperature_channel = "temp_1"\n', "")
+    (tmp_path / "l.toml").write_text(text)
+    command = [sys.executable, "-c", RECORDER, mode]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as recorder:
+        recorder.stdout.readline()
+        assert run(["ingest", "l.h5", "-o", "run.h5"]) == status
+        recorder.stdin.close()
+    said = capfd.readouterr().err
+    assert "is still being recorded" in said
+    assert "repair" not in said
+
+
+WITHOUT_POSIX = """
+import os, sys
+import numpy, h5py
+for name in ("fork", "geteuid", "getuid", "getppid", "uname", "fchmod", "O_NOFOLLOW", "O_NOCTTY"):
+    delattr(os, name)
+from tirelog.cli import run
+sys.exit(run(sys.argv[1:]))
+"""
+
+
+def test_tables_are_written_without_what_only_posix_has(tmp_path):
+    command = [sys.executable, "-c", WITHOUT_POSIX, "tables", LOG, "-o", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert run(["tables", LOG, "-o", str(tmp_path / "usual")]) == 0
+    for table in ("speed", "footprint", "dissipation"):
+        made, usual = (tmp_path / one / f"{table}.csv" for one in ("out", "usual"))
+        assert made.read_bytes() == usual.read_bytes()

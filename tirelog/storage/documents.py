@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.errors import TirelogError
+from tirelog.storage.remote import address, open_remote
 from tirelog.storage.whole import taken_as_input
 
 #: a setup, a model or a scenario is a page of text; what is larger is something else
@@ -66,7 +67,8 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
     """
     taken_as_input(path)
     try:
-        with open(path, "rb") as stream:
+        url = address(path)
+        with open(path, "rb") if url is None else open_remote(url) as stream:
             raw = stream.read(LARGEST_BYTES + 1)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
         reason = getattr(problem, "strerror", None) or problem
@@ -79,7 +81,7 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
             file=path,
         )
     try:
-        text = raw.decode("utf-8-sig")
+        text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
         raise error(f"is not UTF-8 text; {what} is a TOML file; {advice}", file=path) from None
     refuse_other_role(text, what, error, path)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import platform
 import re
 import secrets
 import shutil
@@ -50,9 +51,14 @@ _FOLDER = re.compile(rf"tirelog-{_OWNER}")
 _OWN_STREAM = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
+#: where the system has no such flag, O_EXCL alone refuses a link
+_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
+
 _swept: set[Path] = set()
 _inputs: dict[tuple[int | str, int | str], str] | None = None
 _batch: list[tuple[Path, Path]] | None = None
+#: folders that `make_folder` made for this batch, those inside others first
+_new_folders: list[Path] = []
 
 
 def output_error(path: Path | str, problem: Exception) -> OutputError:
@@ -92,7 +98,7 @@ def failed_writes(path: Path | str) -> Iterator[None]:
 @cache
 def _machine() -> str:
     """Eight digits for this machine and its processes: elsewhere their numbers mean nothing."""
-    told = [os.uname().nodename]
+    told = [platform.node()]
     with suppress(OSError, UnicodeDecodeError):
         told.append(Path("/etc/machine-id").read_text())
     with suppress(OSError, UnicodeDecodeError):
@@ -109,6 +115,8 @@ def _started(pid: int) -> int | None:
         return None if state in "ZX" else int(others[18])
     except (OSError, ValueError, IndexError):
         pass
+    if sys.platform == "win32":  # there a signal 0 would end the process
+        return 0
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -152,7 +160,9 @@ def _sweep(folder: Path, form: re.Pattern[str]) -> None:
         return
     for entry in dead:
         with suppress(OSError):
-            if entry.stat(follow_symlinks=False).st_uid != os.geteuid():
+            if hasattr(os, "geteuid") and (
+                entry.stat(follow_symlinks=False).st_uid != os.geteuid()
+            ):
                 continue
             if entry.is_dir(follow_symlinks=False):
                 shutil.rmtree(entry.path, ignore_errors=True)
@@ -291,7 +301,7 @@ def whole_file(path: Path | str) -> Iterator[Path]:
             os.close(
                 os.open(
                     part,
-                    os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY,
+                    os.O_CREAT | os.O_EXCL | _NO_FOLLOW | os.O_WRONLY,
                     0o600 if old else 0o666,
                 )
             )
@@ -299,7 +309,7 @@ def whole_file(path: Path | str) -> Iterator[Path]:
             refuse_inputs(path)  # a setup beside a log is known once the log is read
             with part.open("rb+") as stream:
                 if old is not None:
-                    os.fchmod(stream.fileno(), stat.S_IMODE(old.st_mode))
+                    os.chmod(part, stat.S_IMODE(old.st_mode))
                 os.fsync(stream.fileno())
             if _batch is None:
                 os.replace(part, target)
@@ -332,6 +342,9 @@ def all_or_none() -> Iterator[None]:
         for part, _ in finished:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
+        while _new_folders:
+            with suppress(OSError):  # one that holds a result stays
+                _new_folders.pop(0).rmdir()
 
 
 def _stream_of(path: Path) -> int | None:
@@ -361,7 +374,7 @@ def _written_through(path: Path) -> Iterator[Path]:
         own = _stream_of(path)
         refuse_inputs(path if own is None else own, name=str(path))
         stream = os.fdopen(
-            os.open(path, os.O_WRONLY | os.O_NOCTTY) if own is None else os.dup(own),
+            os.open(path, os.O_WRONLY | getattr(os, "O_NOCTTY", 0)) if own is None else os.dup(own),
             "wb",
             buffering=0,
         )
@@ -383,7 +396,9 @@ def make_folder(path: Path | str) -> None:
     OutputError: it cannot be made.
     """
     if address(path) is None:
+        folder = Path(path)
+        _new_folders.extend(one for one in (folder, *folder.parents) if not one.exists())
         try:
-            Path(path).mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
         except OSError as problem:
             raise output_error(path, problem) from None

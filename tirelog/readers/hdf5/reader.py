@@ -12,6 +12,7 @@ of a file are NaN with the flag `gap`, and a loss.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -58,6 +59,10 @@ class _Channel:
     scale: Scale
 
 
+#: what the library says of a file that another process has open for writing
+_BEING_WRITTEN = re.compile("already open for|unable to lock file")
+
+
 @dataclass(frozen=True)
 class _Clock:
     """A group with what its blocks are read from.
@@ -86,7 +91,7 @@ def refuse_damaged(path: Path, log_name: str) -> None:
     with path.open("rb") as raw:
         if not is_hdf5(raw.read(HEAD_BYTES)):
             return
-    file, end, declared = _opened(path, log_name)
+    file, end, declared = opened(path, log_name)
     with file:
         if end is not None:
             raise ReadError(
@@ -98,8 +103,11 @@ def refuse_damaged(path: Path, log_name: str) -> None:
             raise _unreadable(problem, log_name) from None
 
 
-def _opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | None]:
-    """(the file, its size and what that should be if it is cut off).  ReadError: it cannot be."""
+def opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | None]:
+    """(the file, its size and what that should be if it is cut off).
+
+    One that is being written by SWMR is open in that mode. ReadError: it cannot be opened.
+    """
     try:
         size = path.stat().st_size
     except OSError as problem:
@@ -116,6 +124,8 @@ def _opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | Non
     try:
         return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES), None, None
     except LIBRARY_ERRORS as problem:
+        if _BEING_WRITTEN.search(str(problem)):
+            return _being_written(path, log_name), None, None
         declared = declared_size(problem)
         if declared is None or declared <= size:
             raise _unreadable(problem, log_name) from None
@@ -125,6 +135,19 @@ def _opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | Non
         raise ReadError(
             f"is cut off at {size} of {declared} bytes, before its index",
             do="copy it again",
+            file=log_name,
+        ) from None
+
+
+def _being_written(path: Path, log_name: str) -> h5py.File:
+    """The file that a writer has open, as far as it is written.  ReadError: it is locked."""
+    try:
+        return h5py.File(path, "r", swmr=True, rdcc_nbytes=CACHE_BYTES)
+    except LIBRARY_ERRORS:
+        raise ReadError(
+            "is still being recorded, or its writer ended without closing it",
+            allowed="allowed is a file that is closed, or written in SWMR mode",
+            do="wait until the recording has ended",
             file=log_name,
         ) from None
 
@@ -146,7 +169,12 @@ class Hdf5Log:
         self.log_name, self.setup = log_name, setup
         self.stated: dict[str, str] = {}  # units, by channel, as the file spells them
         # `end`: size of a file that was cut off
-        self.file, self.end, declared = _opened(path, log_name)
+        self.file, self.end, declared = opened(path, log_name)
+        if self.file.swmr_mode:
+            self.report.losses.append(
+                "the file is still being recorded; samples written from now on are not read; read "
+                "it again when the recording has ended"
+            )
         if self.end is not None:
             self.report.losses.append(
                 f"the file is cut off at {self.end} of {declared} bytes; samples behind the cut "

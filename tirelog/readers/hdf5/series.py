@@ -8,6 +8,7 @@ import h5py
 
 from tirelog.errors import ReadError
 from tirelog.readers.hdf5.layout import TIME_NAMES, find_columns
+from tirelog.readers.hdf5.reader import opened
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, names
 from tirelog.readers.rates import RATES
 from tirelog.readers.series import MOST_SERIES, Listed, Series
@@ -22,7 +23,7 @@ _BESIDE = {*TIME_NAMES, *(name.lower() for name in RATES)}
 def datasets(path: Path, log: str) -> Listed:
     """Datasets of numbers, and columns of those that have some.  ReadError: not to be read."""
     try:
-        with h5py.File(path, "r") as file:
+        with opened(path, log)[0] as file:
             sized = [one for name in names(file) for one in _columns(file, name)]
             times = [name for name in names(file) if _last(name) in TIME_NAMES]
     except LIBRARY_ERRORS as problem:
