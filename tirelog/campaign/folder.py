@@ -15,8 +15,8 @@ empties that one folder, and never looks at files of other programs that stand a
 
 from __future__ import annotations
 
-import fcntl
 import os
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -27,6 +27,18 @@ from tirelog.campaign.names import HIDDEN, swept
 from tirelog.errors import UsageError
 from tirelog.storage.remote import address
 from tirelog.storage.whole import failed_writes, output_error
+
+
+def _lock(descriptor: int) -> None:
+    """Lock an open file for this process alone.  OSError: another one has it."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class Folder(Protocol):
@@ -89,12 +101,14 @@ class LocalFolder:
         try:
             hidden.mkdir(parents=True, exist_ok=True)
             _refuse_link(hidden)  # its folder tmp is emptied: never one that a link leads to
-            lock = os.open(hidden / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+            lock = os.open(
+                hidden / "lock", os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666
+            )
         except OSError as problem:
             raise output_error(self.path, problem) from problem
         with os.fdopen(lock):
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _lock(lock)
             except OSError:
                 raise UsageError(
                     "another campaign run works in this folder",

@@ -58,7 +58,8 @@ def temporary_for(url: str) -> Path:
     """
     import hashlib
 
+    user = os.getuid() if hasattr(os, "getuid") else 0
     return (
         Path(tempfile.gettempdir())
-        / f"tirelog-campaign-{os.getuid()}-{hashlib.sha256(url.encode()).hexdigest()[:16]}"
+        / f"tirelog-campaign-{user}-{hashlib.sha256(url.encode()).hexdigest()[:16]}"
     )

@@ -10,7 +10,7 @@ channel) are in memory only here, and only while they are averaged.
 
 from __future__ import annotations
 
-import resource
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
@@ -115,6 +115,10 @@ def _peak_memory_MB() -> float:
         status = Path("/proc/self/status").read_text("ascii")
         return int(status.split("VmHWM:")[1].split()[0]) / 1024
     except (OSError, IndexError, ValueError):
+        if sys.platform == "win32":
+            return float("nan")
+        import resource
+
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

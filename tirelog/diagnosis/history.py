@@ -67,16 +67,17 @@ def read_history(model: Path) -> list[dict[str, Any]]:
     path = history_file(model)
     try:
         ladders = json_of(path.read_text(encoding="utf-8"), {"ladders": [_LADDER]})["ladders"]
+        return [_with_outcomes(entry) for entry in ladders]
     except FileNotFoundError:
         return []
     except (OSError, ValueError) as problem:
-        raise ModelError(
-            f"is no history of ladders ({problem})",
-            allowed="it is the file that `tirelog ladder` keeps",
-            do="move it away to begin another",
-            file=path,
-        ) from None
-    return [_with_outcomes(entry) for entry in ladders]
+        why = str(problem)
+    raise ModelError(
+        f"is no history of ladders ({why})",
+        allowed="it is the file that `tirelog ladder` keeps",
+        do="move it away to begin another",
+        file=path,
+    )
 
 
 def _with_outcomes(ladder: dict[str, Any]) -> dict[str, Any]:
