@@ -27,7 +27,7 @@ from tirelog.physics.model.nuisances import NUISANCES, Nuisance
 from tirelog.physics.model.own.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.presets import PRESETS
 from tirelog.simulation.scenario import schema
-from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
+from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
@@ -240,7 +240,7 @@ def table_section(entry: LogTable) -> str:
                     (
                         f"[`{c.name}`]" if c.name in OPTIONAL else f"`{c.name}`",
                         c.unit,
-                        c.meaning,
+                        c.meaning_in(entry.name),
                     )
                     for c in columns
                 ],
@@ -538,17 +538,15 @@ def campaign_keys_section() -> str:
 
 
 def errors_section() -> str:
-    """Every column that is a standard error, with its tables."""
-    rows = [
-        (
-            f"`{c.name}`",
-            c.unit,
-            words(n for n, e in LOG_TABLES.items() if c.name in e.columns) or "`dissipation --fit`",
-            c.meaning,
-        )
-        for c in COLUMNS.values()
-        if re.search(r"_se(_|$)", c.name)
-    ]
+    """Every column that is a standard error, with its tables, a row for each meaning."""
+    meanings: dict[tuple[str, str, str], list[str]] = {}
+    for c in COLUMNS.values():
+        for name in [n for n, columns in TABLES.items() if c.name in columns]:
+            if re.search(r"_se(_|$)", c.name):
+                meanings.setdefault((c.name, c.unit, c.meaning_in(name)), []).append(
+                    name.replace("-fit", " --fit")
+                )
+    rows = [(f"`{n}`", unit, words(tables), said) for (n, unit, said), tables in meanings.items()]
     return table(("column", "unit", "table", "what it is"), rows)
 
 

@@ -17,6 +17,7 @@ from tirelog.strain.strain_shift import strain_shift_of
 from tirelog.wheel.angle_table import wheel_angle_of
 
 ONE = np.ones((1, 1))
+BRAKES = np.array([-3.0, -3.0, -0.3])
 
 
 def test_the_friction_used_is_the_traction_summed():
@@ -47,11 +48,12 @@ def footprint(onset_m, length_m, n=3):
 
 def test_an_onset_tells_slip_friction_and_what_is_left():
     """P2: x_s = 35 mm for L = 50 mm is a slip of 0.15."""
-    told = grip_columns(footprint(0.035, 0.1), 0.8, 0.6, 1.0, 0.5, 3924.0)
+    told = grip_columns(footprint(0.035, 0.1), 0.8, 0.6, 1.0, 0.5, 3924.0, BRAKES)
     assert told["adhesion_share"][1] == pytest.approx(0.85)
     assert told["brush_slip"][1] == pytest.approx(0.15)
     assert told["friction_used"][1] * 3924.0 == pytest.approx(1163.66, rel=1e-4)
-    assert told["longitudinal_force_N"][1] == pytest.approx(1163.66, rel=1e-4)
+    assert told["longitudinal_force_N"][1] == pytest.approx(-1163.66, rel=1e-4)
+    assert np.isnan(told["longitudinal_force_N"][2])  # as slow as on a grade of 3 %
     assert told["vertical_force_N"][2] == pytest.approx(3924.0 * 1.01**2)
     assert 0.0 < told["grip_left"][1] < 1.0
     assert np.isnan([told[n][0] for n in ("adhesion_share", "friction_used", "grip_left")]).all()
@@ -63,13 +65,13 @@ def test_an_onset_tells_slip_friction_and_what_is_left():
     assert told["vertical_force_se_N"][2] == pytest.approx(
         3924.0 * 1.01**2 * np.hypot(noise / 1.01, law)
     )
-    stiffer = grip_columns(footprint(0.035, 0.1), 0.8, 0.6, 10.0, 0.5, None)
+    stiffer = grip_columns(footprint(0.035, 0.1), 0.8, 0.6, 10.0, 0.5, None, BRAKES)
     assert stiffer["brush_slip"][1] == pytest.approx(0.015)
     assert "vertical_force_N" not in stiffer
 
 
 def test_beyond_the_peak_nothing_is_left():
-    told = grip_columns(footprint(-0.049, 0.1), 0.8, 0.6, 1.0, 0.5, None)
+    told = grip_columns(footprint(-0.049, 0.1), 0.8, 0.6, 1.0, 0.5, None, BRAKES)
     assert told["grip_left"][1] == 0.0
 
 

@@ -8,6 +8,8 @@ of (13) sums to
 
     |F_x| / F = 3 f_s (1 - a) a^2 + f_d (2 - 3 u + u^3) / 4,      u = x_s / L = 2 a - 1
 
+The strain has the size of the traction alone, since drive and a lever of one sign look like braking
+and a lever of the other; the sign of F_x, positive in drive, is that of the car's acceleration.
 What is left is counted from the largest that this can be. The brush is P2's: friction and stiffness
 are given, not measured, and a road that is smoother than they say leaves less.
 """
@@ -33,6 +35,9 @@ LOAD_EXPONENT = 0.5
 #: standard error of that exponent: tires have some 0.35 to 0.8; twice as much doubles the error of
 #: a force away from the usual one
 EXPONENT_SD = 0.15
+#: acceleration [m/s^2] from which its sign is that of the traction: a grade of 6 % asks for as much
+#: the other way; twice as much leaves the force of gentle driving without its sign
+SIGN_M_S2 = 0.6
 _COPIED = ("log", "channel", "revolution", "time_s", "speed_m_s", "slip_onset_reason", "quality")
 
 
@@ -61,6 +66,7 @@ def grip_of(
             stiffness_ratio,
             load_exponent,
             load,
+            found.passages.acceleration_m_s2,
         )
         told = int(np.isfinite(columns["adhesion_share"]).sum())
         remarks = [
@@ -75,6 +81,12 @@ def grip_of(
                 f"forces take the passage of median length to carry {load:g} N, and the length to "
                 f"grow as load^{load_exponent:g}"
             )
+            unsigned = told - int(np.isfinite(columns["longitudinal_force_N"]).sum())
+            if unsigned:
+                remarks.append(
+                    f"{unsigned} longitudinal forces are empty: below {SIGN_M_S2:g} m/s^2 the "
+                    "acceleration does not tell drive from braking"
+                )
         yield GripOfChannel(columns, (*found.remarks, *remarks))
 
 
@@ -114,8 +126,12 @@ def grip_columns(
     stiffness_ratio: float,
     load_exponent: float,
     load_N: float | None,
+    acceleration_m_s2: FloatArray,
 ) -> dict[str, Any]:
-    """Columns of the table from those of the table `footprint`."""
+    """Columns of the table from those of the table `footprint`, shape (n,).
+
+    The strain shows the size of the traction; its sign is that of the acceleration (n,).
+    """
     length, onset = (np.asarray(footprint[n], float) for n in ("length_m", "slip_onset_m"))
     length_se, onset_se = (
         np.asarray(footprint[n], float) for n in ("length_se_m", "slip_onset_se_m")
@@ -154,8 +170,11 @@ def grip_columns(
     columns["vertical_force_se_N"] = force * np.hypot(
         length_se / length / load_exponent, by_exponent
     )
-    columns["longitudinal_force_N"] = used * force
-    columns["longitudinal_force_se_N"] = np.hypot(
+    with np.errstate(invalid="ignore"):
+        sure = np.abs(acceleration_m_s2) >= SIGN_M_S2
+    sign = np.where(sure, np.sign(acceleration_m_s2), np.nan)
+    columns["longitudinal_force_N"] = sign * used * force
+    columns["longitudinal_force_se_N"] = np.abs(sign) * np.hypot(
         columns["friction_used_se"] * force, used * columns["vertical_force_se_N"]
     )
     return columns

@@ -36,10 +36,10 @@ def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
     return _plain(pa.int64(), np.ascontiguousarray(values, dtype=np.int64), known)
 
 
-def arrow_field(name: str, type: pa.DataType | None = None) -> pa.Field:
-    """A column with its unit and meaning, kept by parquet; without `type` the vocabulary's."""
+def arrow_field(name: str, table: str, type: pa.DataType | None = None) -> pa.Field:
+    """A table's column with its unit and meaning, kept by parquet; without `type` the vocabulary's."""
     column = COLUMNS.get(name)
-    metadata = {"unit": column.unit, "meaning": column.meaning} if column else None
+    metadata = {"unit": column.unit, "meaning": column.meaning_in(table)} if column else None
     return pa.field(name, TYPES[COLUMNS[name].kind] if type is None else type, metadata=metadata)
 
 

@@ -43,7 +43,7 @@ def whole_frame(name: str, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     known = [str(c) for c in frame.columns if c in COLUMNS]
     frame.attrs = {
         "units": {c: COLUMNS[c].unit for c in known},
-        "descriptions": {c: COLUMNS[c].meaning for c in known},
+        "descriptions": {c: COLUMNS[c].meaning_in(name) for c in known},
     }
     return frame
 

@@ -155,7 +155,10 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             for name, values in columns.items()
         ]
         schema = pa.schema(
-            [arrow_field(name, array.type) for name, array in zip(columns, arrays, strict=True)]
+            [
+                arrow_field(name, self.name, array.type)
+                for name, array in zip(columns, arrays, strict=True)
+            ]
         )
         self._begin(tuple(columns), schema)
         self._rows(pa.Table.from_arrays(arrays, schema=self._schema or schema))
@@ -242,4 +245,4 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         from tirelog.tables.arrow import arrow_field
 
         names = TABLES.get(self.name, ())
-        self._begin(names, pa.schema([arrow_field(name) for name in names]))
+        self._begin(names, pa.schema([arrow_field(name, self.name) for name in names]))

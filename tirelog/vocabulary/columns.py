@@ -9,15 +9,20 @@ below any error bar. The file is longer than others, as one register is to be re
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from tirelog.vocabulary.tables import LOG_TABLES
 
 
 @dataclass(frozen=True)
 class TableColumn:
-    """A column.  `kind` is float, int, bool or text; tolerances apply to floats only."""
+    """A column.
+
+    kind         float, int, bool or text; tolerances apply to floats only
+    positive_in  "drive" or "braking" if the column's sign tells the one from the other
+    own          meanings in single tables, by the table's name, if they differ from `meaning`
+    """
 
     name: str
     unit: str
@@ -25,6 +30,13 @@ class TableColumn:
     meaning: str
     absolute: float = 0.0
     relative: float = 1e-6
+    positive_in: str = ""
+    own: Mapping[str, str] = field(default_factory=dict)
+
+    def meaning_in(self, table: str) -> str:
+        """What the column is in this table, with its sign."""
+        sign = f", positive in {self.positive_in}" if self.positive_in else ""
+        return self.own.get(table, self.meaning) + sign
 
 
 def register(columns: Sequence[TableColumn]) -> dict[str, TableColumn]:
@@ -48,6 +60,9 @@ def _integer(name: str, meaning: str) -> TableColumn:
     return TableColumn(name, "", "int", meaning)
 
 
+#: tables of what a model says, not a log
+_MODEL_TABLES = ("predict-all", "forces", "passage", "modes")
+
 _ALL = [
     _text(
         "log",
@@ -59,9 +74,21 @@ _ALL = [
         "revolution", "ordinal of the patch passage in the log, the same in all tables of a channel"
     ),
     TableColumn(
-        "time_s", "s", "float", "time of the patch passage from the start of the log", 1e-6
+        "time_s",
+        "s",
+        "float",
+        "time of the patch passage from the start of the log",
+        1e-6,
+        own={"passage": "time since the start of the drive"},
     ),
-    TableColumn("speed_m_s", "m/s", "float", "speed of the wheel centre at the passage", 1e-5),
+    TableColumn(
+        "speed_m_s",
+        "m/s",
+        "float",
+        "speed of the wheel centre at the passage",
+        1e-5,
+        own=dict.fromkeys(_MODEL_TABLES, "speed of the wheel centre"),
+    ),
     _text("quality", "'ok', or words joined by ';' that say what is wrong inside the patch window"),
     # speed
     TableColumn(
@@ -79,13 +106,21 @@ _ALL = [
         "longitudinal acceleration at the passage",
         1e-3,
         1e-4,
+        positive_in="drive",
+        own=dict.fromkeys(_MODEL_TABLES, "longitudinal acceleration"),
     ),
     # slip
     TableColumn(
         "vehicle_speed_m_s", "m/s", "float", "the vehicle's mean speed over the turn", 1e-4, 1e-4
     ),
     TableColumn(
-        "slip", "1", "float", "1 - omega R / V over the turn, positive in braking (P2 (14))", 1e-6
+        "slip",
+        "1",
+        "float",
+        "1 - omega R / V over the turn (P2 (14))",
+        1e-6,
+        positive_in="braking",
+        own=dict.fromkeys(_MODEL_TABLES, "1 - omega R / V (P2 (14))"),
     ),
     TableColumn("slip_se", "1", "float", "standard error of the slip", 1e-6, 1e-3),
     TableColumn(
@@ -161,7 +196,7 @@ _ALL = [
         "friction_used",
         "1",
         "float",
-        "longitudinal over vertical force by the brush, P2 (13)",
+        "size of the longitudinal over the vertical force by the brush, P2 (13)",
         1e-6,
     ),
     TableColumn("friction_used_se", "1", "float", "its standard error", 1e-6, 1e-2),
@@ -303,16 +338,39 @@ _ALL = [
     TableColumn("slowest_m_s", "m/s", "float", "range of the speeds: least", 1e-5),
     TableColumn("fastest_m_s", "m/s", "float", "range of the speeds: largest", 1e-5),
     # phase shift
-    TableColumn("entry_angle_deg", "deg", "float", "wheel angle of the entry front", 1e-4),
-    TableColumn("exit_angle_deg", "deg", "float", "wheel angle of the exit front", 1e-4),
-    TableColumn("patch_width_deg", "deg", "float", "angle between the fronts", 1e-4),
+    TableColumn(
+        "entry_angle_deg",
+        "deg",
+        "float",
+        "wheel angle of the entry front",
+        1e-4,
+        own={"strain-shift": "wheel angle at the entry edge of the patch by the strain"},
+    ),
+    TableColumn(
+        "exit_angle_deg",
+        "deg",
+        "float",
+        "wheel angle of the exit front",
+        1e-4,
+        own={"strain-shift": "wheel angle at the exit edge of the patch by the strain"},
+    ),
+    TableColumn(
+        "patch_width_deg",
+        "deg",
+        "float",
+        "angle between the fronts",
+        1e-4,
+        own={"strain-shift": "angle from entry to exit"},
+    ),
     TableColumn("patch_width_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
     TableColumn(
         "phase_shift_deg",
         "deg",
         "float",
-        "middle of the patch signal minus its value in the zero stretch; negative in braking",
+        "middle of the patch signal minus its value in the zero stretch",
         1e-4,
+        positive_in="drive",
+        own={"strain-shift": "middle of the patch minus its mean in the first good passages"},
     ),
     TableColumn("phase_shift_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
     TableColumn(
@@ -328,6 +386,7 @@ _ALL = [
         "float",
         "phase shift without its trend with speed",
         1e-4,
+        positive_in="drive",
     ),
     TableColumn(
         "phase_shift_corrected_deg",
@@ -335,6 +394,7 @@ _ALL = [
         "float",
         "detrended phase shift without the cross-talk of load",
         1e-4,
+        positive_in="drive",
     ),
     TableColumn(
         "vertical_force_N",
@@ -343,26 +403,56 @@ _ALL = [
         "vertical force from the patch width by the calibration",
         0.1,
         1e-4,
+        own={"grip": "vertical force from the contact length by the law length ~ load^exponent"},
     ),
-    TableColumn("vertical_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
+    TableColumn(
+        "vertical_force_se_N",
+        "N",
+        "float",
+        "its standard error, by the regressor and the force map",
+        0.1,
+        1e-2,
+        own={"grip": "its standard error, by length and load exponent"},
+    ),
     TableColumn(
         "longitudinal_force_N",
         "N",
         "float",
-        "longitudinal force from the phase shift by the calibration, positive in drive",
+        "longitudinal force from the phase shift by the calibration",
         0.1,
         1e-4,
+        positive_in="drive",
+        own={
+            "grip": "friction used times vertical force, with the sign of an acceleration of 0.6 "
+            "m/s^2 or more, else empty"
+        },
     ),
-    TableColumn("longitudinal_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
+    TableColumn(
+        "longitudinal_force_se_N",
+        "N",
+        "float",
+        "its standard error, by the regressor and the force map",
+        0.1,
+        1e-2,
+        own={"grip": "its standard error, by length, load exponent and friction used"},
+    ),
     # inflation
-    TableColumn("strain", "", "float", "strain, mean over the row's stretch", 1e-9),
+    TableColumn(
+        "strain",
+        "",
+        "float",
+        "strain at the sensor",
+        1e-9,
+        own={"inflation": "strain, mean over the row's stretch"},
+    ),
     TableColumn("strain_se", "", "float", "its standard error", 1e-10, 1e-2),
     TableColumn(
         "inflation_pressure_Pa",
         "Pa",
         "float",
-        "inflation pressure, mean over the row's stretch",
+        "inflation pressure",
         1.0,
+        own={"inflation": "inflation pressure, mean over the row's stretch"},
     ),
     _text("stretch", "whole, ramp or stop"),
     TableColumn("duration_s", "s", "float", "length of the row's stretch", 1e-3),
@@ -423,9 +513,10 @@ _ALL = [
         "shear_traction_N_m",
         "N/m",
         "float",
-        "traction of the road on the tread per length, positive in braking",
+        "traction of the road on the tread per length",
         1e-3,
         1e-6,
+        positive_in="braking",
     ),
     # model predict --all, model forces
     TableColumn(
@@ -457,14 +548,15 @@ _ALL = [
         "hub_longitudinal_N",
         "N",
         "float",
-        "force of a ring's sidewall on the hub along the road, positive in braking (F_x* of P3)",
+        "force of a ring's sidewall on the hub along the road (F_x* of P3)",
         1e-3,
+        positive_in="braking",
     ),
     TableColumn(
         "hub_vertical_N",
         "N",
         "float",
-        "the same upwards, which carries the load (F_z* of P3)",
+        "force of a ring's sidewall on the hub upwards, which carries the load (F_z* of P3)",
         1e-3,
     ),
     TableColumn(

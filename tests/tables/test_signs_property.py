@@ -1,0 +1,153 @@
+"""Property: every column whose sign tells drive from braking has it right, in every table.
+
+A simulated wheel drives off and brakes, with strain, accelerometer, encoder, the vehicle's speed
+and its force; a second one, which nothing drives, gives the cross-talk. A model says the same.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tirelog
+from tirelog.cli import run
+from tirelog.vocabulary.columns import COLUMNS, TABLES
+
+SCENARIO = """
+seed = {seed}
+[tire]
+flexural_stiffness_N_m2 = 4.0
+line_mass_kg_m = 4.5
+torsional_stiffness_N_m2 = 1.5e5
+[conditions]
+load_N = 3434.0
+driven = {driven}
+[road]
+roughness = 0.005
+{manoeuvres}
+{channels}
+[[effects]]
+name = "traction"
+slip_per_g = 0.4
+lever_m = 0.018
+"""
+LOAD_TRANSFER = '[[effects]]\nname = "load_transfer"\ncoefficient = 0.25\n'
+MANOEUVRES = (
+    (3, 9.0), (1.8, 15.0), (1.5, 15.0), (1.8, 21.0), (2, 21.0), (3, 9.0), (2, 9.0),
+)  # fmt: skip
+CHANNELS = {
+    "strain_1": {"kind": "fbg_strain", "surface": "outer", "reference_wavelength_nm": 1550.0,
+                 "noise": 0.0001},
+    "acceleration": {"kind": "radial_acceleration", "sampling_rate_Hz": 1e4, "noise": 1.2,
+                     "bandwidth_Hz": 3000.0, "range": 500.0, "bits": 16, "angle_deg": 200.0},
+    "encoder": {"kind": "wheel_encoder", "sampling_rate_Hz": 1e4, "steps": 48, "noise": 0.02,
+                "offset": 0.1, "range": 2.0, "bits": 12},
+    "vehicle_speed": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0, "noise": 0.01},
+    "force": {"kind": "longitudinal_force", "sampling_rate_Hz": 100.0, "noise": 20.0},
+}  # fmt: skip
+#: tables of a log in which a sign can tell the two apart
+OF_A_DRIVE = ("speed", "footprint", "phase-shift", "slip", "grip", "strain-shift")
+OF_A_MODEL = ("predict", "predict-all", "forces")
+
+
+def simulated(folder: Path, name: str, seed: int, driven: str) -> str:
+    manoeuvres = "".join(
+        f"[[manoeuvres]]\nduration_s = {s}\nspeed_m_s = {v}\n" for s, v in MANOEUVRES
+    )
+    channels = "".join(
+        f'[channels.{key}]\nsource = "/{key}"\n'
+        + "".join(f"{k} = {json.dumps(v)}\n" for k, v in values.items())
+        for key, values in CHANNELS.items()
+        if driven == "true" or key != "force"
+    )
+    scenario = folder / f"{name}_scenario.toml"
+    text = SCENARIO.format(seed=seed, driven=driven, manoeuvres=manoeuvres, channels=channels)
+    scenario.write_text(text + ("" if driven == "true" else LOAD_TRANSFER))
+    log = str(folder / f"{name}.h5")
+    assert run(["simulate", str(scenario), "-o", log, "--quiet"]) == 0
+    return log
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory) -> dict[str, pd.DataFrame]:
+    """Each table of the drive, its rows in acceleration and in braking as the column `drives`."""
+    folder = tmp_path_factory.mktemp("signs")
+    log, other = (
+        simulated(folder, "driven", 5, "true"), simulated(folder, "undriven", 6, "false"),
+    )  # fmt: skip
+    map_ = str(folder / "map.toml")
+    words = ["phase-shift", log, other, "--calibrate", map_, "-o", str(folder / "both.csv")]
+    assert run([*words, "--quiet"]) == 0
+    forces = str(folder / "forces.toml")
+    words = ["phase-shift", log, "--calibrate", forces, "--fit-forces", "-o", str(folder / "f.csv")]
+    assert run([*words, "--quiet"]) == 0
+    slips = str(folder / "slips.h5")  # in whose strain more passages show the onset of slip
+    onsets = Path(__file__).parents[2] / "sample_data" / "scenarios" / "slip_onset.toml"
+    assert run(["simulate", str(onsets), "-o", slips, "--quiet"]) == 0
+    logs = dict.fromkeys(OF_A_DRIVE, log) | {"footprint": slips, "grip": slips}
+    made = {name: getattr(tirelog, name.replace("-", "_"))(logs[name]) for name in OF_A_DRIVE}
+    made["phase-shift"] = pd.read_csv(folder / "both.csv").query("log == @log")
+    made["phase-shift"]["longitudinal_force_N"] = pd.read_csv(folder / "f.csv")[
+        "longitudinal_force_N"
+    ]
+    for name, table in made.items():
+        motion = json.loads(Path(f"{logs[name]}.truth.json").read_text())["motion"]
+        true = np.interp(table["time_s"], motion["time_s"], motion["acceleration_m_s2"])
+        table["drives"] = np.select([true > 2.0, true < -2.0], ["drive", "braking"], "")
+    model, grips = str(folder / "model.toml"), str(folder / "grips.toml")
+    assert run(["model", "new", "--preset", "P3", "-o", model, "--quiet"]) == 0
+    words = ["model", "add", model, "traction", "--set", "slip_per_g=0.2"]
+    assert run([*words, "-o", grips, "--quiet"]) == 0
+    for name, more in (("predict-all", ["predict", "--all"]), ("forces", ["forces"])):
+        parts = []
+        for drives, condition in (("drive", ("3", "-0.06")), ("braking", ("-3", "0.06"))):
+            words = ["model", more[0], grips, "--speed", "10", *more[1:], "--quiet"]
+            path = str(folder / f"{name}.csv")
+            words += ["--acceleration", condition[0], "--slip", condition[1], "-o", path]
+            assert run(words) == 0
+            parts.append(pd.read_csv(path).assign(drives=drives))
+        made[name] = pd.concat(parts, ignore_index=True)
+    made["predict"] = made["predict-all"]
+    return made
+
+
+@pytest.mark.parametrize("name", [*OF_A_DRIVE, *OF_A_MODEL])
+def test_a_sign_tells_drive_from_braking(tables, name):
+    table = tables[name]
+    for column in TABLES[name]:
+        positive = COLUMNS[column].positive_in
+        if not positive:
+            continue
+        values = table.loc[table[column].abs() > 0.0].groupby("drives")[column]
+        assert values.count()[["drive", "braking"]].min() >= 1, column
+        signs = np.sign(values.median())
+        assert signs[positive] == 1.0, column
+        assert signs[{"drive": "braking", "braking": "drive"}[positive]] == -1.0, column
+
+
+def test_every_signed_column_is_tried():
+    signed = {c for columns in TABLES.values() for c in columns if COLUMNS[c].positive_in}
+    tried = {c for name in (*OF_A_DRIVE, *OF_A_MODEL) for c in TABLES[name]}
+    assert signed <= tried
+    assert {"acceleration_m_s2", "slip", "longitudinal_force_N", "phase_shift_deg"} <= signed
+    assert {"shear_traction_N_m", "hub_longitudinal_N", "phase_shift_corrected_deg"} <= signed
+
+
+def test_the_shorter_edge_is_the_sharper(tables):
+    """`edge_asymmetry` is above 0 if the exit is sharper; the onset lies beside the exit edge."""
+    table = tables["footprint"]
+    driven = table[table["drives"] != ""]
+    assert (driven["slip_onset_m"].dropna() > 0.0).all()
+    assert driven["edge_asymmetry"].median() > 0.0
+    assert abs(table.loc[table["drives"] == "", "edge_asymmetry"].median()) < 0.02
+
+
+def test_a_column_says_what_it_is_in_its_own_table():
+    column = COLUMNS["longitudinal_force_N"]
+    assert "phase shift" in column.meaning_in("phase-shift")
+    assert "friction used" in column.meaning_in("grip")
+    assert all(column.meaning_in(name).endswith("positive in drive") for name in TABLES)
