@@ -42,7 +42,7 @@ def test_each_speed_is_taken_with_each_load(here, capsys):
 
 def test_a_pressure_stiffens_the_ring(here, capsys):
     found = rows(capsys, "forces", "ring.toml", "--speed", "10", "--pressure", "1.2e5,2.4e5")
-    assert found[1]["deflection_m"] < found[0]["deflection_m"]
+    assert found[1]["belt_deflection_m"] < found[0]["belt_deflection_m"]
 
 
 def test_several_revolutions_stand_one_after_the_other(here, capsys):

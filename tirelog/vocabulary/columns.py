@@ -532,7 +532,14 @@ _ALL = [
         "strain_curvature_1_m2", "1/m^2", "float", "strain's second derivative", 1e-5, 1e-5
     ),
     TableColumn("patch_length_m", "m", "float", "length of the contact patch, 2 L", 1e-7),
-    TableColumn("deflection_m", "m", "float", "largest inward displacement of the tread", 1e-8),
+    TableColumn("belt_deflection_m", "m", "float", "largest inward displacement of the belt", 1e-8),
+    TableColumn(
+        "hub_approach_m",
+        "m",
+        "float",
+        "approach of the hub to a flat road by the yield of belt and tread",
+        1e-8,
+    ),
     TableColumn(
         "speed_ratio", "1", "float", "speed over a beam's critical speed, alpha of P1 (4)", 1e-6
     ),
@@ -576,11 +583,32 @@ _ALL = [
         "pressure_centre_m",
         "m",
         "float",
-        "where the road's pressure acts, negative towards the entry edge",
+        "where the load acts on the road against the hub, negative ahead: -moment / load (P1 3.2)",
         1e-8,
     ),
     TableColumn(
-        "dissipated_power_W", "W", "float", "power that the rolling carcass dissipates", 1e-6
+        "dissipated_power_W",
+        "W",
+        "float",
+        "power that rolling takes: the moment times the angular speed",
+        1e-6,
+    ),
+    TableColumn(
+        "carcass_power_W", "W", "float", "the share of it that the losses of the carcass take", 1e-6
+    ),
+    TableColumn(
+        "tread_power_W",
+        "W",
+        "float",
+        "the rest: what a pressure that effects lean takes in tread or water; below 0 none can",
+        1e-6,
+    ),
+    TableColumn(
+        "sliding_power_W",
+        "W",
+        "float",
+        "power of the brush's sliding, not of rolling",
+        1e-6,
     ),
     TableColumn("rolling_resistance_N", "N", "float", "the dissipated power over the speed", 1e-6),
     TableColumn(
@@ -590,7 +618,7 @@ _ALL = [
         "rolling_resistance_moment_N_m",
         "N m",
         "float",
-        "the dissipated power over the wheel's angular speed: turns the wheel back (P1 3.2)",
+        "moment of the road's pressure about the hub, turns the wheel back (P1 3.2)",
         1e-6,
     ),
     TableColumn(
@@ -690,9 +718,10 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "forces": (
         "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip",
-        "patch_length_m", "deflection_m", "speed_ratio", "damping_ratio", "hub_longitudinal_N",
-        "hub_vertical_N", "road_longitudinal_N", "road_lateral_N", "aligning_moment_N_m",
-        "adhesion_share", "pressure_centre_m", "dissipated_power_W", "rolling_resistance_N",
+        "patch_length_m", "belt_deflection_m", "hub_approach_m", "speed_ratio", "damping_ratio",
+        "hub_longitudinal_N", "hub_vertical_N", "road_longitudinal_N", "road_lateral_N",
+        "aligning_moment_N_m", "adhesion_share", "pressure_centre_m", "dissipated_power_W",
+        "carcass_power_W", "tread_power_W", "sliding_power_W", "rolling_resistance_N",
         "rolling_resistance_coefficient", "rolling_resistance_moment_N_m", "bending_power_W",
         "strip_power_W",
     ),

@@ -2,19 +2,40 @@
 
     Conditions (n,), slip angle and camber --`stages`--> columns (n,)
 
-Power. Steady pressure p(xi) on a tread that passes with c does the work c int p w' dxi per second;
-it is what the carcass dissipates, since kinetic and elastic energy of a steady wave return (P1
-(24), (25)). By modes, with the ring's equivalent load E_n and inward displacement W_n,
+The balance of rolling, in the frame of the axle, x along the road behind the hub. The road is flat,
+stiff and at rest, so its pressure p on a tread of height z(phi) and place x(phi) does the work
+Omega int p z' dxi = 0, if what lies between belt and road gives back what it takes. A belt that
+turns as a stiff wheel has z' = x; what remains of z' deforms it, at the power P. So
 
-    P = 2 pi R Omega sum 2 n Im(conj(W_n) E_n),      rolling resistance P / c, moment P / Omega
+    P = Omega int p (z' - x) dxi = Omega M,        M = -int p x dxi = -F x_c
 
-so that an undamped tire rolls for nothing. P1 3.2 says the same of the pressure: heavier towards
-the entry edge, it turns the wheel back with this moment.
+P is what the losses of the carcass take, since kinetic and elastic energy of a steady wave return
+(P1 (24), (25)); by modes, with the ring's equivalent load E_n and inward displacement W_n,
+
+    P = 2 pi R Omega sum 2 n Im(conj(W_n) E_n)
+
+M turns the wheel back, and the load acts M / F ahead of the hub (P1 3.2). x is a place in space,
+(R - w) sin phi + v cos phi of a ring: along the undeformed belt the pressure of a lossy ring leans
+8 % less than that. An undamped tire rolls for nothing.
+
+A pressure that is prescribed does not know of a flat road, and a beam has no hub: the middle of its
+patch is ahead of where the hub would be, by what the carcass's power needs. What effects add to the
+pressure leans against that. It exerts a moment on a carcass that takes nothing too,
+
+    M = P_0 / Omega + dM,  dM = -int p x dxi + int p_0 x_0 dxi      _0 without what effects add
+
+(P in place of P_0 of a beam, whose x along the belt does not know of w). The power of that is taken
+by what lies between belt and road, the rubber of the tread or the water, for which the model has no
+losses of its own: `tread_power_W`, Omega M - P. Below zero it would have to push the wheel, which
+no tread does.
+
+The sliding of a brush takes the power F_x slip v + F_y tan(slip angle) v beside all that, which
+the drive or the brake pays for, not the rolling.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +46,7 @@ from tirelog.physics import brush
 from tirelog.physics.carcass import beam
 from tirelog.physics.effects import BY_ID, traction
 from tirelog.physics.model.stages import (
+    Active,
     Task,
     hardened,
     hub_forces,
@@ -33,8 +55,9 @@ from tirelog.physics.model.stages import (
     pressure,
     response,
     structure,
+    tangential,
 )
-from tirelog.physics.spectral import MODES, to_grid
+from tirelog.physics.spectral import MODES, STEP, grid_angles, to_grid
 from tirelog.vocabulary.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -43,6 +66,8 @@ if TYPE_CHECKING:
 #: slip angles and cambers [deg] of the brush: beyond them a tread does not lie on the road as the
 #: brush has it. Doubling it lets a wheel stand across the road.
 WIDEST_DEG = 45.0
+#: hooks by which effects change the pressure that the road gives a tread
+_LEANING = ("tilt", "pressure", "kernel")
 _N = np.arange(MODES, dtype=np.float64)
 
 
@@ -94,12 +119,13 @@ def _of_task(
     """The columns of one block of revolutions, each (n,)."""
     site, R, speed = loaded_site(task)[0], task.base["radius_m"], task.drive.speed_m_s
     slip = _slip(task)
-    power = _power(task)
+    carcass, moment = _balance(task)
     none = np.full((1, 1), np.nan)
     bending, strip = _section_power(task, section) if section is not None else (none, none)
-    x, y, moment = _brush(task, slip, slip_angle_deg, camber_deg)
+    x, y, aligning = _brush(task, slip, slip_angle_deg, camber_deg)
     held = brush.transition(slip, site.half_length_m, _grip(task).stiffness_ratio)
-    rolls = np.where(speed > 0.0, speed, np.nan)
+    turning = np.where(speed > 0.0, moment, np.nan)  # a wheel that stands may lean either way
+    belt, approach = _deflections(task)
     hub = hub_forces(task) if task.carcass == "ring" else np.full((2, 1), np.nan)
     across = bool(slip_angle_deg or camber_deg)
     found = {
@@ -109,20 +135,24 @@ def _of_task(
         "acceleration_m_s2": task.drive.acceleration_m_s2,
         "slip": slip,
         "patch_length_m": 2.0 * site.half_length_m,
-        "deflection_m": to_grid(hardened(task) * response(task).displacement).max(axis=1)[:, None],
+        "belt_deflection_m": belt,
+        "hub_approach_m": approach,
         "speed_ratio": speed / _critical(task),
         "damping_ratio": _damping(task),
         "hub_longitudinal_N": hub[0][:, None],
         "hub_vertical_N": hub[1][:, None],
         "road_longitudinal_N": x,
         "road_lateral_N": y if across else none,
-        "aligning_moment_N_m": moment if across else none,
+        "aligning_moment_N_m": aligning if across else none,
         "adhesion_share": (held + site.half_length_m) / (2.0 * site.half_length_m),
-        "pressure_centre_m": _centre(task),
-        "dissipated_power_W": power,
-        "rolling_resistance_N": power / rolls,
-        "rolling_resistance_coefficient": power / rolls / site.load_N,
-        "rolling_resistance_moment_N_m": power / rolls * R,
+        "pressure_centre_m": -turning / site.load_N,
+        "dissipated_power_W": moment * (speed / R),
+        "carcass_power_W": carcass * (speed / R),
+        "tread_power_W": (moment - carcass) * (speed / R),
+        "sliding_power_W": speed * (slip * x + np.tan(np.radians(slip_angle_deg)) * y),
+        "rolling_resistance_N": turning / R,
+        "rolling_resistance_coefficient": turning / R / site.load_N,
+        "rolling_resistance_moment_N_m": turning,
         "bending_power_W": bending,
         "strip_power_W": strip,
     }
@@ -152,18 +182,65 @@ def _damping(task: Task) -> FloatArray:
     return np.atleast_2d(np.asarray(rate * np.sqrt(ratio), np.float64))
 
 
-def _power(task: Task) -> FloatArray:
-    """What the road's loads do on the tread per second [W], (n or 1, 1)."""
+def _balance(task: Task) -> tuple[FloatArray, FloatArray]:
+    """(power of the carcass over Omega, moment that turns the wheel back) [N m], (n or 1, 1)."""
+    carcass = _carcass_moment(task)
+    if not task.having(*_LEANING):
+        return carcass, carcass
+    plain = _without_leaning(task)
+    before = _carcass_moment(plain) if task.carcass == "ring" else carcass
+    return carcass, before + _hub_moment(task) - _hub_moment(plain)
+
+
+def _without_leaning(task: Task) -> Task:
+    """The task with the pressure that the road gives it, without what effects make of that."""
+    active = [
+        Active(replace(a.effect, tilt=None, pressure=None, kernel=None), a.values)
+        for a in task.active
+    ]
+    return replace(task, active=active, memo={}, near=None)
+
+
+def _carcass_moment(task: Task) -> FloatArray:
+    """Power that the losses of the carcass take, over Omega [N m], (n or 1, 1)."""
     if np.any(response(task).cubic):
         # the road pushes, not what a hardened foundation leaves of it
         inward = hardened(task) * response(task).displacement
     else:
         inward = load_on_carcass(task) * response(task).displacement
     work = (np.conj(inward) * load_on_carcass(task)).imag
-    power: FloatArray = (4.0 * np.pi * task.drive.speed_m_s) * (_N * work).sum(
+    moment: FloatArray = (4.0 * np.pi * task.base["radius_m"]) * (_N * work).sum(
         axis=1, keepdims=True
     )
-    return power
+    return moment
+
+
+def _hub_moment(task: Task) -> FloatArray:
+    """-int p x dxi about the hub [N m], (n or 1, 1), x in space; of a beam along the belt."""
+    R, phi = task.base["radius_m"], grid_angles()
+    x = np.where(phi < np.pi, R * phi, 0.0)  # half a turn away lies ahead and behind alike
+    if task.carcass == "ring":
+        inward = to_grid(hardened(task) * response(task).displacement)
+        x = (R - inward) * np.sin(phi) + to_grid(tangential(task)) * np.cos(phi)
+    moment: FloatArray = (-R * STEP) * (to_grid(pressure(task).pressure) * x).sum(
+        axis=1, keepdims=True
+    )
+    return moment
+
+
+def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:
+    """(largest inward displacement of the belt, approach of hub and road) [m], (n or 1, 1).
+
+    The approach is the yield of belt and tread above the hub's foot; without a road it is NaN.
+    """
+    belt = to_grid(hardened(task) * response(task).displacement)
+    approach = np.full((1, 1), np.nan)
+    if task.flat_road:
+        plain = _without_leaning(task)
+        yields = to_grid(hardened(plain) * response(plain).displacement)[:, :1]
+        tread = to_grid(pressure(plain).pressure)[:, :1] / task.base["tread_stiffness_N_m2"]
+        approach = yields + tread
+    return belt.max(axis=1, keepdims=True), approach
 
 
 def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, FloatArray]:
@@ -175,17 +252,6 @@ def _section_power(task: Task, section: StripSection) -> tuple[FloatArray, Float
     rate = section.viscosity_Pa_s * task.drive.speed_m_s**2 * integral
     area = section.height_m * section.width_m
     return rate * area * section.height_m**2 / 12.0, rate * area * lever**2
-
-
-def _centre(task: Task) -> FloatArray:
-    """int xi p dxi / F [m], (n or 1, 1): negative towards the entry edge; the modes of xi are
-    i R (-1)^n / n.
-    """
-    modes = pressure(task).pressure
-    n = _N[1:]
-    sawtooth = -(1.0 - 2.0 * (n % 2)) / n  # the conjugate, over i R
-    moment = 2.0 * (modes[:, 1:] * 1j * sawtooth).real.sum(axis=1, keepdims=True)
-    return np.asarray(task.base["radius_m"] * moment / modes[:, :1].real, np.float64)
 
 
 def _traction(task: Task) -> dict[str, float]:
