@@ -37,7 +37,7 @@ def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
 
 
 def arrow_field(name: str, table: str, type: pa.DataType | None = None) -> pa.Field:
-    """A table's column with unit and meaning, kept by parquet; its type by default the vocabulary's."""
+    """A table's column with unit and meaning, kept by parquet; the vocabulary's type by default."""
     column = COLUMNS.get(name)
     metadata = {"unit": column.unit, "meaning": column.meaning_in(table)} if column else None
     return pa.field(name, TYPES[COLUMNS[name].kind] if type is None else type, metadata=metadata)
