@@ -6,6 +6,7 @@ import shutil
 import pytest
 
 from tirelog.cli import run
+from tirelog.physics import CATALOGUE
 from tirelog.physics.model.file import load_model
 
 
@@ -142,3 +143,54 @@ def test_a_point_load_keeps_its_place_in_the_file(here, capsys):
         (here / "point.toml").read_text().replace("beam", "coupled_ring")
     )
     assert run(["model", "show", "point.toml"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("observable", "column"),
+    [
+        ("phase_shift", "phase_shift_deg"),
+        ("patch_width", "patch_width_deg"),
+        ("patch_length", "patch_length_m"),
+        ("dissipation_factor", "dissipation_factor_1_m"),
+    ],
+)
+def test_a_model_of_a_number_gives_that_number_of_each_condition(here, capsys, observable, column):
+    assert run(["model", "new", "--carcass", "ring", "--observable", observable, "-o", "m.toml",
+                "--quiet"]) == 0  # fmt: skip
+    if observable == "phase_shift":
+        words = ["model", "add", "m.toml", "telemetry_delay", "--set", "delay_s=0.0004"]
+        assert run([*words, "-o", "late.toml"]) == 0
+        found = rows(capsys, "predict", "late.toml", "--speed", "10,20")
+        assert found[1][column] == pytest.approx(2.0 * found[0][column])
+        assert found[0][column] > 0.1
+    else:
+        found = rows(capsys, "predict", "m.toml", "--speed", "10,20")
+        assert found[0][column] > 0.0
+    assert [row["speed_m_s"] for row in found] == [10.0, 20.0]
+    assert "strain" not in found[0]
+    (one, *more) = rows(capsys, "predict", "m.toml", "--speed", "10", "--all", "--points", "8")
+    assert "strain" in one  # the waveform beside it
+    assert len(more) == 7
+
+
+CHOICES = [(e.id, k, word) for e in CATALOGUE for k, words in e.options.items() for word in words]
+
+
+@pytest.mark.parametrize(("effect", "choice", "word"), CHOICES)
+def test_a_choice_of_an_effect_is_set_as_its_numbers_are(here, capsys, effect, choice, word):
+    words = ["model", "add", "beam.toml", effect, "--set"]
+    assert run([*words, f"{choice}={word}", "-o", "chosen.toml", "--quiet"]) == 0
+    (entry,) = load_model(here / "chosen.toml").effects
+    assert entry.options[choice] == word
+    capsys.readouterr()
+    assert run([*words, f"{choice}=sideways", "-o", "other.toml", "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert f"unknown {effect}.{choice} 'sideways'" in said
+    assert f" {word}" in said
+    assert not (here / "other.toml").exists()
+
+
+def test_a_word_is_no_number(here, capsys):
+    words = ["model", "add", "beam.toml", "stiffening", "--set", "cubic_1_m2=softens"]
+    assert run([*words, "-o", "other.toml"]) == 2
+    assert "cubic_1_m2 = softens; a number is allowed" in capsys.readouterr().err

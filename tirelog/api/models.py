@@ -33,7 +33,7 @@ from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.save import refuse_another, save_model
 from tirelog.physics.model.worn import worn_model
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import SCALARS
+from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
 #: angles over a revolution if none are asked for
 ANGLES = 1024
@@ -45,8 +45,6 @@ _ALONG = {
     "radial_acceleration_m_s2": "radial_acceleration",
     "contact_pressure_N_m": "contact_pressure",
     "shear_traction_N_m": "shear_traction",
-}
-_MORE_ALONG = {
     "tangential_displacement_m": "tangential_displacement",
     "strain_slope_1_m": "strain_slope",
     "strain_curvature_1_m2": "strain_curvature",
@@ -57,7 +55,7 @@ __all__ = [
     "NUISANCES", "PRESETS", "Effect", "Model", "added", "angles", "carcass_facts", "catalogue_with",
     "conditions_of", "contributions", "difference_rows", "draw_effects", "draw_modes", "forces",
     "given_conditions", "known_surface", "ladder_rows", "load_model", "modes", "new_model",
-    "parameter_rows", "passage", "predict", "refuse_another", "revolution", "revolutions",
+    "numbers", "parameter_rows", "passage", "predict", "refuse_another", "revolutions",
     "save_model", "serves", "worn_model",
 ]  # fmt: skip
 
@@ -144,7 +142,7 @@ def conditions_of(
 def added(
     model: Model,
     effect: str,
-    values: Mapping[str, float] | None = None,
+    values: Mapping[str, float | str] | None = None,
     *,
     setup: Setup | None = None,
     effects: Path | None = None,
@@ -157,8 +155,8 @@ def added(
         The model.
     effect : str
         The effect's name.
-    values : mapping of str to float, optional
-        Of its parameters by their full names, ``{"water_film.amplitude": 0.05}``.
+    values : mapping of str to float or str, optional
+        Of its parameters and choices by full names, ``{"stiffening.law": "softens"}``.
     setup : Setup, optional
         Holds a grating's length fixed, if it says one.
     effects : str or os.PathLike, optional
@@ -253,9 +251,7 @@ def predict(
     >>> wave.shape, float(wave.min()) < 0
     ((1, 1024), True)
     """
-    given = given_conditions(conditions)
-    check_conditions(given)
-    check_model(model)
+    given = _checked(model, conditions)
     chosen = angles() if phi_rad is None else np.asarray(phi_rad, float)
     return model.predict(
         given,
@@ -263,26 +259,6 @@ def predict(
         surface=surface,
         observable=observable,
     )
-
-
-def revolution(
-    model: Model,
-    conditions: Conditions | Mapping[str, Any],
-    *,
-    points: int = ANGLES,
-    surface: str = "outer",
-) -> dict[str, FloatArray]:
-    """Columns of `tirelog model predict`: all that a model says along one revolution, (points,).
-
-    From half a turn before the patch centre to half a turn after; UsageError and ModelError as
-    `predict`.
-    """
-    phi = angles(points)
-    columns = {"xi_m": phi * model.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
-    return columns | {
-        column: predict(model, conditions, phi, surface=surface, observable=observable)[0]
-        for column, observable in _ALONG.items()
-    }
 
 
 def revolutions(
@@ -295,26 +271,49 @@ def revolutions(
 ) -> dict[str, FloatArray]:
     """Columns of `tirelog model predict --all`, (n points,): n revolutions one after the other.
 
-    Beside what `revolution` tells the strain's derivatives, a ring's displacement along its belt,
+    All that a model says along each, from half a turn before the patch centre to half a turn after,
     and the conditions, the load as the model has it. `modes`: the last mode of a waveform, all of
     them by default. UsageError and ModelError as `predict`.
     """
-    given, phi = given_conditions(conditions), angles(points)
-    check_conditions(given)
-    check_model(model)
-    n = len(given)
-    columns = {
-        name: np.repeat(getattr(given, name), points)
-        for name in ("speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip")
-    }
-    columns["load_N"] = np.repeat(model.site_loads_N(given), points)
-    columns["xi_m"] = np.tile(phi * model.parameters["radius_m"].value, n)
-    columns["phi_deg"] = np.tile(np.degrees(phi), n)
-    for column, observable in (_ALONG | _MORE_ALONG).items():
+    given, phi = _checked(model, conditions), angles(points)
+    columns = {name: np.repeat(v, points) for name, v in _condition_columns(model, given).items()}
+    columns["xi_m"] = np.tile(phi * model.parameters["radius_m"].value, len(given))
+    columns["phi_deg"] = np.tile(np.degrees(phi), len(given))
+    for column, observable in _ALONG.items():
         columns[column] = model.predict(
             given, phi, surface=surface, observable=observable, modes=modes
         ).reshape(-1)
     return columns
+
+
+def numbers(
+    model: Model, conditions: Conditions | Mapping[str, Any], *, surface: str = "outer"
+) -> dict[str, FloatArray]:
+    """The conditions and the model's observables of one number per revolution, columns (n,).
+
+    Angles are in degrees. UsageError and ModelError as `predict`.
+    """
+    given = _checked(model, conditions)
+    columns = _condition_columns(model, given)
+    for name in [name for name in model.observables if name in SCALARS]:
+        column = OBSERVABLES[name].column
+        values = model.predict(given, surface=surface, observable=name)[:, 0]
+        columns[column] = np.degrees(values) if column.endswith("_deg") else values
+    return columns
+
+
+def _condition_columns(model: Model, given: Conditions) -> dict[str, FloatArray]:
+    """What revolutions are driven under, columns (n,), the load as the model has it."""
+    names = ("speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip")
+    return {name: getattr(given, name) for name in names} | {"load_N": model.site_loads_N(given)}
+
+
+def _checked(model: Model, conditions: Conditions | Mapping[str, Any]) -> Conditions:
+    """The conditions.  UsageError: no tire is driven under them; ModelError: no tire's model."""
+    given = given_conditions(conditions)
+    check_conditions(given)
+    check_model(model)
+    return given
 
 
 def forces(
@@ -330,12 +329,9 @@ def forces(
     With a setup that gives viscosity, height and width of the tread strip also its powers.
     UsageError and ModelError as `predict`.
     """
-    given = given_conditions(conditions)
-    check_conditions(given)
-    check_model(model)
     return force_columns(
         model,
-        given,
+        _checked(model, conditions),
         slip_angle_deg=slip_angle_deg,
         camber_deg=camber_deg,
         section=None if setup is None else _section(setup),
@@ -364,9 +360,7 @@ def passage(
     from tirelog.physics.moving.course import course_of, passage_columns
     from tirelog.physics.moving.transient import driven
 
-    given = given_conditions(conditions)
-    check_conditions(given)
-    check_model(model)
+    given = _checked(model, conditions)
     load_N = float(given.load_N[0]) if given.known("load_N") else model.values["load_N"]
     course = course_of(road, folder, float(given.speed_m_s[0]), load_N, loads, ramps, duration_s)
     motion = driven(model, given, course, step_s=step_s)

@@ -102,5 +102,9 @@ EditedModel = Annotated[
 ]
 Sets = Annotated[
     list[str],
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="A parameter's value, or the word of an effect's choice; several times.",
+    ),
 ]

@@ -27,11 +27,13 @@ class Parameter:
     free: bool = True
     se: float | None = None
 
-    def at(self, value: float, *, se: float | None = None) -> Parameter:
+    def at(self, value: float | str, *, se: float | None = None) -> Parameter:
         """The same parameter with another value.
 
         ModelError if it is not a number within the bounds.
         """
+        if isinstance(value, str):
+            raise ModelError(f"{self.name} = {value}", allowed="a number is allowed", do="give one")
         return replace(self, value=float(value), se=se).checked()
 
     def within(self, minimum: float, maximum: float) -> Parameter:

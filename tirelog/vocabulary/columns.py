@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 from tirelog.vocabulary.tables import LOG_TABLES
 
 
@@ -61,7 +62,7 @@ def _integer(name: str, meaning: str) -> TableColumn:
 
 
 #: tables of what a model says, not a log
-_MODEL_TABLES = ("predict-all", "forces", "passage", "modes")
+_MODEL_TABLES = ("predict-all", "predict-numbers", "forces", "passage", "modes")
 
 _ALL = [
     _text(
@@ -360,7 +361,10 @@ _ALL = [
         "float",
         "angle between the fronts",
         1e-4,
-        own={"strain-shift": "angle from entry to exit"},
+        own={
+            "strain-shift": "angle from entry to exit",
+            "predict-numbers": OBSERVABLES["patch_width"].meaning,
+        },
     ),
     TableColumn("patch_width_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
     TableColumn(
@@ -370,7 +374,10 @@ _ALL = [
         "middle of the patch signal minus its value in the zero stretch",
         1e-4,
         positive_in="drive",
-        own={"strain-shift": "middle of the patch minus its mean in the first good passages"},
+        own={
+            "strain-shift": "middle of the patch minus its mean in the first good passages",
+            "predict-numbers": OBSERVABLES["phase_shift"].meaning,
+        },
     ),
     TableColumn("phase_shift_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
     TableColumn(
@@ -724,6 +731,10 @@ TABLES: dict[str, tuple[str, ...]] = {
         "carcass_power_W", "tread_power_W", "sliding_power_W", "rolling_resistance_N",
         "rolling_resistance_coefficient", "rolling_resistance_moment_N_m", "bending_power_W",
         "strip_power_W",
+    ),
+    "predict-numbers": (
+        "speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip",
+        *(OBSERVABLES[name].column for name in SCALARS),
     ),
     "passage": (
         "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg",

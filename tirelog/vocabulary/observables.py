@@ -28,6 +28,7 @@ class Observable:
     data         what of a log it is made of, "" for something of its own: two observables of the
                  same data are no two measurements, and are not fitted together
     beside       kinds of channel that it needs besides
+    column       its column in tables, of one number per revolution; angles stand there in degrees
     own_zero     True if each log counts it from a zero of its own, so that logs cannot be compared
                  in its level
     """
@@ -43,6 +44,7 @@ class Observable:
     data: str = ""
     beside: tuple[str, ...] = ()
     own_zero: bool = False
+    column: str = ""
 
 
 STRAIN, ACCELERATION, WIDTH = "strain", "radial_acceleration", "patch_width"
@@ -82,6 +84,7 @@ _ALL = (
         ("load",),
         "length of the contact patch, from its entry edge to its exit edge",
         "strain",
+        column="patch_length_m",
     ),
     Observable(
         "dissipation_factor",
@@ -93,6 +96,7 @@ _ALL = (
         (*_WAVE, "lever_arm"),
         "integral of the squared strain slope along the tread over one revolution (P1)",
         "strain",
+        column="dissipation_factor_1_m",
     ),
     Observable(
         "phase_shift",
@@ -106,6 +110,7 @@ _ALL = (
         "wheel angle",
         ("wheel_encoder",),
         own_zero=True,
+        column="phase_shift_deg",
     ),
     Observable(
         WIDTH,
@@ -118,6 +123,7 @@ _ALL = (
         "wheel angle from the patch's entry edge to its exit edge (P4)",
         "acceleration",
         ("wheel_encoder",),
+        column="patch_width_deg",
     ),
 )
 OBSERVABLES: Mapping[str, Observable] = {observable.name: observable for observable in _ALL}

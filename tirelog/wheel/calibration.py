@@ -13,17 +13,19 @@ A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)
 the zeros. The errors are those of the least squares, widened by the scatter of the residuals and by
 their correlation from passage to passage.
 
-A telemetry delay is a phase shift in proportion to speed, and so is any other trend linear in
-speed: no regression on speed parts them. A force that grows with speed (drag) and the difference
-between driving and coasting bend the map too. Where the longitudinal force is measured it stands in
-the regression, and the map is that at unchanged force; else the acceleration stands for it, apart
-for driving and coasting, and drag stays in the map.
+A telemetry delay is a phase shift in proportion to speed, and so is the linear part of a car's
+drag, f0 + f1 v + f2 v^2: no regression on speed parts them. A delay does not bend, drag does. So
+of the linear part of the map as much is drag's as its bend says with f1 / f2 under a prior
+(DRAG_M_S); what the prior leaves open is in the error of the delay. A force that differs between
+driving and coasting bends the map too. If the longitudinal force is measured it stands in the
+regression, and the map is that at unchanged force; else the acceleration stands for it, on its own
+for driving and for coasting, and drag stays in the map.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,10 +37,22 @@ from tirelog.wheel.phase_shift import EdgeTimes
 #: below this the car's acceleration [m/s^2] counts as quasi-static: a force of
 #: 6 % of the weight at most; doubled, 12 %
 QUASI_STATIC_M_S2 = 0.6
+#: a drive whose acceleration [m/s^2] ranges over more has a force by which its maps may bend: at
+#: half of it a car's force is below 25 N a wheel; twice as much leaves 50 N in the maps
+SLOW_M_S2 = 0.03
 #: driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
 #: longitudinal force, and load transfer moves its width; twice as much leaves hard driving alone
 #: to learn it from
 DRIVE_M_S2 = 0.8
+#: f1 / f2 [m/s] of a car's drag f0 + f1 v + f2 v^2, and its standard deviation: coast-down tests of
+#: passenger cars give 0 to 11 m/s (f1 = 2.76 - 71.7 f2 in N and km/h, the regression by which
+#: CO2MPAS completes them, for f2 of 0.025 to 0.038), and a gearbox adds to f1. Twice the deviation
+#: doubles the error of a delay beside a trend that bends, and leaves that of one beside none
+DRAG_M_S, DRAG_SD_M_S = 6.0, 6.0
+#: phase shift [deg/(m/s)^2] by which the air drag of a car winds up a driven wheel, as long as it
+#: does not coast, and its standard deviation: f2 / 2 of 0.12 to 0.22 kg/m, 1.6e-4 to 6.5e-4 deg/N
+#: by sidewalls of 1.5e5 to 6e5 N/m^2. Twice the deviation doubles its share in a delay's error
+WIND_UP_DEG, WIND_UP_SD_DEG = 7e-5, 5e-5
 #: a delay that is more than so many standard errors long is one; with twice as many, delays up to
 #: twice as long are not told
 SURE = 3.0
@@ -80,9 +94,9 @@ class Calibration:
 
     `reference_speed_m_s` is where the phase shift is zero by convention; `patch_width_deg` the mean
     width there; `crosstalk` k of P4 (3) with `crosstalk_se`; `delay_s` the constant lag of the
-    accelerometer behind the encoder, if the part of the phase shift linear in speed is nothing
-    else; NaN or None if the logs did not show it. `beside_force` is True if the shift's map
-    was learnt beside the measured longitudinal force.
+    accelerometer behind the encoder, with an error that holds how much of the shift's linear trend
+    may be drag's; NaN or None if the logs did not show it. `beside_force` is True if the shift's
+    map was learnt beside the measured longitudinal force.
     """
 
     reference_speed_m_s: float
@@ -99,28 +113,23 @@ class Calibration:
 
     @property
     def has_delay(self) -> bool:
-        """Whether the phase shift holds a part linear in speed, more than its error.
-
-        As from a constant telemetry delay.
-        """
+        """Whether there is a constant telemetry delay beyond its error."""
         return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > SURE * self.delay_se_s)
 
     @property
     def delay_remark(self) -> str:
         """What the rows' word `delay_removed` means, and what cannot be told from a delay."""
         delay, se = 1e3 * self.delay_s, 1e3 * self.delay_se_s
-        known = (
+        force = (
             "the measured longitudinal force is not in it"
             if self.beside_force
-            else "so may be force that follows speed (drag, engine braking), which a "
-            "longitudinal_force channel in every log would part"
+            else "a longitudinal_force channel in every log would make it smaller"
         )
+        drag = f"a drag whose linear coefficient is {DRAG_M_S:g} +- {DRAG_SD_M_S:g} m/s times its"
         return (
-            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} "
-            f"+- {se:.3f} ms later than the encoder: "
-            "a telemetry delay plus any trend linear in speed, which no drive tells apart; "
-            f"{known}; "
-            "the speed map takes it off (delay_removed)"
+            f"the accelerometer is {delay:.3f} +- {se:.3f} ms later than the encoder (telemetry "
+            f"delay); the error holds {drag} quadratic one; {force}; any other trend linear in "
+            "speed counts as delay; the speed map removes all of it (delay_removed)"
         )
 
     @property
@@ -173,23 +182,15 @@ def calibrate(logs: Sequence[EdgeTimes], forces: bool = False) -> Calibration:
         for p in logs
         if quasi_static(p).any()
     ]
-    delay, delay_se = _delay(shift, reference, float(np.median([p.radius_m for p in logs])))
-    plain = Calibration(
-        reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se
-    )
-    k, k_se = _crosstalk(logs, plain)
-    beside = _force_of_all(logs)
+    level = _speed_map(logs, "shift", reference, coasting=True)
+    delay, delay_se = _delay(level, reference, float(np.median([p.radius_m for p in logs])))
+    mean = float(np.mean(levels))
     whole = Calibration(
-        reference,
-        shift,
-        width,
-        plain.patch_width_deg,
-        k,
-        k_se,
-        delay,
-        delay_se,
-        beside_force=beside,
-    )
+        reference, shift, width, mean, np.nan, np.nan, delay, delay_se,
+        beside_force=_force_of_all(logs),
+    )  # fmt: skip
+    k, k_se = _crosstalk(logs, whole)
+    whole = replace(whole, crosstalk=k, crosstalk_se=k_se)
     return _with_forces(logs, whole) if forces else whole
 
 
@@ -212,15 +213,18 @@ def _force_of_all(logs: Sequence[EdgeTimes]) -> bool:
     )
 
 
-def _speed_map(logs: Sequence[EdgeTimes], what: str, reference: float) -> SpeedMap:
+def _speed_map(
+    logs: Sequence[EdgeTimes], what: str, reference: float, coasting: bool = False
+) -> SpeedMap:
     """The speed map of `what` by weighted least squares over the logs.
 
     One constant per log, (v - v0), (v - v0)^2 and what little force a quasi-static drive has, as
     nuisances.
 
-    That force is the measured longitudinal force for the shift if all logs have it; and if the logs
-    climb and fall it is the acceleration, for the shift apart for either sign, since a wheel that
-    drives does not mirror one that coasts. All of it would else bend the map.
+    That force is the measured longitudinal force for the shift if all logs have it. Else it is the
+    acceleration, for the shift each sign on its own, since a wheel that drives does not mirror one
+    that coasts. All of it would else bend the map, also of a log that only coasts down. What of the
+    map is the drag that a driven wheel carries stays in it, except in that of `coasting`.
     """
     by_force = what == "shift" and _force_of_all(logs)
     parts = []
@@ -240,10 +244,11 @@ def _speed_map(logs: Sequence[EdgeTimes], what: str, reference: float) -> SpeedM
                     p.acceleration_m_s2,
                     force,
                     np.full(values.size, float(number)),
+                    np.full(values.size, float(p.driven is not False)),
                 ]
             )[:, rows]
         )
-    y, se, v, a, force, group = np.concatenate(parts, axis=1)
+    y, se, v, a, force, group, driven = np.concatenate(parts, axis=1)
     if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
         found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
         raise UsageError(
@@ -253,19 +258,22 @@ def _speed_map(logs: Sequence[EdgeTimes], what: str, reference: float) -> SpeedM
         )
     dv = v - reference
     columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]
-    nuisances = []
-    if np.quantile(a, 0.1) < -0.03 and np.quantile(a, 0.9) > 0.03:
-        nuisances = (
-            [np.maximum(a, 0.0), np.minimum(a, 0.0)] if what == "shift" and not by_force else [a]
-        )
-    if by_force:
-        nuisances.append(force - force.mean())
+    inertia = [a] if what == "width" else [np.maximum(a, 0.0), np.minimum(a, 0.0)]
+    nuisances = [force - force.mean()] if by_force else []
+    if what == "width" or not by_force:
+        nuisances += [part for part in inertia if np.ptp(np.quantile(part, (0.1, 0.9))) > SLOW_M_S2]
+    if coasting and not by_force:
+        nuisances.append((v**2 - reference**2) * ((a > -SLOW_M_S2) & (driven > 0.0)))
     design = np.stack([*columns, *nuisances], axis=1)
+    if coasting and not by_force:  # its size is known beforehand, as by one passage more
+        known = np.eye(design.shape[1])[-1:]
+        design, y = np.vstack([design, known]), np.append(y, WIND_UP_DEG)
+        se = np.append(se, WIND_UP_SD_DEG)
     at = len(columns) - 2
     solved, covariance, residual = _least_squares(design, y, se)
     return SpeedMap(
         float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2],
-        float(v.min()), float(v.max()), float(np.std(residual)), int(y.size),
+        float(v.min()), float(v.max()), float(np.std(residual)), int(v.size),
     )  # fmt: skip
 
 
@@ -296,14 +304,17 @@ def _least_squares(
 
 
 def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, float]:
-    """(delay, standard error) [s] from the part of the shift that is linear in Omega.
+    """(delay, standard error) [s]: what of the shift is linear in speed, less drag's share of it.
 
-    Forces (drag) follow v^2, a delay Omega.
+    Drag's share is f1 / f2 times what is quadratic in speed; its error that of the map, and that of
+    f1 / f2 times the quadratic part as far as the map knows it.
     """
     to_s = np.pi / 180 * radius
-    gradient = np.array([1.0, -2 * reference])
-    linear = shift.linear - 2 * reference * shift.quadratic
-    return linear * to_s, float(np.sqrt(gradient @ shift.covariance @ gradient)) * to_s
+    gradient = np.array([1.0, -2 * reference - DRAG_M_S])
+    late = gradient @ [shift.linear, shift.quadratic]
+    bend = shift.quadratic**2 + shift.covariance[1, 1]
+    variance = gradient @ shift.covariance @ gradient + DRAG_SD_M_S**2 * bend
+    return float(late) * to_s, float(np.sqrt(variance)) * to_s
 
 
 def clean_passages(p: EdgeTimes, calibration: Calibration) -> Cleaned:
@@ -367,4 +378,4 @@ def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
             "zero stretch",
             do="add one to the setup",
         )
-    return Calibration(**{**c.__dict__, "vertical": vertical, "longitudinal": longitudinal})
+    return replace(c, vertical=vertical, longitudinal=longitudinal)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,22 +26,21 @@ def _words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",")]
 
 
-def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
-    """NAME=VALUE pairs as numbers."""
+def _assignments(sets: list[str], prefix: str = "") -> dict[str, float | str]:
+    """NAME=VALUE pairs: numbers, and words for an effect's choices."""
     from tirelog.errors import UsageError
 
-    values = {}
+    values: dict[str, float | str] = {}
     for text in sets:
-        name, equals, number = text.partition("=")
-        try:
-            value = float(number)
-        except ValueError:
-            value = math.nan
-        if not equals or not math.isfinite(value):
+        name, equals, word = text.partition("=")
+        value: float | str = word.strip()
+        with suppress(ValueError):
+            value = float(word)
+        if not equals or value == "" or (isinstance(value, float) and not math.isfinite(value)):
             raise UsageError(
                 f"--set {text}",
-                allowed="NAME=VALUE with a finite number is allowed, such as --set "
-                "line_mass_kg_m=4.5",
+                allowed="NAME=VALUE with a finite number or a word is allowed, such as --set "
+                "line_mass_kg_m=4.5 or --set law=softens",
                 do="correct it",
             )
         values[prefix + name.strip().removeprefix(prefix)] = value

@@ -52,7 +52,7 @@ def predict(
         typer.Option(
             "--all",
             help="Also strain's slope and curvature, a ring's v, and the conditions; always if "
-            "several are given.",
+            "several are given. Of a model of one number the waveforms beside it.",
         ),
     ] = False,
     road: Annotated[
@@ -92,41 +92,33 @@ def predict(
     quiet: options.Quiet = False,
 ) -> None:
     """One revolution as the model sees it, from half a turn before the patch centre to half a turn
-    after.
+    after; of a model of one number per revolution that number, a row per condition.
 
     Several speeds, loads, pressures, accelerations or slips are combined, each with each. With
     --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle
     and what sensors read.
     """
     from tirelog.api import models
-    from tirelog.cli.models.ranges import conditions_given, refuse_many
-    from tirelog.cli.models.road import load_steps, road_words, speed_ramps
-    from tirelog.errors import UsageError
+    from tirelog.cli.models.ranges import (
+        conditions_given,
+        load_steps,
+        refuse_many,
+        road_words,
+        speed_ramps,
+    )
+    from tirelog.vocabulary.columns import TABLES
 
     session = Session(setup, quiet, output, format)
     read, given = models.load_model(model, effects=effects), session.setup()
     conditions = conditions_given(
-        given,
-        {"time_s": time, "temperature_K": temperature},
-        speed=speed,
-        load=load,
-        pressure=pressure,
-        acceleration=acceleration,
-        slip=slip,
-    )
+        given, {"time_s": time, "temperature_K": temperature},
+        speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
+    )  # fmt: skip
     refuse_many(len(conditions), points)
     side = surface or models.known_surface(given) or "outer"
     driven = road is not None or bool(load_step) or bool(speed_ramp)
-    everything = everything or modes is not None or len(conditions) > 1
-    if driven and everything:
-        raise UsageError(
-            "--road, --load-step or --speed-ramp with several conditions, --all or --modes",
-            allowed="one drive from one speed and load is allowed",
-            do="leave them out",
-        )
-    rows: dict[str, Any] = {}
+    name = _table(read.observable, len(conditions), everything or modes is not None, driven)
     if driven:
-        name = "passage"
         with session.working() as line:
             line.say("driving")
             rows, remarks = models.passage(
@@ -142,14 +134,31 @@ def predict(
                 surface=side,
             )
         session.notes(remarks)
-    elif everything:
-        name = "predict-all"
-        rows |= models.revolutions(read, conditions, points=points, surface=side, modes=modes)
+    elif name == "predict-numbers":
+        rows = models.numbers(read, conditions, surface=side)
     else:
-        name = "predict"
-        rows |= models.revolution(read, conditions, points=points, surface=side)
+        rows = models.revolutions(read, conditions, points=points, surface=side, modes=modes)
     with session.table(name) as table:
-        table.write(rows)
+        table.write({column: rows[column] for column in TABLES[name] if column in rows})
+
+
+def _table(observable: str, conditions: int, everything: bool, driven: bool) -> str:
+    """The table that a prediction is.  UsageError: a drive of what is none."""
+    from tirelog.errors import UsageError
+    from tirelog.vocabulary.observables import SCALARS
+
+    numbers = observable in SCALARS and not everything
+    if not driven:
+        along = "predict-all" if everything or conditions > 1 else "predict"
+        return "predict-numbers" if numbers else along
+    if numbers or everything or conditions > 1:
+        raise UsageError(
+            "--road, --load-step or --speed-ramp with several conditions, --all or --modes, or a "
+            f"model of {observable}",
+            allowed="one drive from one speed and load is allowed, of a model of a waveform",
+            do="leave them out",
+        )
+    return "passage"
 
 
 def forces(
@@ -181,14 +190,9 @@ def forces(
     session = Session(setup, quiet, output, format)
     read, given = models.load_model(model, effects=effects), session.setup()
     conditions = conditions_given(
-        given,
-        {"time_s": 0.0},
-        speed=speed,
-        load=load,
-        pressure=pressure,
-        acceleration=acceleration,
-        slip=slip,
-    )
+        given, {"time_s": 0.0},
+        speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
+    )  # fmt: skip
     rows = models.forces(
         read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
     )

@@ -23,7 +23,7 @@ def new_model(
     *,
     observable: str | Sequence[str] | None = None,
     contact: str | None = None,
-    values: Mapping[str, float] | None = None,
+    values: Mapping[str, float | str] | None = None,
     preset: str | None = None,
 ) -> tuple[Model, list[str]]:
     """(A model without effects, what its values and its carcass leave open).
@@ -50,8 +50,8 @@ def new_model(
                 do="leave --carcass out, or --preset",
             )
     given = {**known_numbers(model, setup), **(values or {})}
-    check_pressure(given.get("inflation_pressure_Pa"))
     model = model.with_values(given)
+    check_pressure(model.values.get("inflation_pressure_Pa"))
     guessed = [
         f"{name} = {model.values[name]:g}"
         for name in _OWN

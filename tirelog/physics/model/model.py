@@ -115,13 +115,17 @@ class Model(Predicting):
         return cls(lead, carcass, contact, base, beside=tuple(beside)).with_values(values)
 
     def with_values(
-        self, values: Mapping[str, float], *, se: Mapping[str, float] | None = None
+        self, values: Mapping[str, float | str], *, se: Mapping[str, float] | None = None
     ) -> Model:
         """The model with other values by name ("effect.parameter" for an effect's).
 
-        ModelError for unknown names and values outside their bounds.
+        Of an effect's choice ("stiffening.law") the value is one of its words. ModelError for
+        unknown names, other words, and values outside their bounds.
         """
-        self.known(values)
+        words = self._words
+        self.known(name for name in values if name not in words)
+        for name in words.keys() & values:
+            _one_of(name, str(values[name]), words[name])
 
         def changed(owner: str, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
             keys = [owner + p.name for p in parameters]
@@ -131,7 +135,12 @@ class Model(Predicting):
             )
 
         effects = tuple(
-            replace(e, parameters=changed(f"{e.id}.", e.parameters)) for e in self.effects
+            replace(
+                e,
+                parameters=changed(f"{e.id}.", e.parameters),
+                options={k: str(values.get(f"{e.id}.{k}", word)) for k, word in e.options.items()},
+            )
+            for e in self.effects
         )
         return replace(self, base=changed("", self.base), effects=effects)
 
@@ -147,7 +156,7 @@ class Model(Predicting):
         )
         return replace(self, base=base, effects=effects)
 
-    def with_effect(self, effect: str | Effect | ModelEffect, **values: float) -> Model:
+    def with_effect(self, effect: str | Effect | ModelEffect, **values: float | str) -> Model:
         """The model with one effect more, at its start values or those given.
 
         ModelError if the effect is unknown, in the model already, or not for this model.
@@ -268,6 +277,15 @@ class Model(Predicting):
         return {name: p.value for name, p in self.parameters.items()}
 
     @property
+    def _words(self) -> dict[str, tuple[str, ...]]:
+        """The words that each choice of an effect may be, by full name."""
+        return {
+            f"{e.id}.{name}": words
+            for e in self.effects
+            for name, words in e.effect.options.items()
+        }
+
+    @property
     def free(self) -> list[str]:
         """Names of the parameters that a fit moves."""
         return [name for name, p in self.parameters.items() if p.free]
@@ -287,8 +305,9 @@ class Model(Predicting):
         for name in names:
             if name not in self.parameters:
                 raise ModelError(
-                    f"the model has no parameter {name!r}{nearest(name, self.parameters)}",
-                    allowed=f"it has {', '.join(self.parameters)}",
+                    f"the model has no parameter {name!r}"
+                    f"{nearest(name, [*self.parameters, *self._words])}",
+                    allowed=f"it has {', '.join([*self.parameters, *self._words])}",
                     do="use one of them",
                 )
 
