@@ -9,9 +9,11 @@
 
 A case is two logs of about a minute (`benchmarks.form_worlds`), with a fresh model of their setup.
 Row by row into FILE.csv; what is there already is not done again. `all` of the forms are those of
-the suite's spectral truth, `all` of the effects include none. `--keep DIR` leaves logs, setups,
-truth.json, model.toml and what the commands wrote in a folder of DIR. Commands run in processes of
-their own, so that their CPU and memory are theirs; `tirelog` is that of the PYTHONPATH.
+the suite's spectral truth (tense_ring and solid_belt are asked for by name, and have fewer
+effects: `benchmarks.form_solved`), `all` of the effects include none. `--keep DIR` leaves logs,
+setups, truth.json, model.toml and what the commands wrote in a folder of DIR. Commands run in
+processes of their own, so that their CPU and memory are theirs; `tirelog` is that of the
+PYTHONPATH.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.form_solved import EFFECTS_SOLVED, solved_case
 from benchmarks.form_worlds import EFFECTS, FORMS, case_of, write_case
 
 NAN = float("nan")
@@ -107,7 +110,8 @@ def run(task: Task) -> Row:
     with tempfile.TemporaryDirectory() as scratch:
         name = f"{row.suite}_{row.form}_{row.effect or 'none'}_{row.tire}_{row.carcass}"
         folder = Path(task.keep or scratch) / name
-        logs = write_case(case_of(row.suite, row.form, row.effect, row.tire), folder)
+        draw = solved_case if row.form in EFFECTS_SOLVED else case_of
+        logs = write_case(draw(row.suite, row.form, row.effect, row.tire), folder)
         setup = folder / "log_1.csv.toml"
         model = folder / "model.toml"
         made = ["model", "new", "--carcass", row.carcass, "--setup", str(setup), "-o", str(model)]
@@ -346,7 +350,8 @@ def tasks_of(options: argparse.Namespace, done: list[Row]) -> list[Task]:
     """What is still to do.  SystemExit for a form or an effect that is not known."""
     forms = list(FORMS[options.suite]) if options.forms == "all" else options.forms.split(",")
     effects = ["none", *EFFECTS] if options.effects == "all" else options.effects.split(",")
-    for given, known in ((forms, list(FORMS[options.suite])), (effects, ["none", *EFFECTS])):
+    known_forms = [*FORMS[options.suite], *EFFECTS_SOLVED]
+    for given, known in ((forms, known_forms), (effects, ["none", *EFFECTS])):
         for name in given:
             if name not in known:
                 sys.exit(f"unknown {name!r}; allowed are {', '.join(known)}")
@@ -357,6 +362,7 @@ def tasks_of(options: argparse.Namespace, done: list[Row]) -> list[Task]:
         for tire in range(int(first), int(last or first) + 1)
         for form in forms
         for effect in effects
+        if effect == "none" or effect in EFFECTS_SOLVED.get(form, EFFECTS)
     ]
     keep = str(options.keep) if options.keep else None
     return [
@@ -388,6 +394,8 @@ def main() -> None:
         for suite, forms in FORMS.items():
             print(f"{suite}: {', '.join(forms)}")
         print(f"effects: none, {', '.join(EFFECTS)}")
+        for form, effects in EFFECTS_SOLVED.items():
+            print(f"in both suites, by name: {form} with none, {', '.join(effects)}")
         return
     if options.summary:
         print("\n".join(summary(read_rows(options.summary))))

@@ -200,6 +200,7 @@ class Tire:
     load_exponent: float
     lever_m: float
     inner: bool
+    width_m: float = 0.205
 
 
 @dataclass(frozen=True)
@@ -641,7 +642,7 @@ name = "form world"
 unloaded_radius_m = {1.02 * tire.radius_m:.4f}
 rolling_radius_m = {tire.radius_m:.4f}
 section_height_m = 0.018
-width_m = 0.205
+width_m = {tire.width_m}
 
 [conditions]
 load_N = {log.load_N}
