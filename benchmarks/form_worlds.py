@@ -44,6 +44,10 @@ GRAVITY_M_S2 = 9.81
 #: least critical speed of a drawn tire [m/s]; plans end at 24
 LEAST_CRITICAL_M_S = 34.0
 
+#: loss factors of waves that blocks and a soft sector make; the second is in the whole strain, and
+#: a tenth of a squared floor there
+BLOCK_LOSS, SECTOR_LOSS = 0.1, 0.01
+
 # ---- forms of the contact pressure ---------------------------------------------------------------
 
 
@@ -426,8 +430,12 @@ class SpectralTruth:
         for shift, weight in ((0.0, 1.0), (offset, turn), (-offset, np.conj(turn))):
             if weight:
                 at = self.kappa + shift
-                first = at**2 / (self.stiffness(at) + moving)
-                second = at**2 / (self.stiffness(at) + 3.0 * k + moving) if form.lateral else 0.0
+                stiffness = self.stiffness(at) + moving
+                if shift:
+                    # blocks make waves that run round the wheel, and only a loss ends them
+                    stiffness = stiffness + BLOCK_LOSS * 1j * self.stiffness(at)
+                first = at**2 / stiffness
+                second = at**2 / (stiffness + 3.0 * k) if form.lateral else 0.0
                 out += weight * ((1.0 - form.lateral) * first + form.lateral * second)
         return out
 
@@ -454,7 +462,8 @@ class SpectralTruth:
         moving = moving + self._losses(self.kappa, speeds)
         table = self.kappa**2 / (self.stiffness(self.kappa) + moving)
         for row, shift in zip(table, moving, strict=True):
-            inverse = 1.0 / (values[:, None] + shift[None, : few + 1])
+            damped = values * (1.0 + SECTOR_LOSS * 1j)
+            inverse = 1.0 / (damped[:, None] + shift[None, : few + 1])
             row[: few + 1] = np.einsum("jm,jm->m", products, inverse)
         return CubicSpline(speeds, table)
 
