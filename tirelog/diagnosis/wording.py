@@ -85,6 +85,7 @@ NUISANCES_SAID = {
     "rolling": "another rolling radius",
     "patch_law": "another patch law",
     "pressure_law": "another law of the pressure",
+    "form": "a form of its own",
 }
 _PARITY = {
     "even": "even about the patch centre",

@@ -23,7 +23,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.cells.together import predicted
-from tirelog.inference.fit.cells import Fit
+from tirelog.inference.fit.cells import Fit, priors
 from tirelog.inference.metric.offsets import Levelled
 from tirelog.inference.metric.projection import (
     in_blocks,
@@ -338,12 +338,19 @@ def _levelled(
 def _prior(
     fit: Fit, shared: SharedEffects | None, levels: int, columns: int
 ) -> tuple[FloatArray, FloatArray] | None:
-    """What is known of the columns before any manoeuvre: of the shared effects, their size."""
-    if shared is None:
+    """What is known of the columns before any manoeuvre: of the shared effects, their size.
+
+    Of a parameter, its prior.
+    """
+    mean, known = priors(fit.model, fit.names)
+    if shared is None and not known.any():
         return None
     precision, pull = np.zeros(columns), np.zeros(columns)
-    first = fit.jacobian.shape[-1] + levels
-    own = slice(first, first + len(shared))
-    precision[own] = 1.0 / shared.sd**2
-    pull[own] = -fit.amplitudes / shared.sd**2
+    p = len(fit.names)
+    precision[:p] = known
+    pull[:p] = known * (mean - [fit.model.values[name] for name in fit.names])
+    if shared is not None:
+        own = slice(p + levels, p + levels + len(shared))
+        precision[own] = 1.0 / shared.sd**2
+        pull[own] = -fit.amplitudes / shared.sd**2
     return precision, pull

@@ -34,14 +34,17 @@ from tirelog.inference.cells.together import joined_effects, model_of, parts_of
 from tirelog.inference.fit.apart import fits_apart
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.scatter import load_derivative
+from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.observables import OWN_ZERO, STRAIN
+from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
 
 #: the model's parameter that the patch law is, if it has one: bent too much for a linear effect
 PATCH_LAW_PARAMETER = "patch_load_exponent"
 PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
+#: the tire's own form, an effect that a nuisance puts into the model
+FORM = "form"
 _FREES = {"patch_law": PATCH_LAW_PARAMETER, "pressure_law": PRESSURE_LAW_PARAMETER}
 #: standard deviation of the zero of a log's phase shift: a tenth of a degree, several times what
 #: the mean of thirty passages at 10 m/s is off by, and what the estimator tells otherwise of tires
@@ -226,6 +229,23 @@ def pressure_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Share
     )
 
 
+def form(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
+    """The tire's own contact pressure and stiffness, if the model has none of its own."""
+    names = frees(fit.model, FORM)
+    if not names or names[0] in fit.model.parameters:
+        return None
+    model = freed(fit.model, [FORM])
+    _, slopes = model.linearised(
+        cells.conditions,
+        names=names,
+        surface=cells.surface,
+        observable=cells.observable,
+        **cells.angles,
+    )
+    sd = np.array([prior[1] for n in names if (prior := model.parameters[n].prior) is not None])
+    return SharedEffects(np.moveaxis(slopes, 0, -1), sd, names, (FORM,) * len(names))
+
+
 #: every nuisance, by the word of the model file
 _COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance, Cells], SharedEffects | None]] = {
     "wheel": wheel,
@@ -233,6 +253,7 @@ _COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance, Cells], SharedEffects | N
     "rolling": rolling,
     "patch_law": patch_law,
     "pressure_law": pressure_law,
+    FORM: form,
 }
 
 
@@ -322,18 +343,45 @@ def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
     return bool(apart <= moved)
 
 
-def frees(model: Model, name: str) -> str | None:
-    """The parameter of the model that a nuisance makes free; None if it is a linear effect."""
+def frees(model: Model, name: str) -> tuple[str, ...]:
+    """The parameters that a nuisance makes free; none if it is a linear effect.
+
+    The form's are those of an effect that the model need not have yet.
+    """
+    if name == FORM:
+        shaped = any(o in WAVEFORMS for o in model.observables) and model.contact != "point"
+        return tuple(f"{FORM}.{p.name}" for p in BY_ID[FORM].parameters) if shaped else ()
     parameter = _FREES.get(name)
-    return parameter if parameter in model.parameters else None
+    return (parameter,) if parameter in model.parameters else ()
 
 
 def freed(model: Model, names: Sequence[str]) -> Model:
     """The model with the parameters free that these nuisances make so."""
-    found = [parameter for name in names if (parameter := frees(model, name)) is not None]
-    return model.with_parameters(
-        {name: replace(model.parameters[name], free=True) for name in found}
-    )
+    for name in names:
+        own = frees(model, name)
+        if name == FORM and own and own[0] not in model.parameters:
+            model = model.with_effect(FORM)
+        model = model.with_parameters(
+            {n: replace(model.parameters[n], free=True, prior=_prior(model, n)) for n in own}
+        )
+    return model
+
+
+def _prior(model: Model, name: str) -> tuple[float, float] | None:
+    """Mean and standard deviation of a parameter before any data: of the form's its ordinary size.
+    """
+    if not name.startswith(f"{FORM}."):
+        return model.parameters[name].prior
+    known = next(n for n in model.nuisances if n.name == FORM)
+    return 0.0, known.size("stiffness" if ".stiffness" in name else "pressure")
+
+
+def bound(model: Model, given: Model, name: str) -> Model:
+    """The model with the parameters that a nuisance made free as they were given."""
+    own = frees(model, name)
+    if name == FORM and own and own[0] not in given.parameters:
+        return model.without_effect(FORM)
+    return model.with_parameters({n: given.parameters[n] for n in own})
 
 
 def zeros(cells: Cells) -> SharedEffects | None:
@@ -358,7 +406,7 @@ def shared_by(
 ) -> SharedEffects | None:
     """Several nuisances at once, as far as they are linear; None if these cells can show none."""
     found = [
-        shared_effects(cells, fit, name, whole) for name in names if frees(fit.model, name) is None
+        shared_effects(cells, fit, name, whole) for name in names if not frees(fit.model, name)
     ]
     effects = [x for x in (*found, zeros(cells)) if x is not None]
     return SharedEffects.joined(effects) if effects else None

@@ -14,7 +14,7 @@ class Parameter:
 
     `value` in `unit`, allowed within [min, max]; `free` says whether a fit moves it; `probe` is a
     typical size (not zero), used for steps, for plots and as a second start; `se` the standard
-    error of the last fit.
+    error of the last fit; `prior` mean and standard deviation before any data, if it has them.
     """
 
     name: str
@@ -26,6 +26,7 @@ class Parameter:
     probe: float
     free: bool = True
     se: float | None = None
+    prior: tuple[float, float] | None = None
 
     def at(self, value: float | str, *, se: float | None = None) -> Parameter:
         """The same parameter with another value.

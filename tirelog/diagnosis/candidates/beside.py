@@ -28,7 +28,7 @@ from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.projection import per_group
-from tirelog.inference.nuisances import ZERO, freed, frees, is_drift, shared_by, shared_effects
+from tirelog.inference.nuisances import ZERO, bound, freed, frees, is_drift, shared_by, shared_effects
 from tirelog.physics.model.model import Model
 
 #: alarming nuisances that are fitted in full, the best first; twice as many take twice as many
@@ -66,11 +66,15 @@ def groups_of(base: Base) -> tuple[str, ...]:
     made_free = [
         n.name
         for n in base.model.nuisances
-        if (name := frees(base.model, n.name)) is not None
-        and base.model.parameters[name].free
-        and (n.use == "on" or not given.parameters[name].free)
+        if (names := frees(base.model, n.name))
+        and _all_free(base.model, names)
+        and (n.use == "on" or not _all_free(given, names))
     ]
     return (*linear, *made_free)
+
+
+def _all_free(model: Model, names: Sequence[str]) -> bool:
+    return all(name in model.parameters and model.parameters[name].free for name in names)
 
 
 def allowed_nuisances(base: Base) -> tuple[str, ...]:
@@ -176,7 +180,7 @@ def _drifts(base: Base) -> bool:
 def with_nuisance(base: Base, effects: SharedEffects) -> Base | ModelError:
     """The base with a nuisance beside its model, fitted again, or why that cannot be."""
     (name,) = effects.groups
-    if frees(base.model, name) is not None:
+    if frees(base.model, name):
         return refit(base, freed(base.model, [name]))
     held = [] if base.cells.shared is None else [base.cells.shared]
     return _beside(base, SharedEffects.joined([*held, effects]), base.model)
@@ -216,12 +220,10 @@ def _earns_it(less: Base, more: Base) -> bool:
 
 def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
     """The base's model with the parameters of these nuisances free, of the others as given."""
-    given = base.given or base.model
     model = base.model
     for name in groups_of(base):
-        parameter = frees(model, name)
-        if parameter is not None and name not in groups:
-            model = model.with_parameters({parameter: given.parameters[parameter]})
+        if frees(model, name) and name not in groups:
+            model = bound(model, base.given or base.model, name)
     return freed(model, groups)
 
 

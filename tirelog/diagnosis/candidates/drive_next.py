@@ -212,7 +212,7 @@ def _beside(found: Found, p: float) -> list[Rival]:
         without = or_refusal(found.after.model.without_effect)(effect)
         if isinstance(without, ModelError):
             continue
-        linear = frees(without, nuisance) is None
+        linear = not frees(without, nuisance)
         second = without if linear else freed(without, [nuisance])
         beside = (nuisance,) if linear else ()
         rivals.append(Rival(nuisance, effect, found.after.model, second, 0.5 * p, beside, 0.5 * p))

@@ -17,7 +17,7 @@ from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
-from tirelog.inference.nuisances import ZERO, frees, shared_effects
+from tirelog.inference.nuisances import FORM, ZERO, frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
@@ -103,18 +103,20 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
 
 
 def _is_free(base: Base, nuisance: Nuisance, groups: Sequence[str]) -> bool:
-    return nuisance.name in groups and frees(base.model, nuisance.name) is not None
+    return nuisance.name in groups and bool(frees(base.model, nuisance.name))
 
 
 def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
-    """A nuisance that is a parameter of the model: its change from the value given."""
-    name = frees(base.model, nuisance.name)
-    assert name is not None
-    fitted, given = base.model.parameters[name], (base.given or base.model).values[name]
-    size = nuisance.sizes[0]
-    se = fitted.se if fitted.se is not None else 0.0
-    part = NuisancePart(size.name, fitted.value - given, se, "1", size.value)
-    return NuisanceFound(nuisance.name, True, (part,))
+    """A nuisance that is parameters of the model: their changes from the values given."""
+    given = (base.given or base.model).values
+    parts = []
+    for name in frees(base.model, nuisance.name):
+        fitted = base.model.parameters[name]
+        ordinary = nuisance.sizes[0].value if fitted.prior is None else fitted.prior[1]
+        own = nuisance.sizes[0].name if fitted.prior is None else name.partition(".")[2]
+        change = fitted.value - given.get(name, 0.0)
+        parts.append(NuisancePart(own, change, fitted.se or 0.0, "1", ordinary))
+    return NuisanceFound(nuisance.name, True, tuple(parts))
 
 
 def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatArray]:
@@ -225,6 +227,7 @@ def _parted_by(nuisance: str, base: Base) -> str:
         "rolling": "a measured way, which gives the rolling radius",
         "patch_law": "a log at a third load",
         "pressure_law": "a log at a third pressure",
+        FORM: "logs at more speeds and loads",
     }[nuisance]
 
 
@@ -277,8 +280,10 @@ def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> 
         return said, tells
     if found.nuisance == "rolling":
         return said, "give the setup's [tire] the radius that a measured way shows"
+    if found.nuisance == FORM:
+        return said, "see `tirelog form`"
     (part,) = found.parts
-    parameter = frees(base.model, found.nuisance)
+    (parameter,) = frees(base.model, found.nuisance) or (None,)
     if parameter is None:
         said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
     else:

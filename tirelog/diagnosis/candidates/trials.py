@@ -59,6 +59,9 @@ def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, floa
             name: base.given.values[name] for name in base.fit.names if name in base.given.values
         }
         models.append(base.model.with_values(within))
+    learnt = {n: p.prior[0] for n, p in base.model.parameters.items() if p.free and p.prior}
+    if learnt:  # what a form has learnt may be the very effect
+        models.append(base.model.with_values(learnt))
     return [(m, {**shape, **s}) for m in models for s in (linear, probes)]
 
 

@@ -198,10 +198,9 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
 
 def _sizes(model: Model, names: Sequence[str]) -> FloatArray:
     """The scale in which a parameter's step is damped."""
-    parameters = model.parameters
-    return np.array(
-        [max(abs(parameters[n].value), 0.3 * abs(parameters[n].probe), 1e-12) for n in names]
-    )
+    own = [model.parameters[n] for n in names]
+    usual = [0.3 * abs(p.probe) if p.prior is None else p.prior[1] for p in own]
+    return np.array([max(abs(p.value), size, 1e-12) for p, size in zip(own, usual, strict=True)])
 
 
 def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -209,11 +208,25 @@ def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]
     return np.array([p.min for p in parameters]), np.array([p.max for p in parameters])
 
 
+def priors(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Mean (p,) and precision (p,), 1 / variance, of each parameter before any data.
+
+    Precision zero of one without a prior.
+    """
+    known = [model.parameters[name].prior for name in names]
+    return (
+        np.array([0.0 if prior is None else prior[0] for prior in known]),
+        np.array([0.0 if prior is None else prior[1] ** -2.0 for prior in known]),
+    )
+
+
 class _Together:
     """The least squares of several channels in the parameters `names` of one model."""
 
     def __init__(self, problems: Sequence[Problem], model: Model, names: Sequence[str]) -> None:
         self.problems, self.model, self.names = problems, model, tuple(names)
+        self.mean, precision = priors(model, names)
+        self.root = np.sqrt(precision)
 
     def values(self, theta: FloatArray) -> dict[str, float]:
         return dict(zip(self.names, theta, strict=True))
@@ -225,25 +238,25 @@ class _Together:
         values = self.values(theta)
         for problem in self.problems:
             problem.centre(self.model, values)
-        return self._residual(values)
+        return self._residual(theta)
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         values = self.values(theta)
-        return np.concatenate(
-            [
-                p.whitened(p.linearised(self.model, self.names, values)[1] * size)
-                for p in self.problems
-            ]
-        )
+        slopes = [
+            p.whitened(p.linearised(self.model, self.names, values)[1] * size)
+            for p in self.problems
+        ]
+        return np.concatenate([*slopes, np.diag(self.root * size)])
 
     def square(self, theta: FloatArray) -> float:
-        left = or_refusal(self._residual)(self.values(theta))
+        left = or_refusal(self._residual)(theta)
         return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
 
-    def _residual(self, values: Mapping[str, float]) -> FloatArray:
-        return np.concatenate(
-            [p.measured_less(p.predict(self.model, values)).ravel() for p in self.problems]
-        )
+    def _residual(self, theta: FloatArray) -> FloatArray:
+        """What is left of the cells, and how far each parameter is from its prior's mean."""
+        values = self.values(theta)
+        left = [p.measured_less(p.predict(self.model, values)).ravel() for p in self.problems]
+        return np.concatenate([*left, self.root * (self.mean - theta)])
 
 
 def descend_together(
@@ -408,20 +421,25 @@ def finish(
     """Everything about the fitted point, channel by channel."""
     points = [problem.linearised(model, names, {}) for problem in problems]
     residuals = [p.measured_less(point[0]) for p, point in zip(problems, points, strict=True)]
-    slope = np.concatenate(
-        [p.whitened(jacobian) for p, (_, jacobian) in zip(problems, points, strict=True)]
-    )
-    left = np.concatenate([residual.ravel() for residual in residuals])
+    theta, (mean, precision) = np.array([model.values[n] for n in names]), priors(model, names)
+    root = np.sqrt(precision)
+    slopes = [p.whitened(jacobian) for p, (_, jacobian) in zip(problems, points, strict=True)]
+    slope = np.concatenate([*slopes, np.diag(root)])
+    left = np.concatenate([*(residual.ravel() for residual in residuals), root * (mean - theta)])
     chi2 = [float((residual**2).sum()) for residual in residuals]
     low, high = _bounds(model, names)
     out = leaving(
-        np.array([model.values[n] for n in names]),
+        theta,
         low + AT_BOUND * np.abs(low),
         high - AT_BOUND * np.abs(high),
         slope.T @ left,
     )
     stuck = _stuck(model, names, np.where(out, 0.0, slope), left)
-    moved = (len(names) - out.sum()) / len(problems)
+    known = errors_of(np.where(out, 0.0, slope), 1.0)
+    # a number with a prior takes a freedom only as far as the data and not the prior decide it
+    decided = 1.0 - precision * np.where(precision > 0.0, known.se, 0.0) ** 2
+    moved = float(decided[~out].sum()) / len(problems)
+    chi2[0] += float((left[-len(names) :] ** 2).sum()) if names else 0.0
     freedom = [
         float(max(p.white.values - p.white.removed - p.offsets.taken - moved, 1.0))
         for p in problems

@@ -14,6 +14,7 @@ from tirelog.physics.effects import (
     belt_viscosity,
     cavity_resonance,
     edge_impact,
+    form,
     gauge_length,
     hysteresis,
     imbalance,
@@ -82,6 +83,7 @@ CATALOGUE: tuple[Effect, ...] = (
     TOOTH_PITCH,
     INFLATION,
     WIND_UP,
+    form.EFFECT,
 )
 BY_ID = {effect.id: effect for effect in CATALOGUE}
 

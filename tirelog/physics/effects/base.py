@@ -10,8 +10,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 import numpy as np
+from scipy.special import spherical_jn
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, refuse_unknown
@@ -120,6 +122,18 @@ class Site:
         """F / (2 L) [N/m]."""
         return self.load_N / (2.0 * self.half_length_m)
 
+    @cached_property
+    def legendre(self) -> ComplexArray:
+        """Modes of F / (2 L) P_n(xi / L) on the patch [N/m], F / C (-i)^n j_n(q L).
+
+        For n = 1 ... 8, (8, n or 1, K); they are asked for many times.
+        """
+        lengths, rows = np.unique(self.half_length_m, return_inverse=True)
+        degrees = np.arange(1, 9)[:, None, None]
+        waves = (-1j) ** degrees * spherical_jn(degrees, lengths[:, None] * self.q)
+        size = self.load_N / (2.0 * np.pi * self.radius_m)
+        return np.asarray(size * waves[:, rows.ravel()], np.complex128)
+
 
 @dataclass(frozen=True)
 class Structure:
@@ -132,6 +146,7 @@ class Structure:
     added_stiffness [N/m^2] to the foundation
     retardation [s]         tau in EJ (1 + tau d/dt), of the belt in bending
     shear [m^2]             l^2 in EJ q^4 / (1 + l^2 q^2), of the belt in shear
+    by_waves                logarithm of a factor on the static stiffness, of each mode (K,)
     cubic [1/m^2]           k3 in k (1 + k3 w^2)
     ring                    share of a closed ring, and ring_tangential [N/m^2] that share times its
                             k_v
@@ -147,6 +162,7 @@ class Structure:
     ring_tangential: float = 0.0
     retardation: FloatArray | float = 0.0
     shear: FloatArray | float = 0.0
+    by_waves: FloatArray | float = 0.0
 
     def __add__(self, other: Structure) -> Structure:
         return Structure(

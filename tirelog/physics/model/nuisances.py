@@ -72,5 +72,13 @@ NUISANCES = (
         "the patch shrinks with another power of the inflation pressure",
         (_size("exponent", "1", "error of the exponent", 0.3, 2.0),),
     ),
+    Nuisance(
+        "form",
+        "contact pressure and stiffness of the tire that no formula describes",
+        (
+            _size("pressure", "1", "a shape of the pressure over the mean pressure", 0.3, 3.0),
+            _size("stiffness", "1", "change of the stiffness at a wavelength", 0.2, 2.0),
+        ),
+    ),
 )
 BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}

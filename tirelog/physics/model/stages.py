@@ -397,6 +397,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         Z: FloatArray | ComplexArray = beam.impedance(q, EI, k, hoop, 2.0 * mu * c * s.damping_rate)
         if np.any(s.shear):
             Z = _yielding(Z, EI * q**4, s.shear * q**2)
+        if np.any(s.by_waves):
+            Z = _holding(Z + np.expm1(s.by_waves) * (EI * q**4 + s.tension * q**2 + k))
         if np.any(s.retardation):  # (1 + tau c d/dxi), P1 (22)
             Z = Z + 1j * (s.retardation * c * q) * (EI * q**4)
         return Z + _loss(k, s.loss) if np.any(s.loss) else Z
@@ -409,6 +411,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     if np.any(s.shear):
         bending = bending / (1.0 + s.shear * q**2)
     Z = bending + (n**2 - 1.0) * ((_inflation_pb(task) * R + s.tension) / R**2) + k_w + k_v / n**2
+    if np.any(s.by_waves):
+        Z = _holding(Z * np.exp(s.by_waves))
     lost = ring_losses(task, s)
     if not any(np.any(x) for x in lost):
         return Z
@@ -421,12 +425,16 @@ def _yielding(
     Z: FloatArray | ComplexArray, bent: FloatArray, shear: FloatArray
 ) -> FloatArray | ComplexArray:
     """Z of a beam that yields in shear: EJ q^4 / (1 + l^2 q^2) in place of EJ q^4."""
-    Z = Z - bent * (shear / (1.0 + shear))
+    return _holding(Z - bent * (shear / (1.0 + shear)))
+
+
+def _holding(Z: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
+    """Z itself; ModelError if a wave runs as fast as the tire rolls."""
     if not np.all(Z.real > 0.0):
         raise ModelError(
-            "at this speed a belt that yields so in shear does not hold its waves",
+            "a belt that yields so does not hold its waves at this speed",
             allowed="a speed below the belt's critical one is allowed",
-            do="lower belt_shear.length_m or the speed",
+            do="lower belt_shear.length_m or the speed, or take stiffer numbers of form",
         )
     return Z
 

@@ -1,0 +1,107 @@
+"""The tire's own form: what its contact pressure and stiffness are beside the model's formulas.
+
+It is the same under all conditions. The pressure gets F / (2 L) times a sum of shapes on the patch,
+none of which carries load: differences of Legendre polynomials P_(n-1) - P_(n+1), which vanish at
+the edges (P_0 - P_2 is the parabola), and P_1 and P_2, which end there in a step. The static
+stiffness of the carcass gets a factor by the number of waves in a turn, its logarithm a sum of
+bells.
+Each number has a prior of mean zero: a form is learnt only as far as a log shows it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import eval_legendre
+
+from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
+from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import MODES, ComplexArray
+from tirelog.vocabulary.arrays import FloatArray
+
+#: degrees n of the shapes P_(n-1) - P_(n+1) beside the parabola: two more than a saddle with three
+#: humps needs
+SMOOTH = (2, 3, 4, 5, 6, 7)
+#: degrees of the shapes that end in a step at the edges
+STEPS = (1, 2)
+#: waves in a turn between which the logarithm of the stiffness bends, and how many numbers it has:
+#: one for each factor of 1.7 in wavelength
+_WAVES, _NUMBERS = (2.0, 120.0), 9
+PRESSURE = (*(f"pressure_{n}" for n in SMOOTH), *(f"edge_{n}" for n in STEPS))
+STIFFNESS = tuple(f"stiffness_{i}" for i in range(1, _NUMBERS + 1))
+
+
+def _shares() -> FloatArray:
+    """The coefficient (shapes, degrees) of each Legendre polynomial from P_1 on in each shape."""
+    shares = np.zeros((len(PRESSURE), SMOOTH[-1] + 1))
+    for row, n in enumerate(SMOOTH):
+        shares[row, n - 2], shares[row, n] = 1.0, -1.0
+    for row, n in enumerate(STEPS, len(SMOOTH)):
+        shares[row, n - 1] = 1.0
+    return shares
+
+
+def _by_waves(waves: FloatArray) -> FloatArray:
+    """The bells of the logarithm of the stiffness at numbers of waves in a turn, (n, 9)."""
+    low, high = np.log(_WAVES)
+    centres = np.linspace(low, high, _NUMBERS)
+    x = np.clip(np.log(np.maximum(waves, 1.0)), centres[0], centres[-1])
+    return np.asarray(np.exp(-0.5 * ((x[:, None] - centres) / np.diff(centres)[0]) ** 2))
+
+
+_SHARES, _BELLS = _shares(), _by_waves(np.arange(MODES, dtype=np.float64))
+
+
+def pressure_shapes(u: FloatArray) -> FloatArray:
+    """The shapes at xi / L (n,), in mean pressures F / (2 L), (n, shapes); zero off the patch."""
+    degrees = np.arange(1, _SHARES.shape[1] + 1)
+    inside = np.abs(u) <= 1.0
+    shapes = eval_legendre(degrees, np.clip(u, -1.0, 1.0)[:, None]) @ _SHARES.T
+    return np.where(inside[:, None], shapes, 0.0)
+
+
+def stiffness_factor(numbers: FloatArray, waves: FloatArray) -> FloatArray:
+    """The factor (n,) on the static stiffness at numbers of waves in a turn (n,)."""
+    return np.asarray(np.exp(_by_waves(waves) @ numbers), dtype=np.float64)
+
+
+def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
+    numbers = np.array([v[name] for name in PRESSURE]) @ _SHARES
+    return np.asarray(np.tensordot(numbers, site.legendre, 1), np.complex128)
+
+
+def _structure(v: Values, drive: Drive) -> Structure:
+    return Structure(by_waves=_BELLS @ np.array([v[name] for name in STIFFNESS]))
+
+
+def _numbers() -> tuple[Parameter, ...]:
+    pressure = [
+        Parameter(
+            name, "1", f"pressure of the shape {name} over the mean", 0.0, -3.0, 3.0, 0.1,
+            prior=(0.0, 0.3),
+        )
+        for name in PRESSURE
+    ]  # fmt: skip
+    stiffness = [
+        Parameter(
+            name, "1", "logarithm of the stiffness over the model's", 0.0, -2.0, 2.0, 0.1,
+            prior=(0.0, 0.2),
+        )
+        for name in STIFFNESS
+    ]  # fmt: skip
+    return (*pressure, *stiffness)
+
+
+EFFECT = Effect(
+    id="form",
+    mechanism="the tire's own contact pressure over the patch, and stiffness over wavelength",
+    follows=(),
+    acts_on=("contact_pressure", "structure"),
+    parameters=_numbers(),
+    strength=(*PRESSURE, *STIFFNESS),
+    source="Legendre series of a pressure on a strip; a factor by wavelength",
+    valid="what is the same at all speeds, loads and accelerations",
+    signature="anything within the patch and beside it that does not change with the drive",
+    tried=False,
+    pressure=_pressure,
+    structure=_structure,
+)
