@@ -543,12 +543,12 @@ def refit_without(base: Base, *effects: str) -> Base | ModelError:
 
 
 @or_refusal
-def refit(base: Base, model: Model) -> Base:
+def refit(base: Base, model: Model, *, several: bool = False) -> Base:
     """Another model on the same cells, metric and floor, or why it cannot be computed.
 
     It may have an effect more, or other start values.
     """
-    fit = fit_model(base.cells, base.white, model.resolved(base.cells.conditions), several=False)
+    fit = fit_model(base.cells, base.white, model.resolved(base.cells.conditions), several=several)
     held_white, held_plain = held_out_losses(fit.cells, base.white, base.plain, fit)
     return replace(base, cells=fit.cells, fit=fit, held_white=held_white, held_plain=held_plain)
 

@@ -37,6 +37,7 @@ from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import Nuisance
+from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
 
@@ -346,13 +347,14 @@ def is_drift(shared: SharedEffects, amplitudes: FloatArray) -> bool:
 def frees(model: Model, name: str) -> tuple[str, ...]:
     """The parameters that a nuisance makes free; none if it is a linear effect.
 
-    The form's are those of an effect that the model need not have yet.
+    The form's are those of an effect that the model need not have yet, and the law by which the
+    patch grows with the load.
     """
-    if name == FORM:
-        shaped = any(o in WAVEFORMS for o in model.observables) and model.contact != "point"
-        return tuple(f"{FORM}.{p.name}" for p in BY_ID[FORM].parameters) if shaped else ()
-    parameter = _FREES.get(name)
-    return (parameter,) if parameter in model.parameters else ()
+    law = tuple(n for n in (_FREES.get(name, PATCH_LAW_PARAMETER),) if n in model.parameters)
+    if name != FORM:
+        return law if name in _FREES else ()
+    shaped = any(o in WAVEFORMS for o in model.observables) and model.contact != "point"
+    return (*(f"{FORM}.{p.name}" for p in BY_ID[FORM].parameters), *law) if shaped else ()
 
 
 def freed(model: Model, names: Sequence[str]) -> Model:
@@ -361,26 +363,29 @@ def freed(model: Model, names: Sequence[str]) -> Model:
         own = frees(model, name)
         if name == FORM and own and own[0] not in model.parameters:
             model = model.with_effect(FORM)
-        model = model.with_parameters(
-            {n: replace(model.parameters[n], free=True, prior=_prior(model, n)) for n in own}
-        )
+        free = {n: replace(model.parameters[n], free=True) for n in own}
+        if name == FORM:
+            free = {n: _with_prior(model, p, n) for n, p in free.items()}
+        model = model.with_parameters(free)
     return model
 
 
-def _prior(model: Model, name: str) -> tuple[float, float] | None:
-    """Mean and standard deviation of a parameter before any data: of the form's its ordinary size.
-    """
-    if not name.startswith(f"{FORM}."):
-        return model.parameters[name].prior
-    known = next(n for n in model.nuisances if n.name == FORM)
-    return 0.0, known.size("stiffness" if ".stiffness" in name else "pressure")
+def _with_prior(model: Model, parameter: Parameter, name: str) -> Parameter:
+    """A number of the form with its mean and standard deviation before any data."""
+    if parameter.prior is not None and name == PATCH_LAW_PARAMETER:
+        return parameter
+    known = {nuisance.name: nuisance for nuisance in model.nuisances}
+    if name == PATCH_LAW_PARAMETER:
+        return replace(parameter, prior=(parameter.value, known["patch_law"].size("exponent")))
+    size = "stiffness" if ".stiffness" in name else "pressure"
+    return replace(parameter, prior=(0.0, known[FORM].size(size)))
 
 
 def bound(model: Model, given: Model, name: str) -> Model:
     """The model with the parameters that a nuisance made free as they were given."""
     own = frees(model, name)
     if name == FORM and own and own[0] not in given.parameters:
-        return model.without_effect(FORM)
+        model, own = model.without_effect(FORM), own[len(BY_ID[FORM].parameters) :]
     return model.with_parameters({n: given.parameters[n] for n in own})
 
 

@@ -28,7 +28,7 @@ from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.projection import per_group
-from tirelog.inference.nuisances import ZERO, bound, freed, frees, is_drift, shared_by, shared_effects
+from tirelog.inference.nuisances import FORM, ZERO, bound, freed, frees, is_drift, shared_by, shared_effects
 from tirelog.physics.model.model import Model
 
 #: alarming nuisances that are fitted in full, the best first; twice as many take twice as many
@@ -70,6 +70,8 @@ def groups_of(base: Base) -> tuple[str, ...]:
         and _all_free(base.model, names)
         and (n.use == "on" or not _all_free(given, names))
     ]
+    if FORM in made_free and "patch_law" in made_free:
+        made_free.remove("patch_law")  # a part of the form
     return (*linear, *made_free)
 
 
@@ -181,7 +183,7 @@ def with_nuisance(base: Base, effects: SharedEffects) -> Base | ModelError:
     """The base with a nuisance beside its model, fitted again, or why that cannot be."""
     (name,) = effects.groups
     if frees(base.model, name):
-        return refit(base, freed(base.model, [name]))
+        return refit(base, freed(base.model, [name]), several=name == FORM)
     held = [] if base.cells.shared is None else [base.cells.shared]
     return _beside(base, SharedEffects.joined([*held, effects]), base.model)
 

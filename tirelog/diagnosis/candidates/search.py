@@ -41,6 +41,7 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, settled
+from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
 Progress = Callable[[str], None]
@@ -211,7 +212,8 @@ def _climb(
             )
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now.base):
-            climb.alike.append((groups_of(rival)[-1], named_now.id))
+            if not _is_form(rival) or named_now.assessed.signature.effect.followed:
+                climb.alike.append((groups_of(rival)[-1], named_now.id))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
             climb.after = settled(rival)
@@ -245,17 +247,27 @@ def _may_do_as_well(base: Base, rival: Base, assessed: Sequence[Assessed]) -> bo
 
 
 def _leaves_less(rival: Base, step: Step) -> bool:
-    """Is the held-out loss beside a nuisance below that with the effect of a step?"""
-    return step.named is None or float(rival.held_white.sum()) < float(
-        step.named.base.held_white.sum()
-    )
+    """Is the held-out loss beside a nuisance below that with the effect of a step?
+
+    Of a form by more than it has numbers: an effect that does with one what it does is the cause.
+    """
+    if step.named is None:
+        return True
+    numbers = len(frees(rival.model, FORM)) if _is_form(rival) else 0
+    return float(rival.held_white.sum()) + numbers < float(step.named.base.held_white.sum())
+
+
+def _is_form(rival: Base) -> bool:
+    """Is the tire's form the nuisance that came in last?"""
+    return groups_of(rival)[-1] == FORM
 
 
 def _as_much(base: Base, one: Base, other: Base) -> bool:
     """Does each of two refits remove as much of chi-square, to what forms differ by?
 
     Not if the better one leaves the noise floor alone and the other is clearly worse: then its form
-    is right. By the waveforms, which a nuisance acts on.
+    is right. By the waveforms, which a nuisance acts on. `one` is beside a nuisance; a form that
+    leaves more than the floor, with all its numbers, is not alike.
     """
     better, worse = sorted((one, other), key=lambda refitted: refitted.noise_chi2)
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
@@ -263,5 +275,7 @@ def _as_much(base: Base, one: Base, other: Base) -> bool:
         return False
     right = settled(better)
     return not (
-        quiet_waveforms(right) and not quiet_waveforms(worse) and clearly_worse(worse, better)
+        quiet_waveforms(right)
+        and not quiet_waveforms(worse)
+        and (_is_form(one) or clearly_worse(worse, better))
     )

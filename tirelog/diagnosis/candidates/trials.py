@@ -20,7 +20,7 @@ from tirelog.diagnosis.candidates.assessment import Assessed
 from tirelog.diagnosis.candidates.signatures import with_candidate
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, refit, thinned
-from tirelog.inference.fit.cells import Fit, Problem, descend_together, free_names
+from tirelog.inference.fit.cells import Fit, Problem, descend_together, free_names, starts
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -61,7 +61,7 @@ def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, floa
         models.append(base.model.with_values(within))
     learnt = {n: p.prior[0] for n, p in base.model.parameters.items() if p.free and p.prior}
     if learnt:  # what a form has learnt may be the very effect
-        models.append(base.model.with_values(learnt))
+        models += starts(base.model.with_values(learnt), base.fit.names)
     return [(m, {**shape, **s}) for m in models for s in (linear, probes)]
 
 
@@ -114,12 +114,12 @@ def _moved(base: Base, model: Model) -> float:
 def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError]:
     """Of each candidate the base with it, refitted, or why that failed."""
     few = thinned(base, _TRIAL_CELLS)
-    starts = [(one, *start) for one in candidates for start in _starts(base, one)]
-    ends = made_apart([partial(_trial, base, few, *start) for start in starts])
+    begun = [(one, *start) for one in candidates for start in _starts(base, one)]
+    ends = made_apart([partial(_trial, base, few, *start) for start in begun])
     trials = [
         [
             end
-            for start, end in zip(starts, ends, strict=True)
+            for start, end in zip(begun, ends, strict=True)
             if start[0] is one and not isinstance(end, ModelError)
         ]
         for one in candidates

@@ -11,6 +11,8 @@ from tirelog.diagnosis.candidates.beside import (
     allowed_nuisances,
     best_nuisance,
     groups_of,
+    needed_nuisances,
+    with_nuisances,
     with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.drive_next import by_the_minute
@@ -190,7 +192,7 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         few = full if len(at.cells) <= FEW_CELLS else Ground(thinned(at, FEW_CELLS))
         if number == 1:
             progress("measuring free shapes")
-            climb.shapes = without_twins(measured_shapes(few, full))
+            climb.shapes = _shapes(full, few)
         progress(f"term {number}: trying every form of the grammar")
         scanned = scan(few)
         choice = None
@@ -215,7 +217,27 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         climb.scans.append(scanned)
         climb.choices.append(replace(choice, chosen=chosen))
         climb.bases.append(new)
-    return _without_needless(climb)
+    return _without_needless(_with_needed_nuisances(climb))
+
+
+def _shapes(full: Ground, few: Ground) -> list[MeasuredShape]:
+    return without_twins(measured_shapes(few, full))
+
+
+def _with_needed_nuisances(climb: _Climb) -> _Climb:
+    """The climb without nuisances that its terms have made needless, as a form that followed one.
+    """
+    after = climb.after
+    needed = needed_nuisances(after) if climb.choices else groups_of(after)
+    if needed == groups_of(after):
+        return climb
+    first, top = (settled(with_nuisances(base, needed)) for base in (climb.bases[0], after))
+    full = Ground(first)
+    few = full if len(first.cells) <= FEW_CELLS else Ground(thinned(first, FEW_CELLS))
+    climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], _shapes(full, few)
+    last = climb.choices[-1]
+    climb.choices[-1] = replace(last, chosen=replace(last.chosen, base=top))
+    return climb
 
 
 def _leaves_less(rival: Base, choice: Choice) -> bool:

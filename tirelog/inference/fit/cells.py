@@ -43,6 +43,12 @@ STARTS: tuple[Mapping[str, float], ...] = (
     {"flexural_stiffness_N_m2": 4.0, "tread_stiffness_N_m2": 0.3},
     {"flexural_stiffness_N_m2": 8.0, "foundation_stiffness_N_m2": 8.0, "lever_arm_m": 8.0},
 )
+#: the same of a model that learns its form: with it a patch that is too long fits nearly as well
+FORM_STARTS: tuple[Mapping[str, float], ...] = (
+    {},
+    {"patch_half_length_m": 0.85},
+    {"patch_half_length_m": 1.15},
+)
 #: the same for a model below whose critical speed none of its starts is: each doubles that speed
 _STIFFER: tuple[Mapping[str, float], ...] = tuple(
     {"flexural_stiffness_N_m2": 4.0**i, "foundation_stiffness_N_m2": 4.0**i} for i in range(5)
@@ -274,11 +280,11 @@ def descend_together(
 
 
 def starts(
-    model: Model, names: Sequence[str], every: Sequence[Mapping[str, float]] = STARTS
+    model: Model, names: Sequence[str], every: Sequence[Mapping[str, float]] = ()
 ) -> list[Model]:
     """The model's own values, and others around them that stay within the bounds."""
     result = []
-    for factors in every:
+    for factors in every or (FORM_STARTS if np.any(priors(model, names)[1]) else STARTS):
         moved = {n: f * model.values[n] for n, f in factors.items() if n in names}
         if factors and not moved:
             continue

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
-from scipy.special import spherical_jn
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, refuse_unknown
 from tirelog.physics.parameters import Parameter
+from tirelog.physics.pressure import legendre_modes
 from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
@@ -124,15 +124,9 @@ class Site:
 
     @cached_property
     def legendre(self) -> ComplexArray:
-        """Modes of F / (2 L) P_n(xi / L) on the patch [N/m], F / C (-i)^n j_n(q L).
-
-        For n = 1 ... 8, (8, n or 1, K); they are asked for many times.
-        """
-        lengths, rows = np.unique(self.half_length_m, return_inverse=True)
-        degrees = np.arange(1, 9)[:, None, None]
-        waves = (-1j) ** degrees * spherical_jn(degrees, lengths[:, None] * self.q)
-        size = self.load_N / (2.0 * np.pi * self.radius_m)
-        return np.asarray(size * waves[:, rows.ravel()], np.complex128)
+        """Modes of F / (2 L) P_n(xi / L) on the patch [N/m], for n = 1 ... 8, (8, n or 1, K)."""
+        waves = legendre_modes(self.half_length_m, self.radius_m)
+        return np.asarray(self.load_N / (2.0 * np.pi * self.radius_m) * waves, np.complex128)
 
 
 @dataclass(frozen=True)
