@@ -59,10 +59,12 @@ def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, floa
             name: base.given.values[name] for name in base.fit.names if name in base.given.values
         }
         models.append(base.model.with_values(within))
+    begun = [(m, {**shape, **s}) for m in models for s in (linear, probes)]
     learnt = {n: p.prior[0] for n, p in base.model.parameters.items() if p.free and p.prior}
     if learnt:  # what a form has learnt may be the very effect
-        models += starts(base.model.with_values(learnt), base.fit.names)
-    return [(m, {**shape, **s}) for m in models for s in (linear, probes)]
+        bare = base.model.with_values(learnt)
+        begun += [(m, {**shape, **linear}) for m in starts(bare, base.fit.names)]
+    return begun
 
 
 @or_refusal

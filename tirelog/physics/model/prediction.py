@@ -22,7 +22,15 @@ from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Drive
 from tirelog.physics.model.few_speeds import COUNTS, few_speeds, told_by
 from tirelog.physics.model.laws import scalar
-from tirelog.physics.model.stages import Active, Task, hub_forces, loaded_site, waveform
+from tirelog.physics.model.stages import (
+    Active,
+    Task,
+    hub_forces,
+    impedance,
+    loaded_site,
+    structure,
+    waveform,
+)
 from tirelog.physics.spectral import BLOCK, MODES, Angles
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
@@ -269,6 +277,16 @@ class Predicting:
         for rows, task in self._tasks(conditions, self.values):
             out[rows] = loaded_site(task)[0].load_N
         return out[:, 0]
+
+    def static_stiffness(self, conditions: Conditions) -> FloatArray:
+        """Load per length over deflection [N/m^2] of belt and foundation at rest, by mode (K,).
+
+        Under the conditions of the first row, its speed apart.
+        """
+        at_rest = replace(conditions.take(slice(0, 1)), speed_m_s=np.full(1, 1e-3))
+        _, task = next(self._tasks(at_rest, self.values))
+        found: FloatArray = np.real(impedance(task, structure(task)))[0]
+        return found
 
     def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
         """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.

@@ -432,7 +432,7 @@ def _holding(Z: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
     """Z itself; ModelError if a wave runs as fast as the tire rolls."""
     if not np.all(Z.real > 0.0):
         raise ModelError(
-            "a belt that yields so does not hold its waves at this speed",
+            "a belt that yields so in shear, or in its form, does not hold its waves at this speed",
             allowed="a speed below the belt's critical one is allowed",
             do="lower belt_shear.length_m or the speed, or take stiffer numbers of form",
         )
