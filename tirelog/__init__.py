@@ -23,7 +23,15 @@ from typing import TYPE_CHECKING, Any
 from tirelog.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from tirelog.api.answers import compare, diagnose, fit, ladder, measure, propose
+    from tirelog.api.answers import (
+        compare,
+        diagnose,
+        fit,
+        ladder,
+        measure,
+        propose,
+        tire_form,
+    )
     from tirelog.api.campaigns import campaign_status, run_campaign
     from tirelog.api.checks import check
     from tirelog.api.logs import ingest, open_log
@@ -49,7 +57,9 @@ if TYPE_CHECKING:
 _HOMES = {
     name: module
     for module, names in {
-        "tirelog.api.answers": ("compare", "diagnose", "fit", "ladder", "measure", "propose"),
+        "tirelog.api.answers": (
+            *("compare", "diagnose", "fit", "ladder", "measure", "propose", "tire_form"),
+        ),
         "tirelog.api.campaigns": ("campaign_status", "run_campaign"),
         "tirelog.api.checks": ("check",),
         "tirelog.api.logs": ("ingest", "open_log"),
@@ -76,7 +86,7 @@ __all__ = [
     "check_setup", "compare", "contributions", "diagnose", "dissipation", "draft_setup", "fit",
     "footprint", "inflation", "ingest", "ladder", "load_model", "measure", "new_model", "open_log",
     "phase_shift", "plot_table", "predict", "propose", "run_campaign", "save_calibration",
-    "save_model", "simulate", "speed", "write_report",
+    "save_model", "simulate", "speed", "tire_form", "write_report",
 ]  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from tirelog.api.results import (
     ComparisonOfLogs,
     DiagnosisOfLogs,
     FitOfLogs,
+    FormOfLogs,
     LadderOfLogs,
     ProposalOfLogs,
     answer_of,
@@ -24,6 +25,7 @@ from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
 from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
+from tirelog.diagnosis import form as forming
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
 from tirelog.diagnosis.history import read_history, remember
@@ -57,6 +59,7 @@ __all__ = [
     "measure",
     "observable_of",
     "propose",
+    "tire_form",
 ]
 
 Progress = Callable[[str], None]
@@ -223,6 +226,32 @@ def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
     if isinstance(answers, ModelError):
         return ComparisonOfLogs.of(result, aside=(f"the obstacles are not compared: {answers}",))
     return ComparisonOfLogs.of(result, answers)
+
+
+def tire_form(measured: MeasuredLogs, model: Model) -> FormOfLogs:
+    """Contact pressure over the patch and stiffness over wavelength, with standard errors.
+
+    Parameters
+    ----------
+    measured : MeasuredLogs
+        What `measure` gave.
+    model : Model
+        A model of a waveform, with the effects that the tire is known to have: what is missing
+        from it is in the form by its mean.
+
+    Returns
+    -------
+    FormOfLogs
+        ``pressure`` [N/m] over the place in the patch [m], ``stiffness`` [N/m^2] over wavelength
+        [m], each with ``at``, ``value``, ``se`` and ``formula``; ``half_length_m``; ``rows()``,
+        ``to_json()``, ``plot()``.
+
+    Raises
+    ------
+    UsageError
+        The model has no waveform or no patch, or does not fit to the revolutions.
+    """
+    return answer_of(FormOfLogs, forming.tire_form(_known(measured).revolutions, model))
 
 
 def diagnose(

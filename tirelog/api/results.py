@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.form import TireForm
 from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
@@ -273,6 +274,21 @@ class LadderOfLogs(Ladder):
 
     def _repr_html_(self) -> str:
         return _html(repr(self), [steps_table(self.to_json())], self.remarks)
+
+
+@dataclass(frozen=True)
+class FormOfLogs(TireForm):
+    """A tire's contact pressure and stiffness (see `TireForm`)."""
+
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
+        """Pressure over the patch and stiffness over wavelength; the figure.
+
+        path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the
+                      pressure
+        """
+        from tirelog.plots.models.form import figure, over_patch
+
+        return _drawn(path_or_axes, lambda: figure(self), lambda axes: over_patch(axes, self))
 
 
 @dataclass(frozen=True)

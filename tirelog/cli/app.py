@@ -28,6 +28,7 @@ AFTER_TABLES = (
     ("models.compare", "compare"),
     ("models.diagnose", "diagnose"),
     ("models.propose", "propose"),
+    ("models.form", "form"),
     ("models.ladder", "ladder"),
     ("report", "report"),
     ("campaign", "app"),

@@ -27,7 +27,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "tables",
         "check",
     ),
-    "Physics": ("effects", "model", "compare", "diagnose", "propose", "ladder", "report"),
+    "Physics": ("effects", "model", "compare", "diagnose", "form", "propose", "ladder", "report"),
     "Campaigns": ("campaign",),
 }
 #: per command: lines as they are typed in a folder like sample_data, with what they do
@@ -173,6 +173,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         (
             "tirelog propose unknown_*.csv.gz --model model.toml -o better.toml",
             "the unknown effect as a formula",
+        ),
+    ),
+    "form": (
+        (
+            "tirelog form a.csv b.csv --model model.toml -o form.csv --plot form.png",
+            "contact pressure over the patch, and stiffness over wavelength",
         ),
     ),
     "ladder": (

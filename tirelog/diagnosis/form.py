@@ -18,6 +18,7 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.compare import Measured, measured_pieces, start_from
 from tirelog.diagnosis.results import plain_values
+from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import UsageError
 from tirelog.inference.fit.errors import Errors
 from tirelog.inference.nuisances import FORM, bound, frees
@@ -33,7 +34,7 @@ _STEP = 1e-4
 
 
 @dataclass(frozen=True)
-class Profile:
+class FormProfile:
     """A quantity at n places with its standard error, and what the formulas alone give there.
 
     `at`, `value`, `se`, `formula` (n,), in SI units.
@@ -55,8 +56,8 @@ class TireForm:
     the form.
     """
 
-    pressure: Profile
-    stiffness: Profile
+    pressure: FormProfile
+    stiffness: FormProfile
     half_length_m: float
     half_length_se_m: float
     load_N: float
@@ -65,6 +66,20 @@ class TireForm:
     revolutions: int
     model: Model
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Half length, and whether the form holds more than the tire's own."""
+        length = 1e3 * np.array([self.half_length_m, self.half_length_se_m])
+        said = f"half length of the patch {length[0]:.2f} ± {length[1]:.2f} mm"
+        if self.reduced_chi2 <= QUIET_CHI2:
+            return (said,)
+        return (
+            said,
+            f"the fit leaves more than noise (reduced chi-square {self.reduced_chi2:.3g}, noise "
+            "gives 1): an effect may be missing, and its mean is in the form; see `tirelog "
+            "diagnose`",
+        )
+
     def rows(self) -> list[dict[str, Any]]:
         """The two profiles as rows of one table, the columns of the other blank."""
         rows = []
@@ -72,7 +87,8 @@ class TireForm:
             ("contact_pressure", "xi_m", "N_m", self.pressure),
             ("stiffness", "wavelength_m", "N_m2", self.stiffness),
         ):
-            names = (place, f"{quantity}_{unit}", f"{quantity}_se_{unit}", f"formula_{unit}")
+            own = (f"{quantity}_{unit}", f"{quantity}_se_{unit}", f"{quantity}_formula_{unit}")
+            names = (place, *own)
             columns = (profile.at, profile.value, profile.se, profile.formula)
             for numbers in zip(*columns, strict=True):
                 rows.append({"quantity": quantity, **dict(zip(names, numbers, strict=True))})
@@ -115,10 +131,10 @@ def tire_form(measured: Measured, model: Model) -> TireForm:
     plain = bound(fitted, model, FORM) if FORM not in [e.id for e in model.effects] else fitted
 
     def pressure(of: Model) -> FloatArray:
-        return of.predict(at, phi, observable="contact_pressure")[0]
+        return np.asarray(of.predict(at, phi, observable="contact_pressure")[0])
 
     def stiffness(of: Model) -> FloatArray:
-        return of.static_stiffness(at)[_WAVES.astype(int)]
+        return np.asarray(of.static_stiffness(at)[_WAVES.astype(int)])
 
     names, radius = base.fit.names, fitted.values["radius_m"]
     half_se = _profile(np.zeros(1), lambda m: m.half_length_m(at), fitted, plain, names, known).se
@@ -147,7 +163,7 @@ def _profile(
     plain: Model,
     names: tuple[str, ...],
     known: Errors,
-) -> Profile:
+) -> FormProfile:
     """A quantity of the fitted model with its error, by its derivatives (p, n)."""
     slopes = np.zeros((len(names), quantity(fitted).size))
     for row, name in enumerate(names):
@@ -158,7 +174,7 @@ def _profile(
         )
         slopes[row] = (up - down) / (2.0 * step)
     variance = np.einsum("in,ij,jn->n", slopes, known.covariance, slopes)
-    return Profile(at, quantity(fitted), np.sqrt(np.maximum(variance, 0.0)), quantity(plain))
+    return FormProfile(at, quantity(fitted), np.sqrt(np.maximum(variance, 0.0)), quantity(plain))
 
 
 def _moved(parameter: Any, step: float) -> Any:

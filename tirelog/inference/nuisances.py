@@ -9,12 +9,15 @@
     rolling    the rolling radius is not the setup's, and follows speed and load
     patch_law  the patch grows with another power of the load; a parameter that becomes free, if the
                model has it
+    form       contact pressure and stiffness of the tire's own, an effect with priors
     pressure_law  and shrinks with another power of the inflation pressure: likewise, if logs differ
                   in it
 
 The shapes are changes of the fitted model's own prediction, so they are known as well as the model
 is. One amplitude serves all manoeuvres (of a log, if it belongs to a log or a mounting): a nuisance
 repeats, which is why flips of manoeuvres take it for physics.
+
+The file is longer than others: what a nuisance does and what it frees are one register.
 """
 
 from __future__ import annotations

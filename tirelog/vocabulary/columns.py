@@ -268,7 +268,7 @@ _ALL = [
         1e-4,
     ),
     # dissipation --fit
-    _text("quantity", "the column that is fitted as intercept + slope x speed"),
+    _text("quantity", "what the row is of: the fitted column, or the part of the tire's form"),
     TableColumn("intercept", "of the quantity", "float", "value at speed 0", 0.0, 1e-3),
     TableColumn(
         "intercept_se",
@@ -700,6 +700,18 @@ _ALL = [
     _integer("lobes", "n of the shape: 0 rotational, 1 rigid"),
     _text("direction", "with or against the rotation for a travelling wave, standing else"),
     TableColumn("share", "", "float", "share of the kinetic energy in that n", 1e-4, 1e-3),
+    # form
+    *(
+        TableColumn(name, unit, "float", meaning, 0.0, 1e-2)
+        for name, unit, meaning in (
+            ("contact_pressure_se_N_m", "N/m", "its standard error"),
+            ("contact_pressure_formula_N_m", "N/m", "contact pressure of the model's formula"),
+            ("wavelength_m", "m", "length of a wave along the tread"),
+            ("stiffness_N_m2", "N/m^2", "static load per length over deflection, of that wave"),
+            ("stiffness_se_N_m2", "N/m^2", "its standard error"),
+            ("stiffness_formula_N_m2", "N/m^2", "stiffness of the model's formula"),
+        )
+    ),
 ]
 
 COLUMNS: dict[str, TableColumn] = register(_ALL)
@@ -740,6 +752,11 @@ TABLES: dict[str, tuple[str, ...]] = {
         "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg",
         "hub_displacement_m", "road_vertical_N", "road_longitudinal_N", "spindle_vertical_N",
         "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",
+    ),
+    "form": (
+        "quantity", "xi_m", "contact_pressure_N_m", "contact_pressure_se_N_m",
+        "contact_pressure_formula_N_m", "wavelength_m", "stiffness_N_m2", "stiffness_se_N_m2",
+        "stiffness_formula_N_m2",
     ),
     "modes": (
         "support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction",

@@ -28,7 +28,16 @@ from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric.projection import per_group
-from tirelog.inference.nuisances import FORM, ZERO, bound, freed, frees, is_drift, shared_by, shared_effects
+from tirelog.inference.nuisances import (
+    FORM,
+    ZERO,
+    bound,
+    freed,
+    frees,
+    is_drift,
+    shared_by,
+    shared_effects,
+)
 from tirelog.physics.model.model import Model
 
 #: alarming nuisances that are fitted in full, the best first; twice as many take twice as many

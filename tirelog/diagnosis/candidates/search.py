@@ -20,6 +20,7 @@ from tirelog.diagnosis.candidates.beside import (
     with_nuisances,
 )
 from tirelog.diagnosis.candidates.naming import (
+    Refitted,
     Step,
     assess_all,
     clearly_worse,
@@ -211,9 +212,8 @@ def _climb(
                 else first_step(after, extra, known)
             )
         named_now = None if step is None else step.named
-        if rival is not None and named_now and _as_much(after, rival, named_now.base):
-            if not _is_form(rival) or named_now.assessed.signature.effect.followed:
-                climb.alike.append((groups_of(rival)[-1], named_now.id))
+        if rival is not None and named_now and _as_much(after, rival, named_now):
+            climb.alike.append((groups_of(rival)[-1], named_now.id))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
             climb.after = settled(rival)
@@ -262,14 +262,17 @@ def _is_form(rival: Base) -> bool:
     return groups_of(rival)[-1] == FORM
 
 
-def _as_much(base: Base, one: Base, other: Base) -> bool:
-    """Does each of two refits remove as much of chi-square, to what forms differ by?
+def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
+    """Do a nuisance and an effect remove as much of chi-square, to what forms differ by?
 
     Not if the better one leaves the noise floor alone and the other is clearly worse: then its form
-    is right. By the waveforms, which a nuisance acts on. `one` is beside a nuisance; a form that
-    leaves more than the floor, with all its numbers, is not alike.
+    is right. By the waveforms, which a nuisance acts on. The tire's form has numbers enough to be
+    clearly worse as soon as it leaves more than the floor, and is never alike to an effect that
+    does the same under all conditions: one number that does it is the cause.
     """
-    better, worse = sorted((one, other), key=lambda refitted: refitted.noise_chi2)
+    if _is_form(rival) and not named.assessed.signature.effect.followed:
+        return False
+    better, worse = sorted((rival, named.base), key=lambda refitted: refitted.noise_chi2)
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
     if removed[0] < TWINS**2 * removed[1]:
         return False
@@ -277,5 +280,5 @@ def _as_much(base: Base, one: Base, other: Base) -> bool:
     return not (
         quiet_waveforms(right)
         and not quiet_waveforms(worse)
-        and (_is_form(one) or clearly_worse(worse, better))
+        and (_is_form(rival) or clearly_worse(worse, better))
     )

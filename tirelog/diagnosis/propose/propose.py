@@ -225,8 +225,7 @@ def _shapes(full: Ground, few: Ground) -> list[MeasuredShape]:
 
 
 def _with_needed_nuisances(climb: _Climb) -> _Climb:
-    """The climb without nuisances that its terms have made needless, as a form that followed one.
-    """
+    """The climb without the nuisances that its terms have made needless."""
     after = climb.after
     needed = needed_nuisances(after) if climb.choices else groups_of(after)
     if needed == groups_of(after):

@@ -1,0 +1,137 @@
+"""property: the form of a tire is read out of its log, and an effect is named beside it.
+
+The truth is a belt whose every wave answers by its own stiffness, under a pressure (1 - u^6) that
+no series of the model holds: Fourier sums on 2048 points, none of the package's code.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tirelog
+from tirelog.cli import run
+from tirelog.vocabulary.arrays import FloatArray
+
+RADIUS_M, LOAD_N, HALF_M, RATE_HZ, POINTS = 0.31, 3600.0, 0.056, 2000.0, 2048
+STIFFNESS = {"EJ": 3.4, "k": 2.1e6, "mu": 4.5}
+LOAD_PER_G = 0.22
+
+
+def pressure(xi_m: FloatArray, half_m: float) -> FloatArray:
+    """Pressure over its mean on the patch, flat in the middle."""
+    u = xi_m / half_m
+    return np.where(np.abs(u) < 1.0, (1.0 - u**6) * 7.0 / 6.0, 0.0)
+
+
+def strain(speed: float, load_N: float) -> FloatArray:
+    """Strain around the wheel from angle -pi on, (POINTS,)."""
+    step = 2.0 * np.pi * RADIUS_M / POINTS
+    half = HALF_M * np.sqrt(load_N / LOAD_N)
+    within = (np.arange(16) + 0.5) / 16 - 0.5  # the edges fall between points
+    xi = (np.arange(POINTS)[:, None] - POINTS // 2 + within) * step
+    p = pressure(xi, half).mean(axis=1)
+    q = 2.0 * np.pi * np.fft.rfftfreq(POINTS, step)
+    answer = STIFFNESS["EJ"] * q**4 + STIFFNESS["k"] - STIFFNESS["mu"] * speed**2 * q**2
+    modes = np.fft.rfft(np.fft.ifftshift(p * load_N / (p.sum() * step))) / answer
+    return -3e-4 * np.fft.fftshift(np.fft.irfft(modes * q**2, POINTS))
+
+
+def write_log(path: Path, seed: int, load_per_g: float) -> Path:
+    """A log of a drive with five cruises, and its setup beside it."""
+    rng = np.random.default_rng(seed)
+    targets = rng.permutation([9.0, 12.0, 15.0, 18.0, 21.0]) + rng.uniform(-0.5, 0.5, 5)
+    parts, last = [], 8.0
+    for target in targets:
+        steps = int(abs(target - last) / rng.uniform(1.5, 3.0) * RATE_HZ)
+        parts += [np.linspace(last, target, steps), np.full(int(3.0 * RATE_HZ), target)]
+        last = target
+    speed = np.convolve(np.concatenate(parts), np.ones(301) / 301, "valid")
+    acceleration = np.convolve(np.gradient(speed) * RATE_HZ, np.ones(301) / 301, "same")
+    angle = np.cumsum(speed) / RATE_HZ / RADIUS_M
+    turn = np.floor((angle + np.pi) / (2.0 * np.pi))
+    grid = (np.arange(POINTS) - POINTS // 2) * 2.0 * np.pi / POINTS
+    read = np.empty(speed.size)
+    for number in np.unique(turn):
+        rows = np.flatnonzero(turn == number)
+        middle = rows[np.argmin(np.abs(angle[rows] - 2.0 * np.pi * number))]
+        load = LOAD_N * (1.0 + load_per_g * acceleration[middle] / 9.81)
+        load *= 1.0 + 0.004 * rng.standard_normal()
+        wave = strain(float(speed[middle]), load)
+        read[rows] = np.interp(angle[rows] - 2.0 * np.pi * number, grid, wave)
+    noisy = 1e6 * read + 0.7 * rng.standard_normal(read.size)
+    lines = (f"{i / RATE_HZ:.4f},{value:.3f}" for i, value in enumerate(noisy))
+    path.write_text("time_s,strain\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    path.with_suffix(".toml").write_text(
+        f"[tire]\nunloaded_radius_m = {RADIUS_M * 1.02}\nrolling_radius_m = {RADIUS_M}\n"
+        f"[conditions]\nload_N = {LOAD_N}\ndriven = true\n"
+        '[channels.s]\nkind = "strain"\nsource = "strain"\nunit = "microstrain"\n'
+        'surface = "outer"\n',
+        encoding="utf-8",
+    )
+    return path
+
+
+def measured(folder: Path, load_per_g: float) -> tuple[list[str], str]:
+    """The paths of two logs and of a new model of a beam."""
+    logs = [str(write_log(folder / f"l{seed}.csv", seed, load_per_g)) for seed in (11, 12)]
+    model = str(folder / "beam.toml")
+    assert run(["model", "new", "--setup", str(folder / "l11.toml"), "-o", model]) == 0
+    return logs, model
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], str]:
+    return measured(tmp_path_factory.mktemp("bare"), 0.0)
+
+
+def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path: Path) -> None:
+    logs, model = bare
+    table = tmp_path / "form.csv"
+    assert run(["form", *logs, "--model", model, "-o", str(table)]) == 0
+    rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    own = rows[rows["quantity"] == "contact_pressure"]
+    mean = LOAD_N / (2.0 * HALF_M)
+    missed = own["contact_pressure_N_m"] / mean - pressure(own["xi_m"], HALF_M)
+    formula = own["contact_pressure_formula_N_m"] / mean - pressure(own["xi_m"], HALF_M)
+    assert np.sqrt((missed**2).mean()) < 0.03 < 0.2 * np.sqrt((formula**2).mean())
+    waves = rows[rows["quantity"] == "stiffness"]
+    q = 2.0 * np.pi / waves["wavelength_m"]
+    truth = STIFFNESS["EJ"] * q**4 + STIFFNESS["k"]
+    assert np.abs(waves["stiffness_N_m2"] / truth - 1.0).max() < 0.1
+
+
+@pytest.mark.slow
+def test_a_form_is_no_missing_effect(bare: tuple[list[str], str]) -> None:
+    logs, path = bare
+    model = tirelog.load_model(path)
+    found = tirelog.measure(logs, model)
+    result = tirelog.diagnose(found, model)
+    assert result.verdict == "nothing_missing"
+    assert [n.nuisance for n in result.nuisances if n.stayed] == ["form"]
+    without = tirelog.diagnose(found, model.with_nuisance("form", "off"))
+    assert without.verdict == "unknown"
+
+
+@pytest.mark.slow
+def test_what_follows_the_drive_is_named_beside_the_form(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logs, model = measured(tmp_path, LOAD_PER_G)
+    capsys.readouterr()
+    assert run(["diagnose", *logs, "--model", model, "--format", "json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["verdict"], answer["selected"]) == ("missing", ["load_transfer"])
+    assert answer["nuisances"]["form"]["stayed"]
+    (named,) = [e for e in answer["effects"] if e["selected"]]
+    assert named["strengths"]["coefficient"]["value"] == pytest.approx(LOAD_PER_G, rel=0.1)
+    assert answer["rmse_heldout_after"] < 1.05 * answer["noise_floor"]
+
+
+def test_a_number_per_revolution_has_no_form(bare: tuple[list[str], str], tmp_path: Path) -> None:
+    lengths = str(tmp_path / "lengths.toml")
+    assert run(["model", "new", "--observable", "patch_length", "-o", lengths]) == 0
+    assert run(["form", *bare[0], "--model", lengths]) == 2
