@@ -1,4 +1,4 @@
-"""property: the form of a tire is read out of its log, and an effect is named beside it.
+"""Property: the form of a tire is read out of its log, and an effect is named beside it.
 
 The truth is a belt whose every wave answers by its own stiffness, under a pressure (1 - u^6) that
 no series of the model holds: Fourier sums on 2048 points, none of the package's code.
