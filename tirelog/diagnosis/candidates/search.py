@@ -13,10 +13,12 @@ from tirelog.diagnosis.candidates.assessment import Assessed
 from tirelog.diagnosis.candidates.beside import (
     RefittedNuisance,
     allowed_nuisances,
+    assess_nuisances,
     best_of,
     groups_of,
     needed_nuisances,
     rival_nuisances,
+    with_nuisance,
     with_nuisances,
 )
 from tirelog.diagnosis.candidates.naming import (
@@ -86,7 +88,8 @@ def search_effects(
 ) -> Found:
     """Steps until nothing more is worth naming, beside the nuisances that earn their place.
 
-    With too few manoeuvres: one step, contenders refitted, nothing named.
+    With too few manoeuvres: one step, contenders refitted, nothing named. The tire's form comes in
+    where the search without it ends above the floor, or names more effects to come there.
     """
     if base.cells.manoeuvres < FEWEST_MANOEUVRES:
         step = first_step(base, extra)
@@ -95,17 +98,53 @@ def search_effects(
         return Found(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
-    climb = _climb(base, extra, progress, allowed_nuisances(base))
+    allowed = allowed_nuisances(base)
+    bare = tuple(name for name in allowed if name != FORM)
+    plain = _search(base, extra, progress, bare)
+    at_floor = quiet_waveforms(plain.after)
+    if bare == allowed or (at_floor and not plain.named):
+        return plain
+    if at_floor and len(plain.named) == 1:
+        return _or_form(plain)
+    progress("once more with a form of the tire's own")
+    formed = _search(base, extra, progress, allowed)
+    fewer = len(formed.named) < len(plain.named) if at_floor else True
+    learnt = FORM in groups_of(formed.after)
+    return formed if learnt and fewer else plain
+
+
+def _or_form(plain: Found) -> Found:
+    """A search that one effect ended at the floor, with the form if that does as much."""
+    named = plain.steps[0].named
+    before = plain.steps[0].before
+    if named is None or not named.assessed.signature.effect.followed:
+        return plain  # one number that does the same throughout is the cause
+    gained = float((before.held_white - named.base.held_white).sum())
+    forms = [a for a in assess_nuisances(before, [FORM]) if a.alarms and a.gain > TWINS**2 * gained]
+    alike = tuple(
+        (FORM, named.id)
+        for a in forms
+        if not isinstance(rival := with_nuisance(before, a.effects), ModelError)
+        and _as_much(before, rival, named)
+    )
+    return replace(plain, alike=(*plain.alike, *alike))
+
+
+def _search(
+    base: Base, extra: tuple[Effect, ...], progress: Progress, allowed: tuple[str, ...]
+) -> Found:
+    """Steps from a base, beside those of the nuisances that are allowed."""
+    climb = _climb(base, extra, progress, allowed)
     rivals = climb.rivals
     if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
         progress(f"once more with {groups_of(climb.passed_over)[-1]} first")
-        other = _climb(settled(climb.passed_over), extra, progress, allowed_nuisances(base))
+        other = _climb(settled(climb.passed_over), extra, progress, allowed)
         if other.after.reduced_chi2 < climb.after.reduced_chi2:
             climb = other
     if not quiet_waveforms(climb.after):
-        climb = _with_one_to_begin(base, rivals, extra, progress, climb)
-    allowed, alike = allowed_nuisances(base), tuple(climb.alike)
+        climb = _with_one_to_begin(base, rivals, extra, progress, climb, allowed)
+    alike = tuple(climb.alike)
     untested: tuple[str, ...] = ()
     while True:
         beside = groups_of(climb.after)
@@ -144,6 +183,7 @@ def _with_one_to_begin(
     extra: tuple[Effect, ...],
     progress: Progress,
     climb: _Climb,
+    allowed: Sequence[str],
 ) -> _Climb:
     """The search from a nuisance that alone removes too little, if what follows makes up for it.
 
@@ -152,7 +192,6 @@ def _with_one_to_begin(
     Of two nuisances of a size neither removes most: together they must leave of chi-square's
     excess what so many leave that earn their places one by one.
     """
-    allowed = allowed_nuisances(base)
     known = rival_nuisances(base, allowed) if rivals is None else rivals
     first = best_of(base, known, least=0.0)
     if first is None or groups_of(first)[-1] in groups_of(climb.after):

@@ -230,7 +230,10 @@ def _with_needed_nuisances(climb: _Climb) -> _Climb:
     needed = needed_nuisances(after) if climb.choices else groups_of(after)
     if needed == groups_of(after):
         return climb
-    first, top = (settled(with_nuisances(base, needed)) for base in (climb.bases[0], after))
+    first, top = (with_nuisances(base, needed) for base in (climb.bases[0], after))
+    if isinstance(first, ModelError) or isinstance(top, ModelError):
+        return climb
+    first, top = settled(first), settled(top)
     full = Ground(first)
     few = full if len(first.cells) <= FEW_CELLS else Ground(thinned(first, FEW_CELLS))
     climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], _shapes(full, few)
