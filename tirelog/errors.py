@@ -13,6 +13,8 @@ and `line` say where. Each part is a field, and code reads fields; the sentence 
 from __future__ import annotations
 
 import difflib
+import errno
+import os
 import re
 from collections.abc import Callable, Collection, Iterable
 from enum import IntEnum
@@ -37,6 +39,45 @@ def without_credentials(text: str) -> str:
 
 def _starred(found: re.Match[str]) -> str:
     return f"{found[1]}***"
+
+
+#: errors of the system that say nothing of the log they were met at, and what to do
+OUTSIDE_LOG = {
+    errno.EMFILE: "raise the limit of open files (ulimit -n) and run it again",
+    errno.ENFILE: "close other programs and run it again",
+    errno.ENOMEM: "free memory and run it again",
+    errno.EAGAIN: "raise the limit of processes (ulimit -u) and run it again",
+    errno.ENOSPC: "the disk is full; make room or give another path",
+    errno.EDQUOT: "the quota is used up; make room or give another path",
+    errno.EIO: "the disk or its connection fails; see to it and run it again",
+    errno.ESTALE: "mount the network folder anew and run it again",
+    **dict.fromkeys(
+        (errno.ETIMEDOUT, errno.ECONNREFUSED, errno.ECONNRESET, errno.ENETUNREACH,
+         errno.EHOSTUNREACH),
+        "see to the connection and run it again",
+    ),
+}  # fmt: skip
+#: exceptions of the same kind
+_OUTSIDE_KINDS = (MemoryError, ConnectionError, TimeoutError)
+
+
+def is_outside_log(problem: BaseException | None) -> bool:
+    """True if an error, or one that it came from, is of the machine or the network.
+
+    Also an origin that `raise ... from None` keeps from the traceback counts.
+    """
+    while problem is not None:
+        if isinstance(problem, _OUTSIDE_KINDS) or getattr(problem, "errno", None) in OUTSIDE_LOG:
+            return True
+        problem = problem.__cause__ or problem.__context__
+    return False
+
+
+def system_message(problem: OSError) -> str:
+    """What the system refused, where, and what to do, as a message to the user."""
+    where = f"{problem.filename}: " if problem.filename else ""
+    advice = OUTSIDE_LOG[problem.errno or 0]
+    return f"{where}the system refuses ({os.strerror(problem.errno or 0)}); {advice}"
 
 
 class ExitStatus(IntEnum):

@@ -12,8 +12,7 @@ import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, alive, begun, children, kill_all, stuck, waited_for
-from tirelog.campaign.folder import moved_into
-from tirelog.campaign.remote_folder import _half_written
+from tirelog.campaign.folder import _half_written, moved_into
 from tirelog.cli import run
 
 LINUX = pytest.mark.skipif(

@@ -1,8 +1,7 @@
 """Property: a campaign whose logs and output are in a store gives what one on this machine gives,
-killed or not; and one run at a time.
+killed or not.
 """
 
-import json
 import socket
 import subprocess
 import sys
@@ -13,14 +12,11 @@ from typing import Any
 import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
-from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient, waited_for
+from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient
 from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401
-from tirelog.campaign import remote_folder
 from tirelog.campaign import runner as cluster_of
 from tirelog.campaign.folder import folder_at
-from tirelog.campaign.remote_folder import RemoteFolder
 from tirelog.cli import run
-from tirelog.errors import UsageError
 from tirelog.storage import remote
 
 
@@ -105,68 +101,10 @@ def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None
     store().rm(results, recursive=True)
     for tickets, later_s in ((1, 0.0), (1, 0.2), (2, 0.1)):
         killed_in_the_midst(manifest, tickets, later_s, tmp_path / "gate")
-    assert (
-        run(["campaign", "run", str(manifest), "--quiet"]) == 0
-    )  # the lock of a process that is gone holds nobody up
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     assert there(results) == want
     folder = folder_at(results)
     assert not folder.temporary.exists()
-
-
-def test_one_run_at_a_time_and_a_lock_that_ends_with_its_heart(
-    bucket: str,  # noqa: F811
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    root = f"{bucket}/locked"
-    first, second = RemoteFolder(root), RemoteFolder(root)
-    with first.held():
-        with pytest.raises(UsageError, match="another campaign run"), second.held():
-            pass
-        first.check_held()
-    with second.held():  # given back
-        pass
-    lock = json.dumps({"owner": "x", "host": "elsewhere", "pid": 1, "beat_s": time.time()}).encode()
-    store().pipe_file(f"{root}/.tirelog/lock.4", lock)
-    monkeypatch.setattr(remote_folder, "EXPIRES_S", 1e9)
-    with pytest.raises(UsageError, match="elsewhere"), first.held():
-        pass
-    monkeypatch.setattr(remote_folder, "EXPIRES_S", 0.0)
-    with first.held():
-        assert [name for name in store().find(f"{root}/.tirelog") if "lock" in name] == [
-            f"{root[5:]}/.tirelog/lock.5"
-        ]
-
-
-def test_two_that_see_the_same_dead_lock_do_not_both_get_it(bucket: str) -> None:  # noqa: F811
-    first, second = RemoteFolder(f"{bucket}/raced"), RemoteFolder(f"{bucket}/raced")
-    seen = second.names()
-    second.names = lambda: seen  # type: ignore[method-assign]  # what it saw before the first was there
-    with first.held(), pytest.raises(UsageError, match="another campaign run"), second.held():
-        pass
-
-
-def test_who_was_taken_over_stops(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
-    monkeypatch.setattr(remote_folder, "BEAT_S", 0.05)
-    folder = RemoteFolder(f"{bucket}/stolen")
-    with folder.held():
-        store().pipe_file(f"{bucket}/stolen/.tirelog/lock.2", b"{}")
-        assert waited_for(folder._lost.is_set)
-        with pytest.raises(UsageError, match="taken this folder over"):
-            folder.check_held()
-
-
-def test_a_killed_writer_elsewhere_leaves_a_lock_that_says_how_long(
-    far: tuple[Path, Path, str], capfd: pytest.CaptureFixture[str]
-) -> None:
-    _, manifest, results = far
-    lock = json.dumps(
-        {"owner": "x", "host": "elsewhere", "pid": 1, "beat_s": time.time() + PATIENCE_S}
-    ).encode()
-    store().pipe_file(f"{results}/.tirelog/lock.1", lock)
-    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
-    said = capfd.readouterr().err
-    assert "elsewhere, process 1" in said
-    assert "60 s if it was killed" in said
 
 
 def test_a_host_that_does_not_answer(

@@ -53,7 +53,8 @@ class CampaignOutcome:
 
     summary   the file with a row per log
     worked    logs that were worked on; the others were done
-    failed    sentences on logs and models that failed
+    failed    sentences on logs and models that failed, and on logs that stay open since what failed
+              was not theirs (a store, the cluster, the machine)
     lost      sentences on logs whose input was lost in part
     """
 
@@ -148,7 +149,8 @@ def run_campaign(
     Raises
     ------
     UsageError, ReadError
-        As `campaign_status`; another run holds the output folder.
+        As `campaign_status`; another run holds the output folder; five logs in a row fail for a
+        reason outside of them.
     OutputError
         The output cannot be written.
     """
@@ -159,7 +161,9 @@ def run_campaign(
         ledger.save_hashes()
         left = to_do(tasks, ledger, retry_failed=retry_failed)
         hears = began(len(left)) if began is not None else lambda entry, finished, of: None
-        run_tasks(campaign, ledger, left, workers=workers, scheduler=scheduler, said=hears)
+        left_open = run_tasks(
+            campaign, ledger, left, workers=workers, scheduler=scheduler, said=hears, remark=said
+        )
         summary = write_summary(campaign, ledger)
         for remark in campaign.remarks:
             said(remark)
@@ -173,6 +177,8 @@ def run_campaign(
         entries = [e for task in tasks if (e := ledger.entry(task.name)) is not None]
         if campaign.models and only is not None:
             said("models are over the whole campaign; they are left to a run without --only")
+        elif campaign.models and left_open:
+            said("models are over the whole campaign; they are left to a run that leaves none open")
         elif campaign.models:
             from tirelog.campaign.models import run_models
 
@@ -182,7 +188,11 @@ def run_campaign(
         summary,
         len(tasks),
         len(left),
-        (*(entry.error for entry in entries if entry.error), *failed),
+        (
+            *(entry.error for entry in entries if entry.error),
+            *(f"{error}; it stays open, run it again" for error in left_open),
+            *failed,
+        ),
         tuple(
             f"{entry.log}: lost: {'; '.join(entry.losses)}"
             for entry in entries

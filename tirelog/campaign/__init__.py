@@ -15,5 +15,5 @@
 Results are a hive-partitioned Parquet dataset. A part appears whole or not at all, and a task's
 ledger entry is written after its parts: what a kill leaves is either done or done again, to the
 same bytes (nothing in the parts depends on clock or order). One run at a time per output folder:
-the lock is held by the kernel for the process, or at an address by a heartbeat (`remote_folder`).
+the lock is held by the kernel for the process. At an address there is none.
 """

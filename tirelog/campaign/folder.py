@@ -5,8 +5,11 @@ Files by their name relative to it, '/' between the parts.
     name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this
             run's alone)
 
-What a campaign knows of a file is whether it is there; what it may rely on is that it is whole. A
-folder at an address is `campaign.remote_folder.RemoteFolder`.
+What a campaign knows of a file is whether it is there; what it may rely on is that it is whole.
+
+At an address objects are seen whole or not at all; a store that is not one of objects gets a file
+under another name, which is moved (`remote`). No store has locks that end with a process: one run
+at a time is the user's to see to there.
 
 On this machine everything is written below `.tirelog/tmp`, which is the campaign's own, and moved
 to its place when it is whole. So what a kill has left is there and nowhere else: the next run
@@ -23,9 +26,17 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from tirelog.campaign.names import HIDDEN, swept
+from tirelog.campaign.names import HIDDEN, is_own, swept, temporary_for
 from tirelog.errors import UsageError
-from tirelog.storage.remote import address
+from tirelog.storage.remote import (
+    PART,
+    address,
+    list_remote,
+    read_remote,
+    read_several,
+    remove_remote,
+    write_remote,
+)
 from tirelog.storage.whole import failed_writes, output_error
 
 
@@ -53,11 +64,8 @@ class Folder(Protocol):
     def held(self) -> AbstractContextManager[None]:
         """The folder for this process alone, swept of what a kill may have left.
 
-        UsageError: another run has it.
+        UsageError: another run has it; at an address nobody looks for one.
         """
-
-    def check_held(self) -> None:
-        """UsageError if the folder was taken over by another run."""
 
     def read(self, name: str) -> bytes | None:
         """A file's bytes, or None if it is not there."""
@@ -80,8 +88,6 @@ def folder_at(place: str | Path) -> Folder:
     url = address(place)
     if url is None or url.startswith("file://"):
         return LocalFolder(Path(url.removeprefix("file:/") if url else place))
-    from tirelog.campaign.remote_folder import RemoteFolder
-
     return RemoteFolder(url.rstrip("/"))
 
 
@@ -122,9 +128,6 @@ class LocalFolder:
             finally:
                 swept(self.temporary)  # a worker that died has left what it was writing
 
-    def check_held(self) -> None:
-        pass
-
     def read(self, name: str) -> bytes | None:
         try:
             return (self.path / name).read_bytes()
@@ -148,6 +151,52 @@ class LocalFolder:
             inside = os.path.relpath(folder, self.path)
             found |= {name if inside == "." else f"{inside}/{name}" for name in files}
         return found
+
+
+class RemoteFolder:
+    """A folder at the address `root`."""
+
+    def __init__(self, root: str) -> None:
+        self.root, self.temporary = root, temporary_for(root)
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        self.remove([name for name in self.names() if _half_written(name)])
+        swept(self.temporary)
+        try:
+            yield
+        finally:
+            swept(self.temporary)
+            self.temporary.rmdir()
+
+    def read(self, name: str) -> bytes | None:
+        return read_remote(self._at(name))
+
+    def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
+        found = read_several([self._at(name) for name in names])
+        return {url.removeprefix(f"{self.root}/"): data for url, data in found.items()}
+
+    def write(self, name: str, data: bytes) -> None:
+        write_remote(self._at(name), data)
+
+    def remove(self, names: Sequence[str]) -> None:
+        remove_remote([self._at(name) for name in names])
+
+    def names(self) -> set[str]:
+        return set(list_remote(self.root))
+
+    def _at(self, name: str) -> str:
+        return f"{self.root}/{name}"
+
+
+def _half_written(name: str) -> bool:
+    """A file of the campaign's own under the name that `write_remote` and `upload` move from."""
+    folder, _, last = name.rpartition("/")
+    return (
+        last.startswith(".")
+        and last.endswith(PART)
+        and is_own(f"{folder}/{last[1 : -len(PART)]}".lstrip("/"))
+    )
 
 
 def _temporary_in(output: Path) -> Path:

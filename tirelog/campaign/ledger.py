@@ -35,8 +35,8 @@ class Entry:
     """The outcome of one log's task under its key.
 
     `error` is empty if the tables were made; `pieces`: observable -> '' if what models need
-    of the log was kept, or why it could not be. `unwritable`: the fault is the output's (a full
-    disk), not the log's.
+    of the log was kept, or why it could not be. `fault`: whose the error is, "log" (recorded), or
+    "output" (a full disk) or "machine" (also a store or cluster), after which the log stays open.
     """
 
     log: str
@@ -51,7 +51,7 @@ class Entry:
     pieces: dict[str, str] = field(default_factory=dict)
     seconds: float = 0.0
     peak_memory_MB: float = 0.0
-    unwritable: bool = False
+    fault: str = "log"
 
 
 class Ledger:
@@ -107,11 +107,28 @@ class Ledger:
             }
         return self._entries.get(name)
 
+    def forget(self, names: set[str]) -> None:
+        """The logs are open again: their outcome and their parts are removed."""
+        gone = {f"{_DONE}{name}.json" for name in names}
+        self.folder.remove(
+            sorted(file for file in self.folder.names() if file in gone or log_of(file) in names)
+        )
+        known = self._entries or {}
+        for name in names & set(known):
+            del known[name]
+
     def record(self, entry: Entry) -> None:
-        self.folder.check_held()
         self.folder.write(f"{_DONE}{entry.name}.json", _bytes(asdict(entry)))
         if self._entries is not None:
             self._entries[entry.name] = entry
+
+
+def log_of(name: str) -> str:
+    """The log whose part a file of the dataset is, or ''."""
+    parts = name.split("/")
+    return (
+        parts[1].removeprefix("log=") if len(parts) == 3 and parts[0].startswith("table=") else ""
+    )
 
 
 def _entry(data: bytes) -> Entry | None:

@@ -123,7 +123,6 @@ def _run(
             results[name] = _with_each(results[name], read, candidates, groups, some, model.each)
             said(results[name].notes[-1])
         said(f"{ledger.folder.root}/{folder}/{name}.json{_outcome(results[name])}")
-    ledger.folder.check_held()
     ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
     for (
         name,

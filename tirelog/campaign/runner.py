@@ -14,20 +14,21 @@ import io
 import multiprocessing
 import os
 import sys
+import threading
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tirelog.campaign.ledger import Entry, Ledger, key_of
+from tirelog.campaign.ledger import Entry, Ledger, key_of, log_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.campaign.work import LogTask, make_tables, pieces_name, table_part_name
-from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
+from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError, is_outside_log
 from tirelog.products import OF_A_DRIVE
 from tirelog.runtime import end_with_parent, one_heap, one_thread
 from tirelog.version import __version__
@@ -42,9 +43,16 @@ _TIMEOUT_S = 8
 #: a log whose worker died this often, while it worked on nothing else, is failed; twice as many
 #: try a log that ends every worker that often
 _ATTEMPTS = 3
+#: so many logs in a row that fail for a reason outside of them end the run: a store or scheduler
+#: that is gone would be asked for every log, 8 s each
+_MOST_IN_A_ROW = 5
+#: a cluster without workers is reported after this time [s], and again after six times as long
+_WORKERLESS_S = 10.0
 
 
-def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
+def _on_cluster(
+    tasks: list[LogTask], scheduler: str, remark: Callable[[str], None]
+) -> Generator[Entry, None, None]:
     """The entries of tasks on a cluster, as they are finished.
 
     A scheduler holds the death of a worker against all that it had been given: what it gives up is
@@ -67,7 +75,7 @@ def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, 
             allowed="allowed is tcp://HOST:PORT",
             do="start it first",
         ) from None
-    with client:
+    with client, _workers_watched(client, remark):
         suspects = []
         for task, future in _finished(client, tasks, "all"):
             if future.status != "finished" and isinstance(future.exception(), KilledWorker):
@@ -77,6 +85,27 @@ def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, 
         for task in suspects:
             for _, future in _finished(client, [task], "alone"):
                 yield _outcome(task, future)
+
+
+@contextmanager
+def _workers_watched(client: Client, remark: Callable[[str], None]) -> Iterator[None]:
+    """While open, a remark says that the cluster has no worker, soon and then now and then."""
+    ended = threading.Event()
+
+    def watch() -> None:
+        wait_s = _WORKERLESS_S
+        while not ended.wait(wait_s):
+            wait_s = _WORKERLESS_S
+            with suppress(Exception):  # a scheduler that is gone is found by the futures
+                if not client.nthreads():
+                    wait_s = 6 * _WORKERLESS_S
+                    remark("the cluster has no worker; start one, or interrupt")
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
 
 
 def _finished(
@@ -104,7 +133,13 @@ def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
         f"{task.log}: no worker of the cluster finished it ({future.exception()}); "
         "look at the cluster's own log"
     )
-    return Entry(task.log, task.name, task.key, error=error, exit_status=int(ExitStatus.DEFECT))
+    return _of_the_machine(task, error)
+
+
+def _of_the_machine(task: LogTask, error: str) -> Entry:
+    """What did not come to an end, and is no fault of the log that is known."""
+    status = int(ExitStatus.DEFECT)
+    return Entry(task.log, task.name, task.key, error=error, exit_status=status, fault="machine")
 
 
 SUMMARY = (
@@ -134,19 +169,35 @@ def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -
             file=campaign.file,
         )
     observables = tuple(dict.fromkeys(model.observable for model in campaign.models))
-    return [_task(campaign, log, ledger, observables) for log in logs]
+    tasks, in_a_row = [], 0
+    for log in logs:
+        tasks.append(task := _task(campaign, log, ledger, observables))
+        in_a_row = _in_a_row(in_a_row, f"{task.log}: {task.problem}" if task.unreached else "")
+    return tasks
+
+
+def _in_a_row(before: int, error: str) -> int:
+    """How many logs in a row are left open.  UsageError: too many, the run is of no use."""
+    if error and before + 1 == _MOST_IN_A_ROW:
+        raise UsageError(
+            f"{_MOST_IN_A_ROW} logs in a row failed for a reason outside of them ({error})",
+            allowed="what is done is kept",
+            do="see to it and run it again",
+        )
+    return before + 1 if error else 0
 
 
 def _task(
     campaign: Campaign, log: CampaignLog, ledger: Ledger, observables: tuple[str, ...]
 ) -> LogTask:
     text = log.setup.text if log.setup else ""
+    digest, problem, unreached = "", log.problem, False
     try:
-        digest, problem = ledger.sha256(log.path), log.problem
+        digest = ledger.sha256(log.path)
     except OSError as error:
-        digest, problem = "", f"cannot be read ({error.strerror})"
+        problem, unreached = f"cannot be read ({error.strerror})", is_outside_log(error)
     except ReadError as error:
-        digest, problem = "", error.message
+        problem, unreached = error.message, is_outside_log(error)
     tables = {name: dict(options) for name, options in campaign.tables.items()}
     key = key_of(digest, text + problem, _with_contents(tables, ledger), __version__)
     setup_file = (log.setup.file or "") if log.setup else ""
@@ -162,6 +213,7 @@ def _task(
         str(folder.temporary),
         problem,
         observables,
+        unreached,
     )
 
 
@@ -216,41 +268,45 @@ def run_tasks(
     workers: int,
     scheduler: str | None,
     said: Callable[[Entry, int, int], None],
-) -> None:
-    """Carry out `tasks`; `said(entry, finished, of)` after each.
+    remark: Callable[[str], None],
+) -> list[str]:
+    """Carry out `tasks`; `said(entry, finished, of)` after each, `remark` hears of waiting.
 
-    A log that fails leaves no part of an older outcome behind.
+    Sentences on the logs that stay open, since what failed was not theirs: these are not recorded.
+    A log that fails leaves no part of an older outcome behind; one that cannot be reached keeps it.
+
+    UsageError: several in a row stay open.
 
     OutputError: the output cannot be written (a full disk); what was done before is kept, and what
     was not is not held against the logs.
     """
-    folder = ledger.folder
-    by_name = {task.name: task for task in tasks}
-    if any(task.tables for task in tasks):
-        folder.remove(
-            sorted(
-                name
-                for name in folder.names()
-                if _log_of(name) in by_name and by_name[_log_of(name)].tables
-            )
-        )
-    finished = _on_processes(tasks, workers) if scheduler is None else _on_cluster(tasks, scheduler)
+    by_name = {task.name: task for task in tasks if not task.unreached}
+    left_open = [f"{task.log}: {task.problem}" for task in tasks if task.unreached]
+    if not by_name:
+        return left_open
+    if again := {name for name, task in by_name.items() if task.tables}:
+        ledger.forget(again)
+    tasks, in_a_row = list(by_name.values()), 0
+    finished = (
+        _on_processes(tasks, workers)
+        if scheduler is None
+        else _on_cluster(tasks, scheduler, remark)
+    )
     with closing(finished):  # at once, also when what follows fails: nobody works on after this
         for number, entry in enumerate(finished, 1):
-            if entry.unwritable:
+            if entry.fault == "output":
                 raise OutputError(entry.error)
-            if entry.error:
-                folder.remove([table_part_name(table, entry.name) for table in campaign.tables])
-            ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
+            is_open = bool(entry.error) and entry.fault == "machine"
+            if entry.error and by_name[entry.name].tables:
+                parts = [table_part_name(table, entry.name) for table in campaign.tables]
+                ledger.folder.remove(parts)
+            if is_open:
+                left_open.append(entry.error)
+            else:
+                ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
             said(entry, number, len(tasks))
-
-
-def _log_of(name: str) -> str:
-    """The log whose part a file of the dataset is, or ''."""
-    parts = name.split("/")
-    return (
-        parts[1].removeprefix("log=") if len(parts) == 3 and parts[0].startswith("table=") else ""
-    )
+            in_a_row = _in_a_row(in_a_row, entry.error if is_open else "")
+    return left_open
 
 
 def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
@@ -259,7 +315,7 @@ def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
     Whoever reads the dataset reads them too.
     """
     return sorted(
-        {_log_of(name) for name in ledger.folder.names()}
+        {log_of(name) for name in ledger.folder.names()}
         - {log.name for log in campaign.logs}
         - {""}
     )
@@ -372,7 +428,7 @@ def _died(task: LogTask) -> Entry:
         f"{task.log}: its worker died {_ATTEMPTS} times (out of memory, or killed); "
         "free memory or use fewer workers"
     )
-    return Entry(task.log, task.name, task.key, error=error, exit_status=int(ExitStatus.DEFECT))
+    return _of_the_machine(task, error)
 
 
 def write_summary(campaign: Campaign, ledger: Ledger) -> str:

@@ -26,7 +26,7 @@ from tirelog.campaign.ledger import Entry
 from tirelog.campaign.names import HIDDEN
 from tirelog.data.recording import Recording
 from tirelog.data.setup import parse_setup
-from tirelog.errors import ExitStatus, OutputError, TirelogError, UsageError
+from tirelog.errors import ExitStatus, OutputError, TirelogError, UsageError, is_outside_log
 from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.storage.remote import address
@@ -39,7 +39,7 @@ from tirelog.version import __version__
 class LogTask:
     """What a worker is sent: only text and numbers, so that it can travel to another machine.
 
-    `observables`: whose pieces are kept.
+    `observables`: whose pieces are kept. `unreached`: `problem` is not the log's own.
     """
 
     log: str
@@ -52,6 +52,7 @@ class LogTask:
     temporary: str
     problem: str = ""
     observables: tuple[str, ...] = ()
+    unreached: bool = False
 
 
 def make_tables(task: LogTask) -> Entry:
@@ -93,14 +94,20 @@ def make_tables(task: LogTask) -> Entry:
             str(problem) if told else f"{task.log}: {problem}",
             int(problem.exit_status),
         )
-        entry.unwritable = isinstance(problem, OutputError)
+        entry.fault = (
+            "output"
+            if isinstance(problem, OutputError)
+            else "machine"
+            if is_outside_log(problem)
+            else "log"
+        )
     except (
         Exception
     ) as problem:  # one log's failure, also a defect of our own, must not stop the campaign
-        entry.error, entry.exit_status = (
-            f"{task.log}: a defect of tirelog's own ({type(problem).__name__}: {problem})",
-            int(ExitStatus.DEFECT),
-        )
+        what = f"({type(problem).__name__}: {problem})"
+        entry.fault = "machine" if is_outside_log(problem) else "log"
+        whose = "the machine refuses" if entry.fault == "machine" else "a defect of tirelog's own"
+        entry.error, entry.exit_status = f"{task.log}: {whose} {what}", int(ExitStatus.DEFECT)
     entry.seconds = round(time.perf_counter() - begun, 3)
     entry.peak_memory_MB = round(_peak_memory_MB(), 1)
     return entry

@@ -15,7 +15,14 @@ import warnings
 from contextlib import suppress
 from typing import Any
 
-from tirelog.errors import ExitStatus, OutputError, TirelogError, printable
+from tirelog.errors import (
+    OUTSIDE_LOG,
+    ExitStatus,
+    OutputError,
+    TirelogError,
+    printable,
+    system_message,
+)
 
 #: exit status of an interrupt, as a shell tells it: 128 + SIGINT
 _INTERRUPTED = 130
@@ -40,6 +47,8 @@ def _status_of(problem: BaseException) -> int:
         if text.startswith("Missing option '--model'"):
             text += "; `tirelog model new --setup SETUP.toml -o MODEL.toml` makes a model"
         status = int(ExitStatus.UNUSABLE_REQUEST)
+    elif isinstance(problem, OSError) and problem.errno in OUTSIDE_LOG:
+        text, status = system_message(problem), int(ExitStatus.UNUSABLE_REQUEST)
     elif isinstance(problem, MemoryError):
         text, status = "out of memory; give a shorter log or free some", int(ExitStatus.DEFECT)
     else:

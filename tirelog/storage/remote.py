@@ -13,7 +13,7 @@ import errno
 import posixpath
 import re
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
 from urllib.parse import unquote
@@ -108,7 +108,8 @@ def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) ->
 
     Also if it does not answer in time (its own retries take minutes).
 
-    FileNotFoundError and FileExistsError are answers, and are raised as they are.
+    FileNotFoundError is an answer, and is raised as it is; of the others the cause is a
+    ConnectionError or TimeoutError, whatever the store's own exceptions are.
     """
     system, answers, failures = _filesystem(url), list[T](), list[BaseException]()
 
@@ -128,10 +129,10 @@ def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) ->
             f"cannot be reached (no answer within {ANSWER_S:g} s); allowed is a store that "
             "answers; see to it and try again",
             file=url,
-        )
-    if isinstance(failures[0], FileNotFoundError | FileExistsError | TirelogError):
+        ) from TimeoutError()
+    if isinstance(failures[0], FileNotFoundError | TirelogError):
         raise failures[0]
-    raise _refusal(kind, url, failures[0]) from None
+    raise _refusal(kind, url, failures[0]) from ConnectionError()
 
 
 def open_remote(url: str) -> BinaryIO:
@@ -239,55 +240,6 @@ def write_remote(url: str, data: bytes) -> None:
         _answer(url, OutputError, put)
     except FileNotFoundError as problem:  # no such bucket
         raise _refusal(OutputError, url, problem) from None
-
-
-def create_remote(url: str, data: bytes) -> bool:
-    """A small object that was not there; False if it was.
-
-    Exact on stores that can refuse to overwrite (S3, GCS, ...), see below.
-
-    If a store cannot, it is looked for first, which leaves a moment between looking and writing.
-    """
-
-    def create(system: Any) -> bool:
-        try:
-            system.pipe_file(url, data, mode="create")
-        except (TypeError, NotImplementedError):
-            if system.exists(url):
-                return False
-            system.pipe_file(url, data)
-        except Exception as problem:  # each store has exceptions of its own
-            if _is_there(problem):
-                return False
-            raise
-        return True
-
-    try:
-        return _answer(url, OutputError, create)
-    except FileExistsError:
-        return False
-    except FileNotFoundError as problem:
-        raise _refusal(OutputError, url, problem) from None
-
-
-def _is_there(problem: BaseException | None) -> bool:
-    """True if a store refused to create what it has: HTTP status 412, as each store puts it.
-
-    botocore: `response`, Google and aiohttp: `code`, `status`; what was translated for fsspec has
-    the store's own exception as its cause.
-    """
-    if problem is None:
-        return False
-    answer = getattr(problem, "response", None)
-    told = [getattr(problem, name, None) for name in ("code", "status", "status_code")]
-    if isinstance(answer, Mapping):
-        told += [
-            answer.get("Error", {}).get("Code"),
-            answer.get("ResponseMetadata", {}).get("HTTPStatusCode"),
-        ]
-    return any(str(one) in ("412", "PreconditionFailed") for one in told) or _is_there(
-        problem.__cause__
-    )
 
 
 def remove_remote(urls: Sequence[str]) -> None:

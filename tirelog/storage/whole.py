@@ -27,15 +27,14 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-from tirelog.errors import OutputError, UsageError
+from tirelog.errors import OUTSIDE_LOG, OutputError, UsageError
 from tirelog.storage.remote import address, object_of, upload
 
 _ADVICE = {
     errno.ENOENT: "the folder has to exist; make it or give another path",
     errno.EACCES: "the folder has to be writable; give another path",
     errno.EROFS: "the file system is read-only; give another path",
-    errno.ENOSPC: "the disk is full; make room or give another path",
-    errno.EDQUOT: "the quota is used up; make room or give another path",
+    **OUTSIDE_LOG,
     errno.EFBIG: "no file may be so large here; raise the limit or give another path",
     errno.EISDIR: "it is a folder; give the path of a file",
     errno.EEXIST: "it is a file; give the path of a folder",

@@ -1,0 +1,138 @@
+"""Property: whatever happened to a campaign, one run after all is well again gives the result of an
+undisturbed one.
+"""
+
+import errno
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
+
+from tests.campaign.conftest import dataset, make_campaign
+from tests.cli.conftest import pulse_rows
+from tirelog.campaign import runner, work
+from tirelog.campaign.ledger import Entry
+from tirelog.cli import run
+
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
+
+def refusing(number: int) -> Callable[..., Any]:
+    def refused(*_: Any, **__: Any) -> Any:
+        raise OSError(number, os.strerror(number))
+
+    return refused
+
+
+def campaign(manifest: Path, *options: str) -> int:
+    return run(["campaign", "run", str(manifest), "--quiet", *options])
+
+
+def states(manifest: Path) -> list[str]:
+    return list(pd.read_csv(manifest.parent / "results" / "summary.csv")["status"])
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EMFILE, errno.ENOSPC, errno.ETIMEDOUT])
+def test_what_the_machine_refuses_stays_open_and_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
+    with monkeypatch.context() as broken:
+        broken.setattr(work, "open_recording", refusing(number))
+        assert campaign(manifest) == 3
+    assert capfd.readouterr().err.count("stays open") == 2
+    assert states(manifest) == ["open", "open"]
+    assert campaign(manifest) == 0
+    assert states(manifest) == ["done", "done"]
+
+
+def test_five_in_a_row_end_the_run_with_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    manifest = make_campaign(tmp_path, logs=6, seconds=0.5)
+    with monkeypatch.context() as broken:
+        broken.setattr(work, "open_recording", refusing(errno.ETIMEDOUT))
+        assert campaign(manifest) == 2
+    said = capfd.readouterr().err
+    assert said.count("\n") == 1
+    assert "5 logs in a row failed for a reason outside of them" in said
+    assert campaign(manifest) == 0
+
+
+class Disturbed(RuleBasedStateMachine):
+    """A campaign of two short logs to which things happen."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.place = tempfile.TemporaryDirectory()
+        self.manifest = make_campaign(Path(self.place.name), logs=2, seconds=0.5)
+        self.logs = 2
+
+    @rule()
+    def run(self) -> None:
+        assert campaign(self.manifest) == 0
+
+    @rule(number=st.sampled_from([errno.EIO, errno.EMFILE, errno.ETIMEDOUT]))
+    def outage(self, number: int) -> None:
+        with pytest.MonkeyPatch.context() as broken:
+            broken.setattr(work, "open_recording", refusing(number))
+            campaign(self.manifest)
+
+    @rule(after=st.integers(0, 1))
+    def kill(self, after: int) -> None:
+        def killed(tasks: list[work.LogTask], workers: int) -> Iterator[Entry]:
+            yield from map(work.make_tables, tasks[:after])
+            raise KeyboardInterrupt
+
+        with pytest.MonkeyPatch.context() as broken:
+            broken.setattr(runner, "_on_processes", killed)
+            campaign(self.manifest)
+
+    @rule(which=st.integers(0, 1), speed=st.integers(8, 16))
+    def edit(self, which: int, speed: int) -> None:
+        self._write(which, speed)
+
+    @rule(speed=st.integers(8, 16))
+    def add(self, speed: int) -> None:
+        if self.logs < 4:
+            self._write(self.logs, speed)
+            self.logs += 1
+
+    def _write(self, which: int, speed: int) -> None:
+        rows = "\n".join(pulse_rows(0.5, float(speed)))
+        log = self.manifest.parent / "logs" / f"run_{which}.csv"
+        log.write_text(f"time_s,CH1,CH2\n{rows}\n")
+
+    @rule()
+    def retry(self) -> None:
+        campaign(self.manifest, "--retry-failed")
+
+    def teardown(self) -> None:
+        assert campaign(self.manifest) == 0
+        mended = dataset(self.manifest.parent / "results")
+        text = self.manifest.read_text().replace('"results"', '"fresh"')
+        self.manifest.write_text(text)
+        assert campaign(self.manifest) == 0
+        assert mended == dataset(self.manifest.parent / "fresh")
+        self.place.cleanup()
+
+
+@pytest.mark.slow
+def test_one_run_mends_what_happened() -> None:
+    run_state_machine_as_test(  # type: ignore[no-untyped-call]
+        Disturbed,
+        settings=settings(
+            max_examples=6,
+            stateful_step_count=6,
+            deadline=None,
+            derandomize=True,
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
