@@ -95,3 +95,24 @@ def test_times_without_any_error_give_the_speed(acceleration: float) -> None:
 def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:
     """Its rate of change is 0, and the time that it has to rest infinite: no warning, no stop."""
     assert not may_have_stopped(0.125 * np.arange(12.0)).any()
+
+
+@pytest.mark.parametrize("noise_s", [1e-5, 3e-5])
+def test_no_speed_beside_a_sharp_end_of_a_ramp_is_beyond_five_errors(noise_s):
+    """Before the change of acceleration was in the error, 5 to 9 of these speeds were."""
+    draw, worst = np.random.default_rng(3100), 0.0
+    for _ in range(60):
+        begin, alpha = draw.uniform(20.0, 60.0), draw.uniform(2.0, 12.0)
+        knots = np.cumsum([0.0, *draw.uniform(2.5, 5.0, 3)])
+        at_knots = begin + alpha * np.array([0.0, 0.0, knots[2] - knots[1], knots[2] - knots[1]])
+        time = np.arange(0.0, knots[-1], 1e-4)
+        omega = np.interp(time, knots, at_knots)
+        angle = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * 1e-4)])
+        turns = np.arange(TURN_RAD * draw.uniform(0.1, 1.0), angle[-1], TURN_RAD)
+        exact = np.interp(turns, angle, time)
+        seen = exact + noise_s * draw.standard_normal(exact.size)
+        one = np.append(np.ones(exact.size - 1), 0.0)
+        found = kinematics(seen, np.full(exact.size, noise_s), one)
+        error = np.abs(found.omega - np.interp(exact, knots, at_knots)) / found.omega_se
+        worst = max(worst, float(error[1:-1].max()))
+    assert worst < 5.0, worst

@@ -160,12 +160,14 @@ def _corrected(
     share = np.where(
         np.isfinite(change), np.clip(1.0 - SIGNIFICANT / np.maximum(level, 1e-9), 0.0, 1.0), 0.0
     )
-    corrected = omega - share * np.nan_to_num(change) * period / 12.0
+    smooth = share * np.nan_to_num(change) * period / 12.0
     inner, outer = 0.5 + share / 6.0, share / 12.0
     noise = inner**2 * (_near(time_se_s, 1) ** 2 + _near(time_se_s, -1) ** 2)
     noise = noise + outer**2 * np.nan_to_num(_near(time_se_s, 2) ** 2 + _near(time_se_s, -2) ** 2)
     scatter = _scatter(alpha, acceleration_noise)
-    return corrected, np.sqrt(noise * (omega / period) ** 2 + (KINK * scatter * period) ** 2)
+    # of a kink beside the passage the difference is up to twice that of a smooth change
+    error = np.sqrt(noise * (omega / period) ** 2 + (KINK * scatter * period) ** 2 + smooth**2)
+    return omega - smooth, error
 
 
 def _scatter(alpha: FloatArray, noise: FloatArray) -> FloatArray:
