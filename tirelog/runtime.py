@@ -1,6 +1,6 @@
 """Settings of the process: threads, allocator, garbage, work shared with others, its end.
 
-And who hears of compiling.
+And who hears of what takes long.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from typing import NoReturn
 
@@ -145,32 +146,56 @@ def _watch(parent: int) -> None:
     os._exit(1)
 
 
-#: who is told that kernels begin to be compiled, and that they are
-_HEAR: list[Callable[[bool], None]] = []
+#: who hears what the process is doing that takes long
+_HEAR: list[Callable[[str], None]] = []
+#: what ends sooner needs no notice [s]
+PATIENCE_S = 2.0
 
 
-def hear_of_compiling(told: Callable[[bool], None]) -> Callable[[], None]:
-    """Have it told when kernels begin to be compiled, and when they are; what ends that."""
-    _HEAR.append(told)
-    if "numba" in sys.modules:
-        tell_of_compiling()
-    return lambda: _HEAR.remove(told) if told in _HEAR else None
+@contextmanager
+def hearing(hear: Callable[[str], None]) -> Iterator[None]:
+    """Have `hear` called with each notice while open: a sentence about what takes long."""
+    _HEAR.append(hear)
+    try:
+        yield
+    finally:
+        _HEAR.remove(hear)
+
+
+def notice(text: str) -> None:
+    """Give whoever hears a sentence about what takes long."""
+    for hear in tuple(_HEAR):
+        hear(text)
+
+
+@contextmanager
+def noticed_wait(text: str) -> Iterator[None]:
+    """Give a notice if what is done while open takes longer than two seconds."""
+    timer = threading.Timer(PATIENCE_S, notice, [text])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @cache
-def tell_of_compiling() -> None:
-    """Whoever hears of compiling is told from now on; imports numba."""
+def notice_compiling() -> None:
+    """Give a notice when the first kernel begins to be compiled; imports numba."""
     from numba.core import event
 
     class Compiling(event.Listener):
-        """Told by numba when it begins, and when it has done."""
+        """Called by numba for each kernel that it compiles, and not for one in its cache."""
+
+        heard = False
 
         def on_start(self, event: object) -> None:
-            for told in tuple(_HEAR):
-                told(True)
+            if not self.heard:
+                self.heard = True
+                notice("compiling kernels, which takes some seconds and is kept for later commands")
 
         def on_end(self, event: object) -> None:
-            for told in tuple(_HEAR):
-                told(False)
+            pass
 
     event.register("numba:compile", Compiling())

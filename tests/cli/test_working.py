@@ -25,7 +25,7 @@ def on_terminal(monkeypatch):
         monkeypatch.setattr("sys.stderr", seen)
         return seen
 
-    monkeypatch.setattr(working, "_PATIENCE_S", 0.01)
+    monkeypatch.setattr(working, "PATIENCE_S", 0.01)
     monkeypatch.setenv("TERM", "xterm")
     return begin
 
@@ -50,20 +50,12 @@ def test_a_line_says_what_is_worked_on_and_goes(on_terminal):
     assert shown.endswith(("\x1b[2K", "\x1b[1A\x1b[2K"))  # the line is wiped
 
 
-def test_compiling_is_said(on_terminal):
-    terminal = on_terminal()
-    with Working(shown=True) as line:
-        line.say("drive.csv")
-        line.compiling(True)
-        until(terminal, "once on this machine")
-
-
 def test_what_is_quick_or_not_shown_leaves_nothing(on_terminal, monkeypatch):
     terminal = on_terminal()
     with Working(shown=False) as line:
         line.say("reading a.csv")
         time.sleep(0.05)
-    monkeypatch.setattr(working, "_PATIENCE_S", 60.0)
+    monkeypatch.setattr(working, "PATIENCE_S", 60.0)
     with Working(shown=True) as line:
         line.say("reading a.csv")
     assert terminal.getvalue() == ""

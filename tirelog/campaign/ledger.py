@@ -24,7 +24,7 @@ from typing import Any
 
 from tirelog.campaign.folder import Folder
 from tirelog.campaign.names import HIDDEN, json_of
-from tirelog.storage.remote import address, open_remote, state_of
+from tirelog.storage.remote import address, open_input, state_of
 
 _DONE = f"{HIDDEN}/done/"
 _HASHES = f"{HIDDEN}/hashes.json"
@@ -79,7 +79,7 @@ class Ledger:
         known = self._hashes.get(log)
         if isinstance(known, list) and known[:-1] == state:
             return str(known[-1])
-        with open_remote(url) if url is not None else open(log, "rb") as stream:
+        with open_input(log) as stream:
             digest = hashlib.sha256()
             while part := stream.read(1 << 22):
                 digest.update(part)

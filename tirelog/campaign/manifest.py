@@ -32,6 +32,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ from tirelog.data.setup import LogConditions, Setup, load_setup, parse_setup, se
 from tirelog.errors import SetupError, TirelogError, UsageError, refuse_unknown
 from tirelog.products import OF_A_DRIVE, checked
 from tirelog.storage.documents import toml_tables, toml_text
-from tirelog.storage.remote import address, match_remote, read_remote
+from tirelog.storage.remote import address, match_remote, open_input, read_remote
 
 _SECTIONS = ("campaign", "logs", "tables", "models")
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
@@ -381,7 +382,7 @@ def _conditions(path: Path) -> dict[str, _Row]:
     UsageError: it cannot be read, a cell is none of what its column may be, or a log has two rows.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
+        with TextIOWrapper(open_input(path), "utf-8-sig", newline="") as stream:
             reader = csv.DictReader(stream)
             lines = [(reader.line_num, cells) for cells in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as problem:

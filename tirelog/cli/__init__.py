@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from typing import Any
 
 from tirelog.errors import (
@@ -68,9 +68,15 @@ def _on_stderr(line: str) -> None:
         sys.stderr.flush()
 
 
+def _on_notice(text: str) -> None:
+    """A notice about what takes long, as a line on standard error."""
+    _on_stderr(f"tirelog: {printable(text)}")
+
+
 def run(arguments: list[str] | None = None) -> int:
     """Carry out a command line; its exit status."""
     from tirelog.cli.streams import drop_output, endings_unwind
+    from tirelog.runtime import hearing
 
     arguments = sys.argv[1:] if arguments is None else arguments
     completes = "_TIRELOG_COMPLETE" in os.environ
@@ -83,7 +89,8 @@ def run(arguments: list[str] | None = None) -> int:
         if completes:  # the shell asks for completions
             parsed.main(prog_name="tirelog")
         # not main(): it would turn a reader that leaves (`| head`) into status 1
-        with endings_unwind(), inputs_kept(), warnings.catch_warnings():
+        hears = nullcontext() if "--quiet" in arguments else hearing(_on_notice)
+        with endings_unwind(), inputs_kept(), warnings.catch_warnings(), hears:
             if not debug and not sys.warnoptions:  # a library's warning is no message to a user
                 warnings.simplefilter("ignore")
             with parsed.make_context(

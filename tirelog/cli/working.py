@@ -8,21 +8,15 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from tirelog.errors import printable
-from tirelog.runtime import hear_of_compiling
+from tirelog.runtime import PATIENCE_S
 
 if TYPE_CHECKING:
     from tirelog.api.campaigns import Entry
-
-#: what ends sooner needs no line [s]
-_PATIENCE_S = 2.0
-#: what is said besides while kernels are compiled
-_COMPILING = " (compiling, once on this machine)"
 
 
 class Working:
@@ -37,12 +31,10 @@ class Working:
         self._line: Any = None
         self._task: Any = None
         self._timer: threading.Timer | None = None
-        self._compiling = False
-        self._deaf: Callable[[], None] = lambda: None
 
     def __enter__(self) -> Working:
         if self._shown:
-            self._timer = threading.Timer(_PATIENCE_S, self._begin)
+            self._timer = threading.Timer(PATIENCE_S, self._begin)
             self._timer.daemon = True
             self._timer.start()
         return self
@@ -71,20 +63,13 @@ class Working:
             self._task = self._line.add_task(self._text, total=None)
             self._update()
             self._line.start()
-        self._deaf = hear_of_compiling(self.compiling)
-
-    def compiling(self, now: bool) -> None:
-        """Kernels are being compiled, or are no more."""
-        with self._lock:
-            self._compiling = now
-            self._update()
 
     def _update(self) -> None:
         if self._line is not None:
             several = self._total > 1
             self._line.update(
                 self._task,
-                description=f"{self._text}{_COMPILING if self._compiling else ''}",
+                description=self._text,
                 completed=self._done if several else 0,
                 total=self._total if several else None,
             )
@@ -102,7 +87,6 @@ class Working:
             if self._line is not None:
                 self._line.stop()
                 self._line = None
-        self._deaf()
 
 
 def summary(output: Path | str, rows: int, logs: int, began: float) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tirelog.errors import ModelError, UsageError
 from tirelog.storage.documents import json_of
+from tirelog.storage.remote import open_input
 from tirelog.storage.whole import whole_file
 
 if TYPE_CHECKING:
@@ -122,7 +123,8 @@ def read_ladder(path: Path) -> dict[str, Any]:
     UsageError: neither.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with open_input(path) as stream:
+            text = stream.read()
         several = json_of(text, {"ladders?": [_WHOLE]}).get("ladders")
         climbed = several[-1] if several else json_of(text, _WHOLE)
         if not climbed["steps"]:

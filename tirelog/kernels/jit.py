@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, cast
 
-from tirelog.runtime import tell_of_compiling
+from tirelog.runtime import notice_compiling
 
 
 def jit(source: FunctionType, files: Collection[Path]) -> Any:
@@ -30,7 +30,7 @@ def jit(source: FunctionType, files: Collection[Path]) -> Any:
     without_blas()
     from numba import njit
 
-    tell_of_compiling()
+    notice_compiling()
     try:
         made = njit(cache=True, error_model="numpy", nogil=True)(source)
     except RuntimeError:  # no folder that could hold the cache: compiled anew in each process

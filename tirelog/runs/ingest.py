@@ -33,7 +33,7 @@ from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import RunWriter, is_run, open_run
 from tirelog.storage.documents import LARGEST_BYTES, refuse_other_role
-from tirelog.storage.remote import address, open_remote, shown
+from tirelog.storage.remote import address, open_input, shown
 from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
 from tirelog.version import __version__
 
@@ -126,15 +126,12 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
 def open_log_bytes(log: str) -> BinaryIO:
     if log == "-":
         return sys.stdin.buffer
-    url = address(log)
-    if url is not None:
-        return open_remote(url)
     try:
-        if log.endswith(".toml"):
-            with open(log, "rb") as stream:
+        if log.endswith(".toml") and is_file(log):
+            with open_input(log) as stream:
                 text = stream.read(LARGEST_BYTES).decode("utf-8", "replace")
             refuse_other_role(text, "a log", UsageError, log)
-        return open(log, "rb")
+        return open_input(log)
     except (OSError, ValueError) as problem:
         raise _unreadable(log, problem) from None
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.errors import TirelogError
-from tirelog.storage.remote import address, open_remote
+from tirelog.storage.remote import open_input
 from tirelog.storage.whole import taken_as_input
 
 #: a setup, a model or a scenario is a page of text; what is larger is something else
@@ -67,8 +67,7 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
     """
     taken_as_input(path)
     try:
-        url = address(path)
-        with open(path, "rb") if url is None else open_remote(url) as stream:
+        with open_input(path) as stream:
             raw = stream.read(LARGEST_BYTES + 1)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
         reason = getattr(problem, "strerror", None) or problem

@@ -14,11 +14,13 @@ import posixpath
 import re
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
 from urllib.parse import unquote
 
 from tirelog.errors import OutputError, ReadError, TirelogError, UsageError, without_credentials
+from tirelog.runtime import noticed_wait
 
 T = TypeVar("T")
 
@@ -141,6 +143,21 @@ def open_remote(url: str) -> BinaryIO:
         return cast(BinaryIO, _answer(url, ReadError, lambda system: system.open(url, "rb")))
     except FileNotFoundError as problem:
         raise _refusal(ReadError, url, problem) from None
+
+
+def open_input(path: Path | str) -> BinaryIO:
+    """The bytes of a file here or at an address, opened to be read.
+
+    A pipe is waited for until something opens it to write, with a notice after two seconds.
+    OSError, ValueError: there is none. ReadError: nothing is there, or no credentials.
+    """
+    url = address(path)
+    if url is not None:
+        return open_remote(url)
+    named = Path(path)
+    waits = noticed_wait(f"{path}: is a pipe; waiting for what writes to it")
+    with waits if named.is_fifo() else nullcontext():
+        return named.open("rb")
 
 
 def read_remote(url: str) -> bytes | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from tirelog.errors import ReadError
+from tirelog.storage.remote import open_input
 from tirelog.tables.writer import table_format
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES
 
@@ -92,7 +94,7 @@ def _parts(path: str, format: str, unused: Collection[str], words: bool) -> Iter
     if format == "parquet":
         import pyarrow.parquet as pq
 
-        with pq.ParquetFile(path) as file:
+        with open_input(path) as stream, pq.ParquetFile(stream) as file:
             names = [str(name) for name in file.schema_arrow.names if name not in unused]
             for group in range(file.num_row_groups):
                 yield file.read_row_group(group, columns=names, use_threads=False).to_pandas()
@@ -101,16 +103,18 @@ def _parts(path: str, format: str, unused: Collection[str], words: bool) -> Iter
         return
     if format == "csv":
         known = COLUMNS.values()
-        table = pd.read_csv(
-            sys.stdin.buffer if path == "-" else path,
-            dtype="str" if words else {c.name: "str" for c in known if c.kind == "text"},
-            keep_default_na=False,
-            na_values={} if words else {c.name: [""] for c in known if c.kind != "text"},
-        )
+        with nullcontext(sys.stdin.buffer) if path == "-" else open_input(path) as stream:
+            table = pd.read_csv(
+                stream,
+                dtype="str" if words else {c.name: "str" for c in known if c.kind == "text"},
+                keep_default_na=False,
+                na_values={} if words else {c.name: [""] for c in known if c.kind != "text"},
+            )
         if not isinstance(table.index, pd.RangeIndex):  # the first cells were taken for row names
             raise ValueError("its rows have more cells than its header has names")
     else:
-        table = pd.read_json(path, orient="records", lines=format == "ndjson")
+        with open_input(path) as stream:
+            table = pd.read_json(stream, orient="records", lines=format == "ndjson")
     yield table.drop(columns=[name for name in table if name in unused])
 
 

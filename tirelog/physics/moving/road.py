@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -19,6 +20,7 @@ import numpy as np
 
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import ModelError
+from tirelog.storage.remote import open_input
 from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -213,7 +215,7 @@ def load_road(path: str | Path) -> MeasuredRoad:
     rows = []
     try:
         taken_as_input(path)
-        with open(path, encoding="utf-8") as file:
+        with TextIOWrapper(open_input(path), "utf-8") as file:
             for number, line in enumerate(file, 1):
                 words = line.split("#")[0].replace(",", " ").split()
                 if not words:

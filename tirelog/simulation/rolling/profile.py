@@ -18,6 +18,7 @@ import numpy as np
 
 from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import Road
+from tirelog.storage.remote import open_input
 from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -125,7 +126,8 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray]:
     """Two columns of text, distance and height [m], comma or blanks between, # begins a remark."""
     try:
         taken_as_input(path)
-        text = path.read_text(encoding="utf-8")
+        with open_input(path) as stream:
+            text = stream.read().decode()
     except (OSError, UnicodeDecodeError) as problem:
         raise UsageError(
             f"the road's profile cannot be read ({problem})",

@@ -34,6 +34,7 @@ from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
 from tirelog.storage.documents import LARGEST_BYTES
 from tirelog.storage.let_run import let_run, may_run
+from tirelog.storage.remote import open_input
 from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
@@ -214,7 +215,7 @@ def _code(path: Path, asked: bool) -> bytes:
     try:
         if not asked and not path.is_file():  # a model file names no device and no pipe
             raise FileNotFoundError(ENOENT, "no such file")
-        with open(path, "rb") as stream:
+        with open_input(path) as stream:
             code = stream.read(LARGEST_BYTES + 1)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
         raise ModelError(

@@ -1,0 +1,84 @@
+"""Faults: an input that is a pipe without a writer is waited for, with a notice; and so are kernels
+that are compiled by the first command.
+"""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from tests.test_compiled import copied
+from tirelog.cli import run
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+NOTICE = "is a pipe; waiting for what writes to it"
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch):
+    """A folder with a log, its setup, a model and a table, and little patience."""
+    for name in ("drive.csv.gz", "drive.toml"):
+        (tmp_path / name).write_bytes((SAMPLES / name).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    assert run(["model", "new", "--preset", "P1", "-o", "model.toml", "--quiet"]) == 0
+    assert run(["speed", "drive.csv.gz", "-o", "speed.csv", "--quiet"]) == 0
+    monkeypatch.setattr("tirelog.runtime.PATIENCE_S", 0.05, raising=False)
+    return tmp_path
+
+
+def run_on_pipe(words: str, file: str) -> int:
+    """The status of a command; what `file` holds is written to its `pipe.csv` after a second."""
+    os.mkfifo("pipe.csv")
+    data = Path(file).read_bytes()
+    writer = threading.Timer(1.0, lambda: Path("pipe.csv").write_bytes(data))
+    writer.daemon = True
+    writer.start()
+    return run(words.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        ("speed pipe.csv --setup drive.toml", "drive.csv.gz"),
+        ("speed drive.csv.gz --setup pipe.csv", "drive.toml"),
+        ("model show pipe.csv", "model.toml"),
+        ("check pipe.csv --against speed.csv", "speed.csv"),
+    ],
+)
+def test_a_pipe_without_a_writer_is_noticed_and_waited_for(work, capfd, words, file):
+    assert run_on_pipe(words, file) == 0
+    said = capfd.readouterr().err
+    assert said.count(NOTICE) == 1
+    assert "pipe.csv: is a pipe" in said
+
+
+def test_a_quiet_command_waits_without_a_notice(work, capfd):
+    assert run_on_pipe("speed pipe.csv --setup drive.toml --quiet", "drive.csv.gz") == 0
+    assert capfd.readouterr().err == ""
+
+
+def test_a_regular_file_gives_no_notice(work, capfd, monkeypatch):
+    monkeypatch.setattr("tirelog.runtime.PATIENCE_S", 0.0, raising=False)
+    assert run(["speed", "drive.csv.gz", "-o", "again.csv"]) == 0
+    assert NOTICE not in capfd.readouterr().err
+
+
+def test_compiling_is_noticed_once(tmp_path):
+    package = copied(tmp_path)
+    for built in (package / "kernels").glob("_built*"):
+        built.unlink()
+    (tmp_path / "log.csv").write_text("time_s,a\n0,1\n0.001,2\n0.002,1\n")
+    done = subprocess.run(
+        [sys.executable, "-c", "from tirelog.cli import main; main()", "info", "log.csv"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )
+    assert done.stderr.count("compiling kernels") == 1
