@@ -24,7 +24,7 @@ SPEED, LOAD = 12.0 + 0.1 * np.sin(T), 3.4 + 0.01 * np.cos(T)
 
 def text(path: Path) -> None:
     table = pd.DataFrame(
-        {"time_s": T, "CH1": STRAIN, "CH2": TWIN, "speed [km/h]": SPEED, "odd": LOAD}
+        {"time_s": T, "CH1": STRAIN, "CH2": TWIN, "speed [km/h]": 3.6 * SPEED, "odd": LOAD}
     )
     table.to_csv(path, index=False, float_format="%.5f")
 
@@ -41,7 +41,7 @@ def hdf5(path: Path) -> None:
     with h5py.File(path, "w") as file:
         file["/fbg/both"] = np.column_stack([STRAIN, TWIN])
         file["/fbg/both"].attrs["fs"] = 2500.0
-        file["/vehicle/speed"] = SPEED
+        file["/vehicle/speed"] = 3.6 * SPEED
         file["/vehicle/speed"].attrs.update(units="km/h", fs=2500.0)
         file["/note"] = "a drive"
 

@@ -1,92 +1,147 @@
-"""What a tire's numbers can be, and the probable unit of one that cannot be a tire's.
+"""What a tire's numbers can be: one table, and the unit that another number is probably given in.
 
-The bounds are wide: from a child's bicycle to an earth mover and an aircraft's main wheel. What
-lies outside is a wrong unit, a wrong column or a wrong grating nearly always, and every figure made
-of it would be wrong with it.
+`PLAUSIBLE` is used by setups, channels, passages, wheel angles, tables and comparisons alike. The
+ranges are wide: from a bicycle to a truck. What lies outside is a wrong unit, a wrong column or a
+wrong grating nearly always, and every figure made of it would be wrong with it. Who is sure of such
+a number lists its name in `unusual` under [log].
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2, UNITS, canonical
+
+#: other spellings of what people write into a setup's number, factor to the key's unit
+_MORE: Mapping[str, Mapping[str, float]] = {
+    "length": {"cm": 1e-2, "in": 0.0254},
+    "force": {"kg": STANDARD_GRAVITY_M_S2, "t": 1e3 * STANDARD_GRAVITY_M_S2},
+    "distance": {"m": 1e-3, "miles": 1.609344},
+    "depth": {"m": 1e3, "cm": 10.0, "um": 1e-3, "in": 25.4},
+    "wavelength": {"um": 1e3, "pm": 1e-3},
+}
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """The range of a number, from `low` to `high` in SI.
+    """The range of a number, from `low` to `high` in `unit`; also nothing at all if `or_zero`.
 
-    `units`: what else the number may have been given in, factor to SI by name.
+    `quantity`: whose units the number may have been given in, of `vocabulary.units` or `_MORE`.
     """
 
     low: float
     high: float
-    units: Mapping[str, float]
+    unit: str = ""
+    quantity: str = ""
+    or_zero: bool = False
 
     def holds(self, value: float) -> bool:
-        return self.low <= value <= self.high
+        return self.low <= value <= self.high or (self.or_zero and value == 0.0)
 
-    def probable(self, value: float) -> str:
-        """A hint on each other unit in which the value lies inside the bounds, or ''.
+    def __str__(self) -> str:
+        span = f"{self.low:g} to {self.high:g}{' ' * bool(self.unit)}{self.unit}"
+        return f"0 or {span}" if self.or_zero else span
 
-        It reads `; 2.2 bar would be 220000`.
+    def units(self, value: float, given: str = "") -> dict[str, float]:
+        """Units in which a number that was taken for one in `given` is plausible: its value then.
+
+        Without `given` the number stands in `unit`, and may be in more than the table's units.
         """
-        fits = [
-            f"{value:g} {name} would be {value * factor:g}"
-            for name, factor in self.units.items()
-            if self.holds(value * factor)
-        ]
-        return f"; {' or '.join(fits)}" if fits else ""
+        table = {name: (f, o) for name, (of, f, o) in UNITS.items() if of == self.quantity}
+        factor, offset = table.get(canonical(given or self.unit) or "", (1.0, 0.0))
+        if given and canonical(given) not in table:
+            return {}  # what the sensor tells is not what its source is recorded in
+        if not given:
+            table = {name: (f, 0.0) for name, f in _MORE.get(self.quantity, {}).items()} | table
+        raw, found = (value - offset) / factor, dict[str, float]()
+        for name, (f, o) in table.items():
+            other = raw * f + o
+            if self.holds(other) and (f, o) != (factor, offset) and other not in found.values():
+                found[name] = other
+        return found
 
 
-#: metres per unit that a length may be meant in
-_LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
-#: inflation pressure above the air's [Pa]: sand and farm tires 0.3 bar, bicycles 12 bar, aircraft
-#: 17 bar.  Twice as wide on both sides would let MPa pass for bar
-PRESSURE = Bounds(2e4, 2e6, {"bar": 1e5, "psi": 6894.757, "kPa": 1e3, "MPa": 1e6, "hPa": 1e2})
-#: wheel load [N]: a child's bicycle 100 N, trucks 50 kN, aircraft 300 kN, the largest earth movers
-#: 1 MN.  Twice as low would not find more mistakes of a unit: kN and tonnes lie a factor of 100
-#: away
-LOAD = Bounds(10.0, 1e6, {"kN": 1e3, "kg": STANDARD_GRAVITY_M_S2, "t": 1e3 * STANDARD_GRAVITY_M_S2})
-#: samples per second that no instrument on a tire takes [Hz]: gratings are read at up to some
-#: 100 kHz, accelerometers at 200 kHz.  Twice as much lets stamps in s that are taken for ms pass up
-#: to a rate of 2 kHz in place of 1 kHz, and days that are taken for s up to 23 Hz in place of 12
-FASTEST_HZ = 1e6
-#: key of the setup -> what a tire can have.  Radii [m]: push-chair 0.06, earth mover 2.1; widths:
-#: racing bicycle 0.02, earth mover 1.5
-OF_KEY: Mapping[str, Bounds] = {
-    "load_N": LOAD,
-    "inflation_pressure_Pa": PRESSURE,
-    "unloaded_radius_m": Bounds(0.04, 2.5, _LENGTHS),
-    "rolling_radius_m": Bounds(0.04, 2.5, _LENGTHS),
-    "width_m": Bounds(0.01, 2.0, _LENGTHS),
+#: name -> range.  Each has its reason, and what a range of twice the width would let pass.
+PLAUSIBLE: Mapping[str, Bounds] = {
+    # wheel load: motorbike and trailer 1 kN, truck 60 kN.  A tire of known width and radius has
+    # `CARRIED_PA` instead.  Twice as low: a car's load in kg
+    "load_N": Bounds(500.0, 6e4, "N", "force"),
+    # above the air's: sand and farm tires 0.3 bar, bicycles 12 bar, aircraft 17 bar.  MPa for bar
+    "inflation_pressure_Pa": Bounds(2e4, 2e6, "Pa", "pressure"),
+    # tread age: truck tires 1.5e5 km.  Twice as high: m for km of a tire that is run in
+    "distance_km": Bounds(0.0, 2e5, "km", "distance"),
+    # wet asphalt 0.05 mm, aquaplaning basins 10 mm.  Twice as wide on each side: cm for mm
+    "water_depth_mm": Bounds(0.05, 20.0, "mm", "depth", or_zero=True),
+    # push-chair 0.06, earth mover 2.1; widths: racing bicycle 0.02, earth mover 1.5.  cm for m
+    "unloaded_radius_m": Bounds(0.04, 2.5, "m", "length"),
+    "rolling_radius_m": Bounds(0.04, 2.5, "m", "length"),
+    "width_m": Bounds(0.01, 2.0, "m", "length"),
     # gratings in silica are written from the visible to 2.1 um
-    "reference_wavelength_nm": Bounds(400.0, 2500.0, {"um": 1e3, "pm": 1e-3}),
+    "reference_wavelength_nm": Bounds(400.0, 2500.0, "nm", "wavelength"),
+    # a grating's wavelength over its reference: 2 % are 31 nm at 1550 nm, 25,000 microstrain or
+    # 3,000 K.  Gratings of one fibre lie 5 to 40 nm apart: a neighbour
+    "wavelength": Bounds(0.98, 1.02, "of reference_wavelength_nm", "length"),
+    # median: a tire's own is below 0.3 %, silica breaks at 5 %.  A neighbouring grating
+    "strain": Bounds(-0.01, 0.01, "strain", "strain"),
+    # of a tire: from the arctic to rubber that burns; K for degC lies outside
+    "temperature_K": Bounds(220.0, 470.0, "K", "temperature"),
+    # median of a vehicle's speed, also backwards; tires as `speed_m_s`
+    "vehicle_speed_m_s": Bounds(-10.0, 120.0, "m/s", "speed"),
+    # median of the sensor in the tread: 100 m/s on a radius of 0.3 m are 33,000
+    "radial_acceleration_m_s2": Bounds(-5e4, 5e4, "m/s^2", "acceleration"),
+    # median of the vehicle: racing cars brake with 50 at most, for seconds
+    "longitudinal_acceleration_m_s2": Bounds(-30.0, 30.0, "m/s^2", "acceleration"),
+    "longitudinal_force_N": Bounds(-6e4, 6e4, "N", "force"),
+    # of a turning wheel: slow drums 0.6, aircraft take off at 100.  s for ms of slow wheels
+    "speed_m_s": Bounds(0.5, 120.0, "m/s"),
+    # samples in a patch that passes at 1 m/s: 10 at 100 Hz; accelerometers 200 kHz at most
+    "sampling_rate_Hz": Bounds(100.0, 1e6, "Hz"),
+    # a belted tire at its load: 0.94 to 0.99, a soft farm tire 0.9; mixed-up columns
+    "rolling_to_unloaded": Bounds(0.85, 1.05),
+    # radius by the vehicle's speed: over the setup's rolling one, and over the unloaded one.  GPS
+    # is good to 1 %, speed on a bus to 3 %; a rate that is wrong by a tenth
+    "vehicle_to_rolling": Bounds(0.93, 1.07, "", "speed"),
+    "vehicle_to_unloaded": Bounds(0.93, 1.02, "", "speed"),
+    # level of an accelerometer outside the patch over Omega^2 R, and its step into the patch, which
+    # the bend at the edges makes larger; it follows the square of the rate
+    "level_to_rotation": Bounds(0.7, 1.4, "Omega^2 R", "acceleration"),
+    "step_to_rotation": Bounds(0.5, 2.5, "Omega^2 R", "acceleration"),
 }
-#: rolling over unloaded radius.  A belted tire at its load: 0.94 to 0.99, a soft farm tire 0.9; a
-#: quarter of the load would move it by 0.01.  Twice as wide would let half of all mixed-up columns
-#: through
-ROLLING_TO_UNLOADED = (0.85, 1.05)
+#: load over width and diameter [Pa]: bicycle and motorbike 6 to 30 kPa, car 25, truck 150, aircraft
+#: 450.  Twice as low: a car's load in kg
+CARRIED_PA = (4e3, 5e5)
+#: kind of channel -> what of it is judged by its median
+OF_KIND: Mapping[str, str] = {
+    "strain": "strain",
+    "inflation_pressure": "inflation_pressure_Pa",
+    "vertical_load": "load_N",
+    "vehicle_speed": "vehicle_speed_m_s",
+    "temperature": "temperature_K",
+    "radial_acceleration": "radial_acceleration_m_s2",
+    "longitudinal_acceleration": "longitudinal_acceleration_m_s2",
+    "longitudinal_force": "longitudinal_force_N",
+}
 
 
-def doubt_of_key(key: str, value: float) -> str:
-    """'' or what is allowed for `key` of a setup, with the probable unit."""
-    bounds = OF_KEY.get(key)
-    if bounds is None or bounds.holds(value):
-        return ""
-    return f"allowed for a tire is {bounds.low:g} to {bounds.high:g}{bounds.probable(value)}"
+def bounds_of(name: str, width_m: float | None = None, radius_m: float | None = None) -> Bounds:
+    """The range of a quantity, that of a load by the size of the tire if it is known."""
+    bounds = PLAUSIBLE[name]
+    if name != "load_N" or not width_m or not radius_m:
+        return bounds
+    low, high = (pressure * width_m * 2.0 * radius_m for pressure in CARRIED_PA)
+    return replace(bounds, low=float(f"{low:.2g}"), high=float(f"{high:.2g}"))
 
 
-def doubt_of_radius(rolling_m: float, unloaded_m: float | None) -> str:
-    """'' or why a rolling radius cannot go with the unloaded one."""
-    low, high = ROLLING_TO_UNLOADED
-    if unloaded_m is None or low * unloaded_m <= rolling_m <= high * unloaded_m:
-        return ""
-    share = 100.0 * (rolling_m / unloaded_m - 1.0)
-    return (
-        f"a rolling radius of {rolling_m:.4g} m is {abs(share):.0f} % "
-        f"{'larger' if share > 0 else 'smaller'} "
-        f"than the unloaded {unloaded_m:.4g} m; allowed is {low:g} to {high:g} of it, "
-        f"{low * unloaded_m:.4g} to {high * unloaded_m:.4g} m"
-    )
+def doubt_of_key(key: str, value: float, bounds: Bounds) -> tuple[str, str]:
+    """(what is allowed for a key of a setup, with probable units; what to write)."""
+    units = bounds.units(value)
+    fits = " or ".join(f"{value:g} {unit} would be {other:g}" for unit, other in units.items())
+    numbers = " or ".join(f"{other:g}" for other in units.values())
+    do = f"write {key} = {numbers}" if units else "mend the number"
+    return f"allowed for a tire is {bounds}{'; ' * bool(fits)}{fits}", f"{do}; {override(key)}"
+
+
+def override(name: str) -> str:
+    """How a setup says that a number is right though it is not plausible."""
+    return f'if it is right, write unusual = ["{name}"] under [log]'

@@ -1,10 +1,11 @@
 """What a log can be: the one check that every command makes before it says anything.
 
     Recording
-        --`check_recording`--> SetupError if a channel cannot be what its setup says;
-                               remarks if it is only strange
+        --`check_recording`--> SetupError if a channel cannot be what its setup says
+    a number that an estimator made of a channel
+        --`implausible`------> the error to raise, or to say beside the rows; None
 
-What a setup can say is judged by `bounds`.
+The ranges are those of `bounds`, whose override a setup may name.
 """
 
 from __future__ import annotations
@@ -13,25 +14,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.data.bounds import FASTEST_HZ, LOAD, PRESSURE, Bounds
+from tirelog.data.bounds import OF_KIND, PLAUSIBLE, bounds_of, override
 from tirelog.data.recording import Channel, Recording
+from tirelog.data.setup import ChannelSetup
 from tirelog.errors import SetupError
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
+from tirelog.vocabulary.units import UNITS
 
-#: a grating's median wavelength against its reference: 2 % are 31 nm at 1550 nm, or 25,000
-#: microstrain, or 3,000 K.  Gratings of one fibre lie 5 to 40 nm apart, so twice as much would let
-#: a neighbour pass for it
-WAVELENGTH_SHARE = 0.02
-#: median strain that is said, and that is refused: silica breaks at 5 %, strips on rubber read
-#: 10 % at most; a tire's own is below 0.3 %; twice the first leaves a wrong unit of up to seven
-#: times unsaid
-STRANGE_STRAIN, MOST_STRAIN = 0.01, 0.1
-#: speed of a vehicle [m/s]: aircraft take off at 100; twice as much lets speeds of 160 to 300 km/h
-#: pass that are written without their unit
-FASTEST_M_S = 150.0
 #: a channel is judged by so many of its samples, in so many pieces from all over the log; twice as
 #: many look twice as long at the head of every command
 LOOKED_AT, PIECES = 4096, 8
+#: a vehicle's speed over the wheel's below which the vehicle is at rest, on a drum; units make 0.1
+_AT_REST = 0.03
+#: kinds that begin at nothing, and that are dead if they stay there
+_NEVER_ZERO = ("inflation_pressure", "vertical_load")
 
 
 def check_recording(recording: Recording) -> Recording:
@@ -43,28 +40,105 @@ def check_recording(recording: Recording) -> Recording:
     channels = sorted(
         recording.channels.values(), key=lambda channel: channel.kind != "fbg_temperature"
     )
-    remarks = [said for channel in channels if (said := _doubt(recording, channel))]
-    fastest = max((channel.axis.rate_Hz for channel in channels), default=0.0)
-    if fastest > FASTEST_HZ:
-        remarks.append(
-            f"a sampling rate of {fastest:.4g} Hz, and no instrument on a tire is as fast as "
-            f"{FASTEST_HZ:g}; check time_unit and sampling_rate_Hz under [log]"
-        )
+    remarks = []
+    for channel in channels:
+        some = _some(channel) if channel.kind in (*OF_KIND, *WAVELENGTH_KINDS) else np.zeros(0)
+        fast = channel.axis.rate_Hz > PLAUSIBLE["sampling_rate_Hz"].high
+        problem = doubt_of_rate(recording, channel) if fast else None
+        if problem := problem or _doubt(recording, channel, some):
+            raise problem
+        if some.size and channel.kind in _NEVER_ZERO and not some.any():
+            remarks.append(f"{channel.name}: {channel.kind} reads 0 throughout")
     return replace(recording, remarks=(*recording.remarks, *remarks)) if remarks else recording
 
 
-def _doubt(recording: Recording, channel: Channel) -> str:
-    """'' or a remark on one channel.  SetupError if its values are out of the question."""
-    judge = {
-        "fbg_strain": _of_grating,
-        "fbg_temperature": _of_grating,
-        "strain": _of_strain,
-        "inflation_pressure": _of_pressure,
-        "vertical_load": _of_load,
-        "vehicle_speed": _of_speed,
-    }.get(channel.kind)
-    some = _some(channel) if judge is not None else np.zeros(0)
-    return judge(recording, channel, some) if judge is not None and some.size else ""
+def implausible(
+    recording: Recording,
+    name: str,
+    value: float,
+    what: str,
+    *,
+    channel: Channel | None = None,
+    do: str = "",
+) -> SetupError | None:
+    """The error of a number outside of its plausible range; None if it is inside, or said right.
+
+    name, value   the quantity of `PLAUSIBLE` and its number
+    what          the number in a sentence
+    channel       whose unit in the setup may be wrong
+    do            what else may be wrong
+    """
+    tire, setup = recording.setup.tire, recording.setup
+    bounds = bounds_of(name, tire.width_m, tire.unloaded_radius_m)
+    if bounds.holds(value) or name in (setup.log.unusual or ()):
+        return None
+    advice = do or "mend unit or source in the setup"
+    if channel is not None:
+        what = f"channel {channel.name}: {what}"
+        units = bounds.units(value, _setup_of(recording, channel).source_unit)
+        if units:
+            words = " or ".join(f'unit = "{unit}"' for unit in units)
+            advice = f"is the unit {' or '.join(units)}? write {words} in the setup"
+        elif bounds.holds(-value):
+            advice = "is the sign inverted? write scale = -1 in the setup"
+    return SetupError(
+        what, allowed=f"allowed is {bounds}", do=f"{advice}; {override(name)}", file=recording.log
+    )
+
+
+def doubt_of_rate(
+    recording: Recording, channel: Channel, speed_m_s: float | None = None
+) -> SetupError | None:
+    """The error of a sampling rate, or a wheel's speed, that a wrong unit of time makes."""
+    log, rate = recording.setup.log, channel.axis.rate_Hz
+    now = UNITS.get(log.time_unit or "s", ("time", 1.0, 0.0))[1]
+    rates, speeds = PLAUSIBLE["sampling_rate_Hz"], PLAUSIBLE["speed_m_s"]
+    fits = [
+        unit
+        for unit, (quantity, factor, _) in UNITS.items()
+        if quantity == "time"
+        and rates.holds(rate * now / factor)
+        and (speed_m_s is None or speeds.holds(speed_m_s * now / factor))
+    ]
+    declared = _setup_of(recording, channel).sampling_rate_Hz or log.sampling_rate_Hz
+    do = "check time_unit and sampling_rate_Hz under [log]"
+    if declared is not None:
+        do = f"the setup says sampling_rate_Hz = {declared:g}: mend it"
+    elif fits:
+        words = " or ".join(f'time_unit = "{unit}"' for unit in fits)
+        do = f"are the stamps in {' or '.join(fits)}? write {words} under [log]"
+    name, value = "sampling_rate_Hz", rate
+    what = f"channel {channel.name}: a sampling rate of {rate:.4g} Hz"
+    if speed_m_s is not None:
+        what += f", and the wheel at {speed_m_s:.3g} m/s"
+        if rates.holds(rate):
+            name, value = "speed_m_s", speed_m_s
+    return implausible(recording, name, value, what, do=do)
+
+
+def doubt_of_vehicle(
+    recording: Recording, reference: Channel, radius_m: float
+) -> SetupError | None:
+    """The error of a vehicle's speed by which the wheel rolls on another radius than the setup's.
+
+    `radius_m`: the vehicle's speed over the wheel's, of turns that roll freely.
+    """
+    tire = recording.setup.tire
+    which = "unloaded" if tire.rolling_radius_m is None else "rolling"
+    ratio = radius_m / tire.radius_m
+    if which == "rolling" and abs(ratio) < _AT_REST:
+        return None
+    what = (
+        f"its speed over the wheel's gives a rolling radius of {radius_m:.4g} m, {ratio:.3g} times "
+        f"the {which} radius of the setup, {tire.radius_m:.4g} m"
+    )
+    do = f"check the radius, the sampling rate or steps, unit and source of {reference.name}"
+    return implausible(recording, f"vehicle_to_{which}", ratio, what, channel=reference, do=do)
+
+
+def _setup_of(recording: Recording, channel: Channel) -> ChannelSetup:
+    """The setup of a channel, what its kind has if it was made by a program."""
+    return recording.setup.channels.get(channel.name, ChannelSetup(channel.kind))
 
 
 def _some(channel: Channel) -> FloatArray:
@@ -82,111 +156,31 @@ def _some(channel: Channel) -> FloatArray:
     return known
 
 
-def _refused(recording: Recording, channel: Channel, what: str, do: str) -> SetupError:
-    return SetupError(f"channel {channel.name}: {what}", do=f"{do}", file=recording.log)
-
-
-def _of_grating(recording: Recording, channel: Channel, some: FloatArray) -> str:
-    setup = recording.setup.channels[channel.name]
-    reference, middle = setup.reference_wavelength_nm, float(np.median(some))
-    if reference is None:  # a setup that was read has one for each grating
-        return ""
-    gain = (
-        setup.strain_gain
-        if channel.kind == "fbg_strain"
-        else reference / setup.temperature_sensitivity_nm_K
-    )
-    share = middle / gain
-    if abs(share) > WAVELENGTH_SHARE:
-        wavelength = reference * (1.0 + share)
-        factors = {"pm": 1e-3, "nm": 1.0, "um": 1e3, "mm": 1e6, "m": 1e9}
-        raw = wavelength / factors.get(setup.source_unit, 1.0)
-        fits = [
-            unit
-            for unit, factor in factors.items()
-            if abs(raw * factor / reference - 1.0) <= WAVELENGTH_SHARE
-        ]
-        hint = (
-            f'is the unit {fits[0]}? write unit = "{fits[0]}"'
-            if fits
-            else "name the grating's own column, or mend reference_wavelength_nm"
-        )
-        raise _refused(
-            recording,
-            channel,
-            f"wavelengths of {wavelength:.6g} nm (median) against reference_wavelength_nm = "
-            f"{reference:g}",
-            f"allowed is {100 * WAVELENGTH_SHARE:g} % off; {hint} in the setup",
-        )
-    return _of_strain(recording, channel, some) if channel.kind == "fbg_strain" else ""
-
-
-def _of_strain(recording: Recording, channel: Channel, some: FloatArray) -> str:
-    middle = float(np.median(some))
-    if abs(middle) > MOST_STRAIN:
-        raise _refused(
-            recording,
-            channel,
-            f"a median strain of {middle:.4g}",
-            f"allowed is {MOST_STRAIN:g} (a number, no microstrain); is the unit microstrain? "
-            'write unit = "microstrain"',
-        )
-    if abs(middle) > STRANGE_STRAIN:
-        return (
-            f"{channel.name}: a median strain of {1e6 * middle:.0f} microstrain, and a tire's "
-            f"stays below {1e6 * STRANGE_STRAIN:.0f}; check unit and reference"
-        )
-    return ""
-
-
-def _of_pressure(recording: Recording, channel: Channel, some: FloatArray) -> str:
+def _doubt(recording: Recording, channel: Channel, some: FloatArray) -> SetupError | None:
+    """The error of the median of some samples of a channel, None if it is plausible."""
+    if not some.size:
+        return None
+    setup, tire = _setup_of(recording, channel), recording.setup.tire
     middle, most = float(np.median(some)), float(np.abs(some).max())
-    if most == 0.0:
-        return f"{channel.name}: the pressure reads 0 throughout"
-    if PRESSURE.holds(middle) or (
-        middle < PRESSURE.low <= most <= PRESSURE.high
-    ):  # an inflation test begins at nothing
-        return ""
-    return _outside(recording, channel, middle, PRESSURE, "Pa")
-
-
-def _of_load(recording: Recording, channel: Channel, some: FloatArray) -> str:
-    middle, most = float(np.median(some)), float(np.abs(some).max())
-    if most == 0.0:
-        return f"{channel.name}: the load reads 0 throughout"
-    if middle < 0.0:
-        return (
-            f"{channel.name}: a median load of {middle:.4g} N; positive is the tire pressed on "
-            "the road; check the sign"
+    name, do, problem = OF_KIND.get(channel.kind, "strain"), "", None
+    if setup.reference_wavelength_nm is not None and channel.kind in WAVELENGTH_KINDS:
+        reference = setup.reference_wavelength_nm
+        of_strain = channel.kind == "fbg_strain"
+        gain = setup.strain_gain if of_strain else reference / setup.temperature_sensitivity_nm_K
+        do = "name the grating's own column, or mend reference_wavelength_nm"
+        what = (
+            f"wavelengths of {reference * (1.0 + middle / gain):.6g} nm (median) against "
+            f"reference_wavelength_nm = {reference:g}"
         )
-    if LOAD.low <= most and middle <= LOAD.high:  # a wheel in the air carries nothing
-        return ""
-    return _outside(recording, channel, middle, LOAD, "N")
-
-
-def _of_speed(recording: Recording, channel: Channel, some: FloatArray) -> str:
-    middle = float(np.median(some))
-    if middle > FASTEST_M_S:
-        raise _refused(
-            recording,
-            channel,
-            f"a median speed of {middle:.4g} m/s",
-            f'allowed is {FASTEST_M_S:g}; is the unit km/h? write unit = "km/h"',
-        )
-    return (
-        f"{channel.name}: a median speed of {middle:.4g} m/s; positive is forwards; check the sign"
-        if middle < 0.0
-        else ""
-    )
-
-
-def _outside(
-    recording: Recording, channel: Channel, middle: float, bounds: Bounds, unit: str
-) -> str:
-    raise _refused(
-        recording,
-        channel,
-        f"a median of {middle:.4g} {unit}",
-        f"allowed for a tire is {bounds.low:g} to {bounds.high:g}{bounds.probable(middle)}; "
-        "mend unit or source in the setup",
-    )
+        share = 1.0 + middle / gain
+        problem = implausible(recording, "wavelength", share, what, channel=channel, do=do)
+        if not of_strain:
+            return problem
+    elif channel.kind in _NEVER_ZERO and middle >= 0.0:
+        # an inflation test begins at nothing, and a wheel in the air carries nothing
+        low = bounds_of(name, tire.width_m, tire.unloaded_radius_m).low
+        middle = most if middle < low else middle
+        if most == 0.0:
+            return None
+    what = f"a median of {middle:.4g} {channel.unit or 'strain'}"
+    return problem or implausible(recording, name, middle, what, channel=channel, do=do)

@@ -18,7 +18,7 @@ from dataclasses import Field, dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tirelog.data.bounds import doubt_of_key, doubt_of_radius
+from tirelog.data.bounds import PLAUSIBLE, bounds_of, doubt_of_key, override
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary.conditions import SETUP_KEYS
@@ -196,6 +196,7 @@ class LogSetup:
     header_rows  lines above the first row of samples, blank ones counted
     encoding     utf-8 or cp1252
     columns      names of the columns from the first on, in place of the header's
+    unusual      quantities whose numbers are right though no tire is known to have them
     """
 
     sampling_rate_Hz: float | None = _number(0.0, 1e9)
@@ -206,6 +207,7 @@ class LogSetup:
     header_rows: int | None = field(default=None, metadata={"range": (0, 10_000, False)})
     encoding: str | None = None
     columns: tuple[str, ...] | None = None
+    unusual: tuple[str, ...] | None = None
 
     @property
     def of_text(self) -> list[str]:
@@ -274,6 +276,12 @@ class _Source:
             line=self.line(table, key),
         )
 
+    def refuse(self, table: str, *checks: tuple[object, str, str, str, str]) -> None:
+        """SetupError of the first check (wrong, what, key, allowed, do) that is `wrong`."""
+        for wrong, what, key, allowed, do in checks:
+            if wrong:
+                raise self.error(what, table, key, allowed=allowed, do=do)
+
     def line(self, table: str, key: str) -> int | None:
         header = rf"^\s*\[\s*{re.escape(table)}\s*\]" if table else None
         inside = header is None
@@ -329,11 +337,6 @@ def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
                 allowed=f"allowed is {allowed}",
                 do="mend the number",
             )
-        strange = doubt_of_key(key, value)
-        if strange:
-            raise source.error(
-                f"{key} = {value!r}", table, key, allowed=strange, do="mend the number"
-            )
         return int(value) if "int" in wanted else float(value)
     kind = bool if "bool" in wanted else str
     if not isinstance(value, kind):
@@ -377,78 +380,93 @@ def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
 def _channel(name: str, data: Any, source: _Source, names: list[str]) -> ChannelSetup:
     """One channel, with what its kind asks for."""
     table = f"channels.{name}"
-    if not re.fullmatch(r"[\w.+-]+", name):
-        raise source.error(
-            f"channel name {name!r}",
-            table,
-            allowed="allowed are letters, digits and _ . + -",
-            do="rename it",
-        )
+    allowed = "allowed are letters, digits and _ . + -"
+    named = re.fullmatch(r"[\w.+-]+", name)
+    source.refuse(table, (not named, f"channel name {name!r}", "", allowed, "rename it"))
     channel = _table(ChannelSetup, data, source, table)
-    if channel.kind not in KINDS:
-        raise source.error(
-            f"kind {channel.kind!r}{nearest(channel.kind, KINDS)}",
-            table,
+    kind, surface, twin = channel.kind, channel.surface, channel.temperature_channel
+    source.refuse(
+        table,
+        (
+            kind not in KINDS,
+            f"kind {kind!r}{nearest(kind, KINDS)}",
             "kind",
-            allowed=f"allowed are {', '.join(KINDS)}",
-            do="mend it",
-        )
-    if not channel.source and channel.window_nm is None:
-        raise source.error(
+            f"allowed are {', '.join(KINDS)}",
+            "mend it",
+        ),
+        (
+            not channel.source and channel.window_nm is None,
             "no source",
-            table,
-            allowed="allowed is a column, topic or dataset path, or window_nm",
-            do='add source = "..."',
-        )
-    if channel.scale == 0.0:
-        raise source.error(
+            "",
+            "allowed is a column, topic or dataset path, or window_nm",
+            'add source = "..."',
+        ),
+        (
+            channel.scale == 0.0,
             "scale = 0",
-            table,
             "scale",
-            allowed="allowed is what one recorded step is worth in the unit",
-            do="mend the number",
-        )
+            "allowed is what one recorded step is worth in the unit",
+            "mend the number",
+        ),
+    )
     try:
-        KINDS[channel.kind].to_si(channel.source_unit)
+        KINDS[kind].to_si(channel.source_unit)
     except SetupError as problem:
         raise problem.at(source.file or "setup", source.line(table, "unit")) from None
-    if channel.kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None:
-        raise source.error(
+    source.refuse(
+        table,
+        (
+            kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None,
             "no reference_wavelength_nm",
-            table,
-            allowed="a grating needs its wavelength at rest in nm",
-            do="add it",
-        )
-    if channel.surface is not None and channel.surface not in SURFACES:
-        raise source.error(
-            f"surface {channel.surface!r}",
-            table,
+            "",
+            "a grating needs its wavelength at rest in nm",
+            "add it",
+        ),
+        (
+            surface is not None and surface not in SURFACES,
+            f"surface {surface!r}",
             "surface",
-            allowed=f"allowed are {', '.join(SURFACES)}",
-            do="mend it",
-        )
-    twin = channel.temperature_channel
-    if twin is not None and (twin not in names or twin == name):
-        raise source.error(
-            f"temperature_channel {twin!r} is no other channel{nearest(twin, names)}",
-            table,
+            f"allowed are {', '.join(SURFACES)}",
+            "mend it",
+        ),
+        (
+            twin is not None and (twin not in names or twin == name),
+            f"temperature_channel {twin!r} is no other channel{nearest(twin or '', names)}",
             "temperature_channel",
-            do=f"name one of {', '.join(names)}",
-        )
+            "",
+            f"name one of {', '.join(names)}",
+        ),
+    )
     return channel
 
 
-def _tire(data: Any, source: _Source) -> Tire:
-    """The tire, with radii that go together."""
-    tire = _table(Tire, data, source, "tire")
-    strange = (
-        ""
-        if tire.rolling_radius_m is None
-        else doubt_of_radius(tire.rolling_radius_m, tire.unloaded_radius_m)
-    )
-    if strange:
-        raise source.error(strange, "tire", "rolling_radius_m", do="mend one of the two")
-    return replace(tire, file=source.file)
+def _refuse_strange(setup: Setup, source: _Source) -> None:
+    """SetupError: a number that no tire has, or a rolling radius far from the unloaded one."""
+    tire, unusual = setup.tire, setup.log.unusual or ()
+    tables: dict[str, Any] = {"tire": tire, "conditions": setup.conditions}
+    tables |= {f"channels.{name}": channel for name, channel in setup.channels.items()}
+    for table, values in tables.items():
+        for key, value in vars(values).items():
+            if key not in PLAUSIBLE or value is None or key in unusual:
+                continue
+            bounds = bounds_of(key, tire.width_m, tire.unloaded_radius_m)
+            if not bounds.holds(value):
+                allowed, do = doubt_of_key(key, value, bounds)
+                raise source.error(f"{key} = {value:g}", table, key, allowed=allowed, do=do)
+    if not tire.rolling_radius_m or not tire.unloaded_radius_m:
+        return
+    ratio, bounds = tire.rolling_radius_m / tire.unloaded_radius_m, PLAUSIBLE["rolling_to_unloaded"]
+    if not bounds.holds(ratio) and "rolling_to_unloaded" not in unusual:
+        low, high = bounds.low * tire.unloaded_radius_m, bounds.high * tire.unloaded_radius_m
+        raise source.error(
+            f"a rolling radius of {tire.rolling_radius_m:.4g} m is {100 * abs(ratio - 1):.0f} % "
+            f"{'larger' if ratio > 1 else 'smaller'} than the unloaded "
+            f"{tire.unloaded_radius_m:.4g} m",
+            "tire",
+            "rolling_radius_m",
+            allowed=f"allowed is {bounds} of it, {low:.4g} to {high:.4g} m",
+            do=f"mend one of the two; {override('rolling_to_unloaded')}",
+        )
 
 
 def _road(data: Any, source: _Source) -> RoadSetup:
@@ -488,31 +506,43 @@ def parse_road(words: str) -> RoadSetup:
 def _log(data: Any, source: _Source) -> LogSetup:
     """[log], its words among those that are known."""
     log = _table(LogSetup, data, source, "log")
-    for key, allowed in _WORDS.items():
-        value = getattr(log, key)
-        if value is not None and value not in allowed:
-            words = ", ".join(repr(word) for word in allowed)
-            raise source.error(
-                f"{key} = {value!r}", "log", key, allowed=f"allowed are {words}", do="mend it"
-            )
-    if log.decimal is not None and log.decimal == log.separator:
-        raise source.error(
-            f"separator and decimal are both {log.decimal!r}",
-            "log",
-            "decimal",
-            allowed="allowed are two that differ",
-            do="mend one of them",
-        )
     named = log.columns or ()
     twice = next((name for k, name in enumerate(named) if name and name in named[:k]), None)
-    if twice is not None:
-        raise source.error(
+    foreign = next((name for name in log.unusual or () if name not in PLAUSIBLE), "")
+    source.refuse(
+        "log",
+        *(
+            (
+                (value := getattr(log, key)) is not None and value not in allowed,
+                f"{key} = {value!r}",
+                key,
+                f"allowed are {', '.join(repr(word) for word in allowed)}",
+                "mend it",
+            )
+            for key, allowed in _WORDS.items()
+        ),
+        (
+            log.decimal is not None and log.decimal == log.separator,
+            f"separator and decimal are both {log.decimal!r}",
+            "decimal",
+            "allowed are two that differ",
+            "mend one of them",
+        ),
+        (
+            twice is not None,
             f"columns has the name {twice!r} twice",
-            "log",
             "columns",
-            allowed="each name once is allowed",
-            do="rename one",
-        )
+            "each name once is allowed",
+            "rename one",
+        ),
+        (
+            foreign,
+            f"unusual: no quantity is called {foreign!r}{nearest(foreign, PLAUSIBLE)}",
+            "unusual",
+            f"allowed are {', '.join(PLAUSIBLE)}",
+            "mend it",
+        ),
+    )
     return log
 
 
@@ -538,8 +568,8 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
         )
     names = list(tables)
     channels = {name: _channel(name, table, source, names) for name, table in tables.items()}
-    return Setup(
-        _tire(data.get("tire", {}), source),
+    setup = Setup(
+        replace(_table(Tire, data.get("tire", {}), source, "tire"), file=source.file),
         _table(LogConditions, data.get("conditions", {}), source, "conditions"),
         channels,
         _log(data.get("log", {}), source),
@@ -547,6 +577,8 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
         text,
         file,
     )
+    _refuse_strange(setup, source)
+    return setup
 
 
 def load_setup(path: Path | str) -> Setup:

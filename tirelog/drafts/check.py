@@ -11,10 +11,14 @@ from tirelog.data.setup import Setup
 from tirelog.drafts.contents import Contents, contents
 from tirelog.drafts.setup import marks
 from tirelog.drafts.surface import likely_surface
-from tirelog.errors import ReadError, SetupError
+from tirelog.errors import DataLoss, ReadError, SetupError, UsageError
 from tirelog.runs.ingest import is_file
 from tirelog.runs.store import is_run
-from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.strain.passages.surface import passages_of
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
+from tirelog.vocabulary.quality import Quality, having
+from tirelog.wheel.phase_shift import measure_phase_shift
+from tirelog.wheel.speed_table import encoder_speed
 
 #: unused series that are named
 _MOST_UNUSED = 20
@@ -43,6 +47,7 @@ def findings(recording: Recording, log: str) -> list[Finding]:
         except SetupError as problem:
             out.append(Finding("implausible", problem.message))
     out += _surfaces(recording)
+    out += [Finding("implausible", said) for said in _motion(recording)]
     out += [Finding("said", remark) for remark in recording.remarks]
     out += [Finding("missing", said) for said in _missing(recording)]
     if is_file(log) and not is_run(log):
@@ -75,6 +80,28 @@ def _surfaces(recording: Recording) -> list[Finding]:
                 )
             )
     return out
+
+
+def _motion(recording: Recording) -> list[str]:
+    """What of rates, speeds, radii and accelerations is no tire's, a sentence once."""
+    said, tire = list[str](), recording.setup.tire
+    encoders = recording.of_kind("wheel_encoder")
+    if not (tire.rolling_radius_m or tire.unloaded_radius_m):
+        return said
+    for channel in (*recording.of_kind(*STRAIN_KINDS, *ACCELERATION_KINDS), *encoders):
+        with suppress(DataLoss, UsageError):  # no wheel that turns, or another surface
+            try:
+                if channel.kind == "wheel_encoder":
+                    encoder_speed(recording)
+                    continue
+                passages = passages_of(recording, channel)
+                if having(passages.quality, Quality.IMPLAUSIBLE).any():
+                    said.append(passages.doubt)
+                elif encoders and channel.kind in ACCELERATION_KINDS:
+                    list(measure_phase_shift(recording))
+            except SetupError as problem:
+                said.append(problem.message)
+    return list(dict.fromkeys(said))
 
 
 def _missing(recording: Recording) -> list[str]:

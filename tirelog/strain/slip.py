@@ -22,7 +22,7 @@ import numpy as np
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.kinematics import TURN_RAD
-from tirelog.strain.passages.surface import passages_of
+from tirelog.strain.passages.surface import trusted_passages
 from tirelog.strain.speed import speed_channels, speed_columns, turns_around
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, marked, quality_column
@@ -67,12 +67,8 @@ def _turns(recording: Recording) -> Iterator[tuple[Mapping[str, Any], WheelTurns
         yield encoder_speed(recording)
         return
     for channel in channels:
-        passages = passages_of(recording, channel)
-        yield (
-            speed_columns(recording.log, passages),
-            turns_around(passages),
-            [passages.doubt] if passages.doubt else [],
-        )
+        passages = trusted_passages(recording, channel)
+        yield speed_columns(recording.log, passages), turns_around(passages), []
 
 
 def _slip(

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.bounds import doubt_of_radius
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.channels import no_channel
@@ -51,13 +50,10 @@ class RadiusCalibration:
         )
 
 
-def calibrate_radius(
-    speed: Channel, wheels: Sequence[Passages], unloaded_m: float | None = None
-) -> RadiusCalibration:
+def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> RadiusCalibration:
     """The rolling radius from the reference `speed` [m/s] and the passages of one wheel's channels.
 
-    UsageError if fewer than LEAST_TURNS turns of free rolling lie within the reference, or the
-    radius cannot go with the unloaded one.
+    UsageError if fewer than LEAST_TURNS turns of free rolling lie within the reference.
     """
     radii, errors, turns = [], [], 0
     for passages in wheels:
@@ -75,14 +71,7 @@ def calibrate_radius(
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better
-    found = RadiusCalibration(float(np.mean(radii)), float(np.mean(errors)), turns, speed.name)
-    strange = doubt_of_radius(found.radius_m, unloaded_m)
-    if strange:
-        raise UsageError(
-            f"--calibrate-radius: against {speed.name} {strange}",
-            do=f"check unit, source and delay of {speed.name} in the setup",
-        )
-    return found
+    return RadiusCalibration(float(np.mean(radii)), float(np.mean(errors)), turns, speed.name)
 
 
 #: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank;
@@ -212,10 +201,12 @@ def calibrated_speed(
     nothing to calibrate against.
     """
     reference = _vehicle_speed(recording)
+    if recording.setup.tire.unloaded_radius_m is not None:
+        recording = _without_rolling_radius(recording)  # what is calibrated is not held against it
     found = [passages_of(recording, channel) for channel in speed_channels(recording)]
     if all(passages.doubt for passages in found):
         raise UsageError(f"--calibrate-radius: {found[0].doubt}", file=recording.log)
-    radius = calibrate_radius(reference, found, recording.setup.tire.unloaded_radius_m)
+    radius = calibrate_radius(reference, found)
     said = [str(radius)]
     for passages in found:
         rolled = replace(passages, radius_m=radius.radius_m)

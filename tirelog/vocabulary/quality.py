@@ -79,6 +79,7 @@ class Quality(IntFlag):
     REVERSING = "the wheel rolls backwards, or turned round beside this passage", _ALL
     DIRECTION_UNKNOWN = "nothing shows the direction of rolling after a standstill", _WHEEL
     NOT_A_PASSAGE = "no tire passes the patch like this: no speed is told", _PASSAGES
+    IMPLAUSIBLE = "time, speed or unit of the log are no tire's: no speed is told", _PASSAGES
     EXTRAPOLATED = "the speed is not centred, or lies outside a calibration", _ALL, Use.FRONTS
     DELAY_UNKNOWN = "how late the vehicle's speed is may make up half a per cent of slip", ("slip",)
     # ---- what could be told

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.data.bounds import doubt_of_radius
+from tirelog.data.plausibility import doubt_of_vehicle
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.encoder.counter import counter_knots
@@ -23,7 +23,7 @@ from tirelog.dsp.encoder.knots import KnotBuilder, angle_function
 from tirelog.dsp.encoder.pitch import LEAST_TURNS, PitchLearner, PitchTable, steps_that_repeat
 from tirelog.dsp.encoder.signal import Probe, crossings, probe
 from tirelog.dsp.encoder.teeth import Teeth, count_teeth
-from tirelog.errors import DataLoss, SetupError, UsageError
+from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
@@ -304,32 +304,17 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
     """The setup's rolling radius, else a calibrated one, else the unloaded radius.
 
     Calibrated against `vehicle_speed` (P4: v = r omega) by the turns that roll freely. If there
-    are too few, by all above 3 rad/s; the error comes from the scatter of up to 40 pieces of the
-    log.
+    are too few, by the median of all; its error comes from their scatter.
+    SetupError: the vehicle's speed contradicts the setup's radius.
     """
     tire = recording.setup.tire
     speeds = recording.of_kind("vehicle_speed")
     measured = _radius_of_turns(speeds[0], wheel, tire.radius_m) if speeds else None
+    if measured and (problem := doubt_of_vehicle(recording, speeds[0], measured[0])):
+        raise problem
     if tire.rolling_radius_m is not None:
-        if measured and abs(measured[0] / tire.rolling_radius_m - 1) > 0.1:
-            ratio = measured[0] / tire.rolling_radius_m
-            return Radius(
-                tire.rolling_radius_m,
-                float("nan"),
-                f"{speeds[0].name} over the wheel's speed gives a radius of {measured[0]:.4f} m, "
-                f"{ratio:.3g} times the setup's: "
-                "the sampling rate, the number of steps or a unit is wrong",
-            )
         return Radius(tire.rolling_radius_m, float("nan"), "")
     if measured:
-        strange = doubt_of_radius(measured[0], tire.unloaded_radius_m)
-        if strange:
-            raise UsageError(
-                f"against {speeds[0].name} {strange}",
-                do=f"check unit and source of {speeds[0].name} in the setup, or give "
-                "rolling_radius_m",
-                file=recording.log,
-            )
         return Radius(
             *measured,
             f"rolling radius {measured[0]:.5f} +- {measured[1]:.5f} m, calibrated against "
@@ -346,14 +331,18 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
 def _radius_of_turns(
     speed: Channel, wheel: WheelAngle, radius_m: float
 ) -> tuple[float, float] | None:
-    """(radius, standard error) [m] from the turns that roll freely, else from all.
+    """(radius, standard error) [m] from the turns that roll freely, else the median of all.
 
     `radius_m` is the radius for their accelerations. None if the wheel never rolls.
     """
     found = rolling(speed, turns_of(wheel, radius_m)[1])
     if np.isfinite(found.mean_radius_m):
         return found.mean_radius_m, found.mean_radius_se_m
-    return _radius_against(speed, wheel)
+    radii = found.metres[np.isfinite(found.metres)] / (2.0 * np.pi)
+    if radii.size < LEAST_TURNS:
+        return None
+    spread = 1.4826 * float(np.median(np.abs(radii - np.median(radii))))
+    return float(np.median(radii)), 1.2533 * spread / np.sqrt(radii.size)
 
 
 def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns]:
@@ -377,35 +366,6 @@ def turns_of(wheel: WheelAngle, radius_m: float) -> tuple[FloatArray, WheelTurns
     acceleration = np.where(np.isfinite(acceleration), acceleration, np.nan)
     quality = wheel.quality(start, stop)
     return time, WheelTurns(start, stop, np.ones(time.size), acceleration, quality)
-
-
-def _radius_against(
-    speed: Channel, wheel: WheelAngle, most: int = 20_000
-) -> tuple[float, float] | None:
-    """(radius, standard error) [m] from the wheel's rate and the vehicle's speed.
-
-    At up to `most` samples of the vehicle's speed; None if it never rolls.
-    """
-    parts, size = [], max(speed.size * 500 // most, 500)
-    for start in range(0, speed.size, size):
-        values = speed.read(start, start + size)
-        pick = np.linspace(0, values.size - 1, min(500, values.size)).astype(np.int64)
-        time = speed.axis.at(start + pick.astype(np.float64))
-        rate = wheel.speed_rad_s(time)
-        good = np.isfinite(values[pick]) & np.isfinite(rate) & (rate > 3.0)
-        if good.sum() > 20:
-            with np.errstate(over="ignore", invalid="ignore"):  # a reference of 1e308 is none
-                sums = float(values[pick][good] @ rate[good]), float(rate[good] @ rate[good])
-            if np.isfinite(sums).all():
-                parts.append(sums)
-    if len(parts) < 2:
-        return None
-    above, below = np.array(parts).T
-    radius = float(above.sum() / below.sum())
-    se = float(
-        np.sqrt(np.sum((above - radius * below) ** 2) * len(parts) / (len(parts) - 1)) / below.sum()
-    )
-    return radius, se
 
 
 def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:

@@ -1,6 +1,6 @@
 """What makes an encoder or an accelerometer doubtful.
 
-Swapped channels, a wrong number of steps, a wrong sampling rate, saturation.
+Swapped channels, a wrong number of steps, a wrong sampling rate or unit, saturation.
 
 channels, WheelAngle, Fronts --> sentences on the whole channel, or a SetupError that says what to
 mend
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.encoder.signal import crossings, probe
 from tirelog.errors import SetupError
@@ -21,10 +22,6 @@ from tirelog.wheel.fronts.fronts import Fronts, patch_turn
 EVEN = 0.7
 #: the patch comes this near to once per turn, as a share; twice as much takes 47 steps for 48
 OFF_TURN = 0.01
-#: level outside over Omega^2 R: beyond these the time axis or a unit is wrong. It goes with the
-#: square of the sampling rate, so a rate that is wrong by a factor of 0.84 to 1.18
-#: still passes
-LEVEL_RATIO = (0.7, 1.4)
 
 
 def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channel) -> None:
@@ -102,16 +99,18 @@ def doubts(
     radius: Radius,
     share: float,
 ) -> list[str]:
-    """Sentences on the whole channel. SetupError: the patch does not come once in `steps` steps."""
+    """Sentences on the whole channel.
+
+    SetupError: the patch does not come once in `steps` steps, or its level is no rotation's.
+    """
     said: list[str] = []
     refuse_steps(recording, wheel, fronts.turn_rad)
     ratio = fronts.level_m / radius.radius_m
-    if share < 0.01 and not LEVEL_RATIO[0] < ratio < LEVEL_RATIO[1]:
-        said.append(
-            f"channel {channel.name}: the level outside the patch is {ratio:.3g} times Omega^2 "
-            "R: the sampling rate is wrong by a factor "
-            f"{ratio**0.5:.3g}, or a unit by {ratio:.3g}; angles do not depend on it, speeds do"
-        )
+    what = f"the level outside the patch is {ratio:.3g} times Omega^2 R"
+    do = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
+    problem = implausible(recording, "level_to_rotation", ratio, what, channel=channel, do=do)
+    if problem is not None and share < 0.01:
+        raise problem
     if share > 1e-4:
         said.append(
             f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits "

@@ -3,7 +3,7 @@
 One channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven
 under.
 
-    Recording --find_passages--> passage times --`align.refine_passages`--> theta(t)
+    Recording --trusted_passages--> passage times --`align.refine_passages`--> theta(t)
         (all revolutions of the log, small arrays)
         --speeds, accelerations, manoeuvres, conditions--> stretches of some 1000 revolutions
         --bins--> Stack (n, m) each
@@ -40,8 +40,8 @@ from tirelog.inference.stacks.spooled import Stacks
 from tirelog.inference.stacks.turn_kernels import by_bin
 from tirelog.runs.bursts import mended
 from tirelog.runs.in_memory import readable_apart
-from tirelog.strain.passages.find import Passages, find_passages
-from tirelog.strain.passages.surface import refuse_swapped_surface
+from tirelog.strain.passages.find import Passages
+from tirelog.strain.passages.surface import refuse_swapped_surface, trusted_passages
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS, STRAIN
 
@@ -162,14 +162,12 @@ def stretches_of(
     """
     radius = recording.setup.tire.radius_m
     channel = mended(channel)
-    passages = find_passages(channel, radius)
+    passages = trusted_passages(recording, channel)
     samples = Samples(channel)
     runs = list(_runs(passages, samples))
     n = sum(len(run) for run in runs)
     if n < FEWEST:
         refuse_swapped_surface(recording, channel, radius)
-        if passages.doubt:
-            raise UsageError(passages.doubt, file=recording.log)
         seen = int(np.isfinite(passages.time_s).sum())
         raise UsageError(
             f"{seen} passage{'' if seen == 1 else 's'} in channel {channel.name}"

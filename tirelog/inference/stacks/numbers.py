@@ -89,10 +89,10 @@ def patch_lengths(recording: Recording, channel: Channel) -> Numbers:
     """The patch length [m] of every passage of a strain channel."""
     from tirelog.runs.bursts import mended
     from tirelog.strain.footprint.footprint import footprint
-    from tirelog.strain.passages.find import find_passages
+    from tirelog.strain.passages.surface import trusted_passages
 
     radius, channel = recording.setup.tire.radius_m, mended(channel)
-    passages = find_passages(channel, radius)
+    passages = trusted_passages(recording, channel)
     found = footprint(channel, passages)
     return _of_passages(passages, radius, found.length_m, found.quality)
 
@@ -101,10 +101,10 @@ def dissipation_factors(recording: Recording, channel: Channel) -> Numbers:
     """The dissipation factor [1/m] of every passage of a strain channel."""
     from tirelog.runs.bursts import mended
     from tirelog.strain.dissipation import dissipation
-    from tirelog.strain.passages.find import find_passages
+    from tirelog.strain.passages.surface import trusted_passages
 
     radius, channel = recording.setup.tire.radius_m, mended(channel)
-    passages = find_passages(channel, radius)
+    passages = trusted_passages(recording, channel)
     found = dissipation(channel, passages, None, passages.quality)
     return _of_passages(passages, radius, found.factor_1_m, found.quality)
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tirelog.data.bounds import FASTEST_HZ
+from tirelog.data.bounds import PLAUSIBLE
 from tirelog.data.setup import Setup
 from tirelog.errors import SetupError
 from tirelog.readers.rates import unit_by_size
@@ -230,7 +230,7 @@ def counts_days(layout: Layout, column: int) -> bool:
     numbers = numbers_of(layout, column)
     return bool(
         steps and min(numbers) >= first and max(numbers) <= last
-        and 0.0 < sum(steps) < len(steps) / FASTEST_HZ
+        and 0.0 < sum(steps) < len(steps) / PLAUSIBLE["sampling_rate_Hz"].high
     )  # fmt: skip
 
 

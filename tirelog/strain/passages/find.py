@@ -70,8 +70,8 @@ class Passages:
                      channel's unit; NaN where lost
     misfit           rms residual of the fit, channel's unit
     measured         bool: False if the passage was not found, mostly as samples are lost
-    quality          flags of the words inside the passage's window; not_a_passage in all rows if
-                     there is a doubt
+    quality          flags of the words inside the passage's window; not_a_passage or implausible
+                     in all rows if there is a doubt
     doubt            '' or the sentence why these are no passages of a tire (`gate`); no row then
                      has a speed or a turn
 
@@ -252,15 +252,14 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
     )
     why = doubt(channel, pulses, matched, noise, radius_m)
     if why:
-        return _doubted(measured, sentence(channel.name, len(measured), len(pulses), why))
+        return without_speeds(
+            measured, sentence(channel.name, len(measured), len(pulses), why), Quality.NOT_A_PASSAGE
+        )
     return _with_lost(measured, lost, channel) if lost.any() else measured
 
 
-def _doubted(found: Passages, said: str) -> Passages:
-    """`found`, which is no tire's: the rows without their speeds and turns.
-
-    No row has a speed, or a turn to the next.
-    """
+def without_speeds(found: Passages, said: str, word: Quality) -> Passages:
+    """`found`, which is no tire's: its rows without a speed or a turn to the next, and why."""
     nan, no = np.full(len(found), np.nan), np.zeros(len(found), bool)
     return replace(
         found,
@@ -270,7 +269,7 @@ def _doubted(found: Passages, said: str) -> Passages:
         omega_se_rad_s=nan,
         alpha_rad_s2=nan,
         sides=np.zeros(len(found), np.int64),
-        quality=found.quality | np.uint32(Quality.NOT_A_PASSAGE),
+        quality=found.quality | np.uint32(word),
         doubt=said,
     )
 

@@ -22,9 +22,6 @@ from tirelog.strain.passages.search import Pulses
 #: width at half level over the period; tires of cars, trucks, bicycles and karts: 0.03 to 0.12, a
 #: sine: 0.5.  Twice as much lets gravity on a rim pass, of which every second turn stands out
 WIDEST_TURNS = 0.2
-#: speed [m/s] of a tire: aircraft take off at 100.  Twice as much: ringing at 120 Hz in a car's
-#: tire passes for 230 m/s
-FASTEST_M_S = 120.0
 #: deceleration [m/s^2] from which a wheel that stops within a turn may have stood or rolled back
 #: before the next passage (a car's: from 5.5 m/s).  Twice as much takes random pulses at 7.8 m/s
 #: for stops
@@ -66,12 +63,6 @@ def doubt(channel: Channel, raw: Pulses, matched: Matched, noise: float, radius_
         return ""
     period = np.diff(time_s)
     linked = one_turn(turns_between(time_s, omega))
-    speed = radius_m * TURN_RAD / period[linked]
-    if speed.size > 1 and np.median(speed) > FASTEST_M_S:
-        return (
-            f"one turn apart they give {np.median(speed):.0f} m/s, and no tire runs faster than "
-            f"{FASTEST_M_S:.0f}"
-        )
     pairs, unlinked = linked.size, float(np.mean(~linked))
     broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > _stopping_speed(radius_m))
     height = np.abs(matched.fit.height)
