@@ -83,9 +83,9 @@ PLAUSIBLE: Mapping[str, Bounds] = {
     # 3,000 K.  Gratings of one fibre lie 5 to 40 nm apart: a neighbour
     "wavelength": Bounds(0.98, 1.02, "of reference_wavelength_nm", "length"),
     # median: a tire's own is below 0.3 %, silica breaks at 5 %.  A neighbouring grating
-    "strain": Bounds(-0.01, 0.01, "strain", "strain"),
-    # of a tire: from the arctic to rubber that burns; K for degC lies outside
-    "temperature_K": Bounds(220.0, 470.0, "K", "temperature"),
+    "fbg_strain": Bounds(-0.01, 0.01, "strain", "strain"),
+    # soft strips on rubber read 10 % at most; microstrain for strain
+    "strain": Bounds(-0.1, 0.1, "strain", "strain"),
     # median of a vehicle's speed, also backwards; tires as `speed_m_s`
     "vehicle_speed_m_s": Bounds(-10.0, 120.0, "m/s", "speed"),
     # median of the sensor in the tread: 100 m/s on a radius of 0.3 m are 33,000
@@ -99,10 +99,10 @@ PLAUSIBLE: Mapping[str, Bounds] = {
     "sampling_rate_Hz": Bounds(100.0, 1e6, "Hz"),
     # a belted tire at its load: 0.94 to 0.99, a soft farm tire 0.9; mixed-up columns
     "rolling_to_unloaded": Bounds(0.85, 1.05),
-    # radius by the vehicle's speed: over the setup's rolling one, and over the unloaded one.  GPS
-    # is good to 1 %, speed on a bus to 3 %; a rate that is wrong by a tenth
+    # radius by the vehicle's speed: over the setup's rolling one, and over the unloaded one, which
+    # soft tires roll on at 0.91.  GPS is good to 1 %, speed on a bus to 3 %; a rate off by a fifth
     "vehicle_to_rolling": Bounds(0.93, 1.07, "", "speed"),
-    "vehicle_to_unloaded": Bounds(0.93, 1.02, "", "speed"),
+    "vehicle_to_unloaded": Bounds(0.89, 1.05, "", "speed"),
     # level of an accelerometer outside the patch over Omega^2 R, and its step into the patch, which
     # the bend at the edges makes larger; it follows the square of the rate
     "level_to_rotation": Bounds(0.7, 1.4, "Omega^2 R", "acceleration"),
@@ -113,11 +113,11 @@ PLAUSIBLE: Mapping[str, Bounds] = {
 CARRIED_PA = (4e3, 5e5)
 #: kind of channel -> what of it is judged by its median
 OF_KIND: Mapping[str, str] = {
+    "fbg_strain": "fbg_strain",
     "strain": "strain",
     "inflation_pressure": "inflation_pressure_Pa",
     "vertical_load": "load_N",
     "vehicle_speed": "vehicle_speed_m_s",
-    "temperature": "temperature_K",
     "radial_acceleration": "radial_acceleration_m_s2",
     "longitudinal_acceleration": "longitudinal_acceleration_m_s2",
     "longitudinal_force": "longitudinal_force_N",

@@ -162,7 +162,7 @@ def _doubt(recording: Recording, channel: Channel, some: FloatArray) -> SetupErr
         return None
     setup, tire = _setup_of(recording, channel), recording.setup.tire
     middle, most = float(np.median(some)), float(np.abs(some).max())
-    name, do, problem = OF_KIND.get(channel.kind, "strain"), "", None
+    name, do, problem = OF_KIND.get(channel.kind, ""), "", None
     if setup.reference_wavelength_nm is not None and channel.kind in WAVELENGTH_KINDS:
         reference = setup.reference_wavelength_nm
         of_strain = channel.kind == "fbg_strain"
