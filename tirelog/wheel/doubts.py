@@ -106,7 +106,10 @@ def doubts(
     said: list[str] = []
     refuse_steps(recording, wheel, fronts.turn_rad)
     ratio = fronts.level_m / radius.radius_m
-    what = f"the level outside the patch is {ratio:.3g} times Omega^2 R"
+    what = (
+        f"the level outside the patch is {ratio:.3g} times Omega^2 R, as of a sampling rate wrong "
+        f"by a factor {abs(ratio) ** 0.5:.3g} or a unit by {ratio:.3g}"
+    )
     do = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
     problem = implausible(recording, "level_to_rotation", ratio, what, channel=channel, do=do)
     if problem is not None and share < 0.01:
