@@ -145,7 +145,7 @@ def text_log(path: Path) -> None:
 def test_a_log_and_its_run_have_the_same_values(
     tmp_path: Path, write: object, given: dict[str, str]
 ) -> None:
-    setup: Setup = setup_of({"x": {"kind": "vertical_load", "source": "F", **given}})
+    setup: Setup = setup_of({"x": {"kind": "longitudinal_force", "source": "F", **given}})
     write(tmp_path / "log")  # type: ignore[operator]
     write_run(str(tmp_path / "log"), setup, tmp_path / "run.h5")
     for path, with_setup in (("log", setup), ("run.h5", None), ("run.h5", setup)):

@@ -4,8 +4,6 @@ fault has its own word.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -158,9 +156,7 @@ def test_a_log_at_rest_is_refused_with_advice(radius_m):
 
 
 def test_the_table_has_every_row_and_a_reason_for_each_missing_onset(made, radius_m):
-    setup = SimpleNamespace(
-        tire=Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126), conditions=None
-    )
+    setup = Setup(Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126))
     recording = Recording("drive.csv", {"strain_1": made.channel}, setup)
     (table,) = tables_of(recording, {"footprint": {}})
     rows = len(table.found.passages)

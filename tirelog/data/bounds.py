@@ -93,8 +93,8 @@ PLAUSIBLE: Mapping[str, Bounds] = {
     # median of the vehicle: racing cars brake with 50 at most, for seconds
     "longitudinal_acceleration_m_s2": Bounds(-30.0, 30.0, "m/s^2", "acceleration"),
     "longitudinal_force_N": Bounds(-6e4, 6e4, "N", "force"),
-    # of a turning wheel: slow drums 0.6, aircraft take off at 100.  s for ms of slow wheels
-    "speed_m_s": Bounds(0.5, 120.0, "m/s"),
+    # of a turning wheel: drums creep at 0.3, aircraft take off at 100.  s for ms of slow wheels
+    "speed_m_s": Bounds(0.2, 120.0, "m/s"),
     # samples in a patch that passes at 1 m/s: 10 at 100 Hz; accelerometers 200 kHz at most
     "sampling_rate_Hz": Bounds(100.0, 1e6, "Hz"),
     # a belted tire at its load: 0.94 to 0.99, a soft farm tire 0.9; mixed-up columns
