@@ -177,7 +177,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "form": (
         (
-            "tirelog form a.csv b.csv --model model.toml -o form.csv --plot form.png",
+            "tirelog form hidden_*.csv.gz --model model.toml -o form.csv --plot form.png",
             "contact pressure over the patch, and stiffness over wavelength",
         ),
     ),
