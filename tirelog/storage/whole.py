@@ -53,7 +53,8 @@ _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 #: where the system has no such flag, O_EXCL alone refuses a link
 _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 
-_swept: set[Path] = set()
+#: folders that this command has swept, and if another process was at work there then
+_swept: dict[tuple[Path, re.Pattern[str]], bool] = {}
 _inputs: dict[tuple[int | str, int | str], str] | None = None
 _batch: list[tuple[Path, Path]] | None = None
 #: folders that `make_folder` made for this batch, those inside others first
@@ -149,15 +150,18 @@ def part_name(path: Path | str) -> Path:
     return path.with_name(f".{_cut(path.name)}.{_owner()}.part")
 
 
-def _sweep(folder: Path, form: re.Pattern[str]) -> None:
-    """Remove what in `folder` has a name of our `form` and no process any more."""
+def _sweep(folder: Path, form: re.Pattern[str]) -> bool:
+    """Remove what in `folder` has a name of our `form` and no process any more.
+
+    True if something there belongs to another process that is alive.
+    """
     try:
         with os.scandir(folder) as entries:
             ours = [(entry, found) for entry in entries if (found := form.fullmatch(entry.name))]
-            dead = [entry for entry, found in ours if _gone(found)]
     except OSError:
-        return
-    for entry in dead:
+        return False
+    gone = [entry for entry, found in ours if _gone(found)]
+    for entry in gone:
         with suppress(OSError):
             if hasattr(os, "geteuid") and (
                 entry.stat(follow_symlinks=False).st_uid != os.geteuid()
@@ -167,13 +171,13 @@ def _sweep(folder: Path, form: re.Pattern[str]) -> None:
                 shutil.rmtree(entry.path, ignore_errors=True)
             else:
                 os.unlink(entry.path)
+    return len(gone) < sum(int(found["pid"]) != os.getpid() for _, found in ours)
 
 
 def _sweep_once(folder: Path, form: re.Pattern[str]) -> None:
-    """`_sweep` at this process's first output in a folder: many outputs list it once."""
-    if (place := folder.absolute()) not in _swept:
-        _swept.add(place)
-        _sweep(place, form)
+    """`_sweep` at a command's first output in a folder: many outputs list it once."""
+    if (place := (folder.absolute(), form)) not in _swept:
+        _swept[place] = _sweep(*place)
 
 
 @contextmanager
@@ -195,13 +199,21 @@ def temporary_folder() -> Iterator[Path]:
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """While open (for one command), `whole_file` refuses what `taken_as_input` was told of."""
+    """While open (for one command), `whole_file` refuses what `taken_as_input` was told of.
+
+    Folders are swept anew. At the end they are once more if another process was at work there,
+    which may have been killed meanwhile.
+    """
     global _inputs
     before, _inputs = _inputs, {}
+    _swept.clear()
     try:
         yield
     finally:
         _inputs = before
+        for place, shared in _swept.items():
+            if shared:
+                _sweep(*place)
 
 
 def _identity(place: Path | str | int) -> tuple[int | str, int | str] | None:
