@@ -80,6 +80,7 @@ def measured(folder: Path, load_per_g: float) -> tuple[list[str], str]:
     logs = [str(write_log(folder / f"l{seed}.csv", seed, load_per_g)) for seed in (11, 12)]
     model = str(folder / "beam.toml")
     assert run(["model", "new", "--setup", str(folder / "l11.toml"), "-o", model]) == 0
+    assert run(["model", "nuisance", model, "form", "auto", "-o", model]) == 0
     return logs, model
 
 

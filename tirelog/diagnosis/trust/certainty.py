@@ -31,6 +31,7 @@ from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.nuisances import BY_NAME
 from tirelog.vocabulary.observables import STRAIN
 
 TABLE = "calibration.toml"
@@ -245,7 +246,7 @@ def unlike(model: Model, selected: Iterable[str], gratings: bool) -> str:
         return f"the cases had {STRAIN}, these logs have {' and '.join(model.observables)}"
     if model.effects:
         return "the cases began with a bare model, this one holds effects already"
-    if any(nuisance.use != "auto" for nuisance in model.nuisances):
+    if any(nuisance.use != BY_NAME[nuisance.name].use for nuisance in model.nuisances):
         return "in the cases every nuisance might come in, this model says which"
     own = [name for name in selected if name not in BY_ID]
     if own:
