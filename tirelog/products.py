@@ -250,8 +250,17 @@ def _footprint(work: Work, options: Options) -> Part:
         cutoff_in(options),
         work.settled,
         measured=work.measured,
+        friction_ratio=options.get("friction_ratio"),
     )
     return Part("footprint", found.columns, found.remarks, found)
+
+
+def _check_footprint(options: Options) -> None:
+    """UsageError for a low-pass or a ratio of frictions that none can have."""
+    from tirelog.strain.footprint.slip_onset import FrictionRatio
+
+    cutoff_in(options)
+    FrictionRatio.given(options.get("friction_ratio"))
 
 
 def _footprint_by_strain(recording: Recording, options: Options) -> bool:
@@ -401,7 +410,7 @@ _TOGETHER = (
         of_channel=_footprint,
         whole=_footprint_of_accelerometers,
         by_channel=_footprint_by_strain,
-        check=_check_with(cutoff_in),
+        check=_check_footprint,
     ),
     Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_check_with(_steadiness)),
     Maker(

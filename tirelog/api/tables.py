@@ -64,7 +64,11 @@ def speed(
 
 
 def footprint(
-    logs: Logs, setup: Path | Setup | None = None, *, cutoff: str = "auto"
+    logs: Logs,
+    setup: Path | Setup | None = None,
+    *,
+    cutoff: str = "auto",
+    friction_ratio: float | None = None,
 ) -> pd.DataFrame:
     """Contact length, edges and slip onset at each passage of the patch (P2).
 
@@ -75,6 +79,8 @@ def footprint(
     cutoff : str
         Low-pass of the plain lengths: ``"auto"``, hertz (``"400Hz"``) or multiples of the wheel
         frequency (``"40x"``).
+    friction_ratio : float, optional
+        Sliding over sticking friction, for the slip onset; else the setup's, or 0.75 +- 0.13.
 
     Returns
     -------
@@ -95,7 +101,7 @@ def footprint(
     >>> round(float(table.length_m.median()), 3)
     0.116
     """
-    return _table("footprint", logs, setup, {"cutoff": cutoff})
+    return _table("footprint", logs, setup, {"cutoff": cutoff, "friction_ratio": friction_ratio})
 
 
 def dissipation(

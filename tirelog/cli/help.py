@@ -260,6 +260,7 @@ METAVARS: Mapping[str, str] = {
     "new_depth": "M",
     "depth": "M",
     "neutral_axis": "SHARE",
+    "friction_ratio": "NUMBER",
     "static_friction": "NUMBER",
     "sliding_friction": "NUMBER",
     "stiffness_ratio": "NUMBER",

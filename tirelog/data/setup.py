@@ -51,6 +51,7 @@ class Tire:
     section_area_m2            of the strip; else section height x width
     viscosity_Pa_s             of the rubber: gives dissipation in W and N
     static_footprint_length_m  length of the patch at rest
+    friction_ratio             sliding over sticking friction; else 0.75 +- 0.13
     """
 
     name: str = ""
@@ -61,6 +62,7 @@ class Tire:
     section_area_m2: float | None = _number(0.0, 1.0)
     viscosity_Pa_s: float | None = _number(0.0, 1e9)
     static_footprint_length_m: float | None = _number(0.0, 2.0)
+    friction_ratio: float | None = _number(0.2, 1.2)
     #: the setup's path, for messages; no key of the table
     file: str | None = field(default=None, compare=False, metadata={"key": False})
 

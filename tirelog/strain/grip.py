@@ -24,8 +24,9 @@ import numpy as np
 
 from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
-from tirelog.physics.brush import SLIDING_FRICTION, STATIC_FRICTION
-from tirelog.strain.footprint.of_log import footprints_of
+from tirelog.physics.brush import STATIC_FRICTION
+from tirelog.strain.footprint.slip_onset import FrictionRatio
+from tirelog.strain.footprint.table import footprints_of
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK
 
@@ -52,26 +53,34 @@ class GripOfChannel:
 def grip_of(
     recording: Recording,
     static_friction: float = STATIC_FRICTION,
-    sliding_friction: float = SLIDING_FRICTION,
+    sliding_friction: float | None = None,
     stiffness_ratio: float = 1.0,
     load_exponent: float = LOAD_EXPONENT,
 ) -> Iterator[GripOfChannel]:
-    """The grip that each passage shows.  UsageError: as `footprints_of`."""
+    """The grip that each passage shows.  UsageError: as `footprints_of`.
+
+    The onset is looked for with the ratio of the frictions; without a `sliding_friction` it is that
+    of the setup, or the usual one.
+    """
     load = recording.setup.conditions.load_N
-    for found in footprints_of(recording):
+    ratio = None if sliding_friction is None else sliding_friction / static_friction
+    for found in footprints_of(recording, ratio):
+        friction = found.footprint.friction
+        sliding = static_friction * friction.value
         columns = grip_columns(
             found.columns,
             static_friction,
-            sliding_friction,
+            sliding,
             stiffness_ratio,
             load_exponent,
             load,
             found.passages.acceleration_m_s2,
+            static_friction * friction.se,
         )
         told = int(np.isfinite(columns["adhesion_share"]).sum())
         remarks = [
             f"{found.channel.name}: an onset of slip in {told} of {len(found.passages)} passages; "
-            f"friction by P2 (13) with {static_friction:g} sticking, {sliding_friction:g} sliding "
+            f"friction by P2 (13) with {static_friction:g} sticking, {sliding:.3g} sliding "
             f"and {stiffness_ratio:g} times the stiffness of (17)"
         ]
         if load is None:
@@ -92,7 +101,7 @@ def grip_of(
 
 def refuse_frictions(
     static_friction: float = STATIC_FRICTION,
-    sliding_friction: float = SLIDING_FRICTION,
+    sliding_friction: float | None = None,
     stiffness_ratio: float = 1.0,
     load_exponent: float = LOAD_EXPONENT,
 ) -> None:
@@ -103,10 +112,12 @@ def refuse_frictions(
         ("--stiffness-ratio", stiffness_ratio, 0.1, 100.0),
         ("--load-exponent", load_exponent, 0.05, 2.0),
     ):
-        if not low <= value <= high:
+        if value is not None and not low <= value <= high:
             raise UsageError(
                 f"{option} {value:g}", allowed=f"{low:g} to {high:g} is allowed", do="correct it"
             )
+    if sliding_friction is not None:
+        FrictionRatio.given(sliding_friction / static_friction)
 
 
 def friction_used(
@@ -127,6 +138,7 @@ def grip_columns(
     load_exponent: float,
     load_N: float | None,
     acceleration_m_s2: FloatArray,
+    sliding_se: float = 0.0,
 ) -> dict[str, Any]:
     """Columns of the table from those of the table `footprint`, shape (n,).
 
@@ -146,6 +158,7 @@ def grip_columns(
             friction_used(share + step, static_friction, sliding_friction)
             - friction_used(share - step, static_friction, sliding_friction)
         ) / (2.0 * step)
+        by_sliding = friction_used(share, 0.0, 1.0) * sliding_se
         every = np.linspace(0.0, 1.0, 1001)
         most = friction_used(every, static_friction, sliding_friction)
         peak = every[np.argmax(most)]
@@ -157,7 +170,7 @@ def grip_columns(
         "adhesion_share_se": share_se,
         "brush_slip": (1.0 - share) / stiffness_ratio,
         "friction_used": used,
-        "friction_used_se": np.abs(slope) * share_se,
+        "friction_used_se": np.hypot(slope * share_se, by_sliding),
         "grip_left": left,
     }
     if load_N is None:

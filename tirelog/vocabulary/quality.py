@@ -89,6 +89,11 @@ class Quality(IntFlag):
     NO_LENGTH = "no contact length could be told", _FOOTPRINT
     EDGE_UNCLEAR = "the second derivative has no clear extremum at an edge", _FOOTPRINT
     FORM_UNCLEAR = "of no tire's form: the length may be wrong by half", _FOOTPRINT, Use.COMPARISON
+    TRACTION_UNRESOLVED = (
+        "speeds up or slows down, and noise hides what the traction does to the length",
+        _FOOTPRINT,
+        Use.COMPARISON,
+    )
     NO_ZERO = "no stretch for the zero of the phase shift", _PHASE_SHIFT, Use.FRONTS
     DELAY_REMOVED = "a good row: the calibration's delay was taken off", _PHASE_SHIFT, Use.ANY
     LEAK = "strain was lost at this stop", ("inflation",)

@@ -156,6 +156,12 @@ _ALL = (
                 "Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel "
                 "frequency (40x).",
             ),
+            TableOption(
+                "friction_ratio",
+                "--friction-ratio",
+                float,
+                "f_d / f_s of P2 (13) for the slip onset; else that of the setup, or 0.75 +- 0.13.",
+            ),
         ),
         picture="tirelog.plots.tables.footprint:draw",
         pictures=FOOTPRINT,
@@ -251,7 +257,10 @@ _ALL = (
                 "static_friction", "--static-friction", float, "f_s of P2 (13), 0.8 by default."
             ),
             TableOption(
-                "sliding_friction", "--sliding-friction", float, "f_d of P2 (13), 0.6 by default."
+                "sliding_friction",
+                "--sliding-friction",
+                float,
+                "f_d of P2 (13); else f_s times the ratio that footprint takes.",
             ),
             TableOption(
                 "stiffness_ratio",

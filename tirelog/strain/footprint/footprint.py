@@ -22,10 +22,10 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.fit import PassageFits
 from tirelog.strain.footprint.kernels import FITTED
-from tirelog.strain.footprint.learn import Learnt
+from tirelog.strain.footprint.learn import FREE_ROLLING_M_S2, Learnt
 from tirelog.strain.footprint.measure import Look, Measured, find_onsets, measure_windows
 from tirelog.strain.footprint.settle import Settled, settle
-from tirelog.strain.footprint.slip_onset import SlipOnset
+from tirelog.strain.footprint.slip_onset import SPEED_UNKNOWN, TOO_WIDE, FrictionRatio, SlipOnset
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
@@ -49,6 +49,11 @@ ODD_ROW = 5.0
 LEAST_SAMPLES = 4
 
 
+#: a traction that the gain of noise hides moves a length by so many of its own errors per square
+#: root of that gain; from joint fits of tractions that are seen, and proportional to it
+HIDDEN = 5.0
+
+
 @dataclass(frozen=True)
 class Footprint:
     """One row per passage, shape (n,): the table `footprint`, and what pictures show.
@@ -60,7 +65,8 @@ class Footprint:
     in those that the log's form fits worse than others.
     `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's
     extrema: positive if the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their
-    abscissae from the patch centre. `learnt`: the log's form; `cutoff_Hz`: what the low-pass used.
+    abscissae from the patch centre. `learnt`: the log's form; `friction`: what onsets were found
+    with; `cutoff_Hz`: what the low-pass used.
     """
 
     length_m: FloatArray
@@ -79,6 +85,7 @@ class Footprint:
     slip: SlipOnset
     cutoff_Hz: FloatArray
     learnt: Learnt | None
+    friction: FrictionRatio
     quality: QualityFlags
 
 
@@ -135,13 +142,15 @@ def footprint(
     block_samples: int = BLOCK_SAMPLES,
     settled: Settled | None = None,
     measured: Iterable[tuple[IntArray, Measured]] | None = None,
+    friction: FrictionRatio | None = None,
 ) -> Footprint:
     """The footprint at each of `passages` of the strain `channel`.
 
     `cutoff` of the low-pass (auto); `settled`: the form of its passages, which is learnt here if it
-    is not given; `measured`: passages and what was measured of them (`Measuring`), if it was.
+    is not given; `measured`: passages and what was measured of them (`Measuring`), if it was;
+    `friction`: of the tread, the usual one if it is not given.
     """
-    cutoff = cutoff or Cutoff()
+    cutoff, friction = cutoff or Cutoff(), friction or FrictionRatio()
     n = len(passages)
     if settled is None and not passages.doubt:
         settled = settle(channel, passages, block_samples)
@@ -155,7 +164,7 @@ def footprint(
         for rows, some in measured or ():
             work.put(rows, some)
         if how.look is not None:
-            find_onsets(how.look, work)
+            find_onsets(how.look, work, friction)
     return _assembled(
         passages,
         learnt,
@@ -164,6 +173,7 @@ def footprint(
         0.5 * channel.axis.rate_Hz,
         passages.speed_m_s,
         np.nan_to_num(passages.acceleration_m_s2),
+        friction,
     )
 
 
@@ -195,6 +205,28 @@ def _missed(fits: PassageFits, slipping: NDArray[np.bool_], learnt: Learnt) -> F
     return np.nan_to_num(error_m)
 
 
+def _hidden(
+    work: Measured, slipping: NDArray[np.bool_], acceleration_m_s2: FloatArray
+) -> FloatArray:
+    """Error of a length by the largest traction that may be hidden in it [m], (n,).
+
+    Of passages that speed up or slow down, and whose joint fit with a traction does not tell it. A
+    log none of whose passages shows a traction is one of a wheel that rolls.
+    """
+    if work.usual is None or not work.driven.any():
+        return np.zeros(acceleration_m_s2.size)
+    resolved = slipping & np.isin(work.slip.reason.astype(str), ("", TOO_WIDE))
+    hiding = ~resolved & (np.abs(acceleration_m_s2) > FREE_ROLLING_M_S2)
+    by_noise = HIDDEN * work.fits.length_se_m * np.sqrt(work.usual.gain)
+    moved = np.abs(work.slip.length_m - work.fits.length_m)
+    seen = moved[resolved & np.isfinite(moved)]
+    # a traction is not looked for where the speed is vague: it may be as large as the log's others
+    unsought = work.slip.reason == SPEED_UNKNOWN
+    most = np.where(unsought, np.median(seen) if seen.size else 0.0, np.where(slipping, moved, 0.0))
+    error_m: FloatArray = np.fmax(by_noise, most)
+    return np.where(hiding, np.nan_to_num(error_m), 0.0)
+
+
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
     """Time from the patch centre to the distance `xi_m`; NaN if the wheel stops before."""
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -210,6 +242,7 @@ def _assembled(
     nyquist: float,
     speed: FloatArray,
     acceleration: FloatArray,
+    friction: FrictionRatio,
 ) -> Footprint:
     """Rows of the table out of what was measured."""
     fits, edges = work.fits, work.edges
@@ -234,7 +267,9 @@ def _assembled(
         + reference_se**2
         + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
     )
-    length, noise_se = _told(length, noise_se)
+    hidden = _hidden(work, slipping, acceleration)
+    unresolved = hidden > np.hypot(noise_se, form_se)
+    length, noise_se = _told(length, np.hypot(noise_se, hidden))
     edges = dict(edges)
     for name in ("length_d2", "length_d1"):
         edges[f"{name}_m"], edges[f"{name}_se_m"] = _told(edges[f"{name}_m"], edges[f"{name}_se_m"])
@@ -263,7 +298,9 @@ def _assembled(
         work.slip,
         asked_Hz,
         learnt,
-        _quality(passages, work, learnt, length, edges["length_d2_m"], asked_Hz, nyquist),
+        friction,
+        _quality(passages, work, learnt, length, edges["length_d2_m"], asked_Hz, nyquist)
+        | marked(unresolved & np.isfinite(length), Quality.TRACTION_UNRESOLVED),
     )
 
 

@@ -21,11 +21,13 @@ from tirelog.strain.footprint.slip_onset import (
     ASKED,
     FINE,
     NO_FORM,
+    RATIO,
     SEARCHED,
     SPEED_UNKNOWN,
     TOO_SMALL,
     WORST_SPEED,
     FoundOnsets,
+    FrictionRatio,
     SlipOnset,
     Tractions,
     TractionWaves,
@@ -116,7 +118,7 @@ class Forms:
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
         self._half_window_m, self.form_error = learnt.half_window_m, form_error(learnt)
         self._waves: dict[int, TractionWaves] = {}
-        self._tractions: dict[tuple[int, int], Tractions] = {}
+        self._tractions: dict[tuple[int, int, float], Tractions] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
         """Number of the form for each speed."""
@@ -125,9 +127,12 @@ class Forms:
         )
         return number
 
-    def traction(self, number: int, every: int = 1) -> Tractions:
-        """What slip onsets are looked for with at knot `number`, with `every`-th of them."""
-        key = number, every
+    def traction(self, number: int, every: int = 1, ratio: float = RATIO) -> Tractions:
+        """What slip onsets are looked for with at knot `number`, with `every`-th of them.
+
+        `ratio` of sliding to sticking friction.
+        """
+        key = number, every, ratio
         if key not in self._tractions:
             tables = self.tables
             if number not in self._waves:
@@ -135,7 +140,7 @@ class Forms:
             self._tractions[key] = Tractions(
                 tables.columns[number],
                 tables.grids[number],
-                self._waves[number].table(every),
+                self._waves[number].table(ratio, every),
                 float(tables.half_length_m[number]),
             )
         return self._tractions[key]
@@ -309,8 +314,8 @@ def measure_windows(
     work.slip.reason[unsought] = NO_FORM
 
 
-def find_onsets(look: Look, work: Measured) -> None:
-    """Slip onsets of the rows of `work` that are driven.
+def find_onsets(look: Look, work: Measured, friction: FrictionRatio) -> None:
+    """Slip onsets of the rows of `work` that are driven, by the brush of this `friction`.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
     theirs, as the fit without traction tells it; of those that are unlike theirs again some are
@@ -321,11 +326,13 @@ def find_onsets(look: Look, work: Measured) -> None:
     scatter, rest = work.usual.scatter, np.flatnonzero(work.driven)
     while rest.size:
         asked = _spread(rest, SEARCHED)
-        known, starts = _searched(look, work, asked, scatter)
+        known, starts = _searched(look, work, asked, friction, scatter)
         rest = np.setdiff1d(rest, asked, assume_unique=True)
-        other = _followed(look, work, rest, known, starts, scatter) if known.size else rest
+        other = (
+            _followed(look, work, rest, known, starts, friction, scatter) if known.size else rest
+        )
         if other.size > FOLLOWING * rest.size:  # these are not alike
-            _searched(look, work, other, scatter)
+            _searched(look, work, other, friction, scatter)
             return
         rest = other
 
@@ -342,7 +349,7 @@ def _form_shift(look: Look, work: Measured, windows: PatchWindows, knot: int) ->
 
 
 def _searched(
-    look: Look, work: Measured, rows: IntArray, scatter: float
+    look: Look, work: Measured, rows: IntArray, friction: FrictionRatio, scatter: float
 ) -> tuple[IntArray, Records]:
     """Fill the onsets of `rows`, looked for everywhere; those that others may start from.
 
@@ -350,25 +357,31 @@ def _searched(
     """
     further, parts = look.roughly // look.averaged, []
     for windows, _, sigma, knot in look.alike(rows):
-        tractions = look.forms.traction(knot)
+        tractions = look.forms.traction(knot, ratio=friction.value)
         for times, part in _alike(windows, further):
             shift, motion = _form_shift(look, work, part, knot), part.motion(*look.motions)
             found = tractions.onsets(part, motion, part.reduced(times), shift, sigma, scatter)
             parts.append(FoundOnsets(part.row, found, tractions.half_lengths_m(part), shift))
     onsets = FoundOnsets.joined(parts)
-    told = onsets.told(look.forms.form_error, scatter)
+    told = onsets.told(look.forms.form_error, friction, scatter)
     work.slip.put(onsets.row, told)
     worth, starts = onsets.starts(told, scatter)
     return onsets.row[worth], starts[worth]
 
 
 def _followed(
-    look: Look, work: Measured, rows: IntArray, known: IntArray, starts: Records, scatter: float
+    look: Look,
+    work: Measured,
+    rows: IntArray,
+    known: IntArray,
+    starts: Records,
+    friction: FrictionRatio,
+    scatter: float,
 ) -> IntArray:
     """Fill the onsets of `rows` that are like those of the rows `known`; the other rows."""
     length, parts = work.fits.length_m, []
     for windows, motion, sigma, knot in look.alike(rows):
-        tractions = look.forms.traction(knot)
+        tractions = look.forms.traction(knot, ratio=friction.value)
         nearest = np.argmin(np.abs(length[windows.row][:, None] - length[known]), axis=1)
         shift = _form_shift(look, work, windows, knot)
         found = tractions.followed(windows, motion, shift, starts[nearest], sigma, scatter)
@@ -376,7 +389,7 @@ def _followed(
     onsets = FoundOnsets.joined(parts)
     alike = np.isfinite(onsets.found["best"])
     kept = onsets.take(alike)
-    work.slip.put(kept.row, kept.told(look.forms.form_error, scatter))
+    work.slip.put(kept.row, kept.told(look.forms.form_error, friction, scatter))
     return np.sort(onsets.row[~alike])
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.errors import UsageError
 from tirelog.strain.footprint.fit import ODD_SD, TABLE_POINTS, PassageFits, grid_of
 from tirelog.strain.footprint.kernels import FITTED, OWN, motion_of
 from tirelog.strain.footprint.learn import LEAST_SCATTER, Learnt
@@ -43,8 +44,12 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 FINER = 2
 #: onsets that are tried, as a share of the half length, coarse steps and fine ones between them
 FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
-#: friction coefficients of P2 Table 1, adhesion and sliding: only their ratio matters
-STATIC, SLIDING = 0.8, 0.6
+#: sliding over sticking friction of P2 Table 1 (0.6 / 0.8) and its standard deviation: from 0.6 to
+#: 1.0 all are as likely; twice as much doubles the share of an onset's error by it
+RATIO, RATIO_SD = 0.75, 0.13
+#: change of an onset over that of the ratio, as a share of the half length: logs of simulated beams
+#: have 0.15 to 0.2, of rings 0.05 to 0.1; twice as much doubles an error that covers already
+BY_RATIO = 0.25
 #: a traction must remove this much of the misfit (squared sigmas, if free passages leave noise):
 #: noise alone does so in far less than one passage of a hundred; twice as much loses the faintest
 #: tenth of the slips
@@ -191,22 +196,23 @@ class TractionWaves:
         phases = np.ascontiguousarray(padded.reshape(len(padded), -1, FINER).transpose(2, 0, 1))
         return cls(fixed, phases, spare, float(xi[1] - xi[0]), L)
 
-    def table(self, every: int = 1) -> FloatArray:
+    def table(self, ratio: float, every: int = 1) -> FloatArray:
         """Waves (g, c) of tractions on the grid of the form's table, a column per onset.
 
-        The onsets are every `every`-th of `onset_grid`, the size is of the order of one.
+        `ratio` of sliding to sticking friction. The onsets are every `every`-th of `onset_grid`,
+        the size is of the order of one.
         """
         L, fixed = self.half_length_m, self.fixed
         onset = onset_grid(L)[::every]
         # adhering: steps at both ends; sliding: the integral of xi exp(-i kappa xi) from the onset
         # to the exit is (1 + i kappa xi) exp(-i kappa xi) / kappa^2 between them
-        adhering = STATIC * (L - onset) / L
-        made = adhering[:, None] * fixed[:, 0] - (2.0 * SLIDING / L) * fixed[:, 1]
+        adhering = (L - onset) / L
+        made = adhering[:, None] * fixed[:, 0] - (2.0 * ratio / L) * fixed[:, 1]
         factors = np.array(
             [
-                (SLIDING - STATIC) * (L - onset**2 / L),
-                -adhering - 2.0 * SLIDING / L * onset,
-                np.full(onset.size, 2.0 * SLIDING / L),
+                (ratio - 1.0) * (L - onset**2 / L),
+                -adhering - 2.0 * ratio / L * onset,
+                np.full(onset.size, 2.0 * ratio / L),
             ]
         )
         reach = self.phases.shape[2] * FINER - self.spare
@@ -214,6 +220,30 @@ class TractionWaves:
         first = np.floor(place).astype(np.int64)
         moved_waves(self.phases, first, place - first, factors, made)
         return np.ascontiguousarray(made.T)
+
+
+@dataclass(frozen=True)
+class FrictionRatio:
+    """Sliding over sticking friction of the tread, and its standard error."""
+
+    value: float = RATIO
+    se: float = RATIO_SD
+
+    @classmethod
+    def given(cls, ratio: float | None) -> FrictionRatio:
+        """The exact one of a setup or an option; None gives the usual one.
+
+        UsageError for a ratio that no tread has.
+        """
+        if ratio is None:
+            return cls()
+        if not 0.2 <= ratio <= 1.2:
+            raise UsageError(
+                f"ratio of sliding to sticking friction {ratio:g}",
+                allowed="0.2 to 1.2 is allowed",
+                do="correct friction_ratio, --friction-ratio or --sliding-friction",
+            )
+        return cls(ratio, 0.0)
 
 
 @dataclass(frozen=True)
@@ -394,10 +424,11 @@ class FoundOnsets:
             alone = lead > SURELY * ALONE * _scale(self.found, scatter)
         return alone & (told.reason == ""), starts
 
-    def told(self, form_error: float, scatter: float) -> SlipOnset:
+    def told(self, form_error: float, friction: FrictionRatio, scatter: float) -> SlipOnset:
         """Onsets with their errors, or why not.
 
-        `form_error` of an onset as a share of the half length, `scatter` of the log (`Usual`).
+        `form_error` of an onset as a share of the half length; that of `friction` adds to it;
+        `scatter` of the log (`Usual`).
         """
         found, L, onsets = self.found, self.half_length_m, onset_grid(1.0)
         step = (onsets[1] - onsets[0]) * L
@@ -414,7 +445,8 @@ class FoundOnsets:
         own = STEEPER * step * np.sqrt(2.0 * scale / bend)
         # what is left beyond noise is a misfit of form or traction
         missed = np.sqrt(1.0 + ALIKE * np.maximum(1.0 - 1.0 / scale, 0.0))
-        error = np.hypot(own * missed, np.hypot(LEAST_ERROR, form_error) * L)
+        shared = np.hypot(np.hypot(LEAST_ERROR, form_error), BY_RATIO * friction.se)
+        error = np.hypot(own * missed, shared * L)
         reason = np.full(best.size, "", object)
         reason[rival - left < ALONE * scale] = NOT_ALONE
         reason[(own > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE

@@ -5,7 +5,7 @@ Passages and footprint of each strain channel, as columns, with remarks on the w
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +14,16 @@ import numpy as np
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
+from tirelog.runs.bursts import mended
 from tirelog.runs.in_memory import released
+from tirelog.strain.channels import not_turning, strain_channels
 from tirelog.strain.footprint.footprint import Footprint, footprint
 from tirelog.strain.footprint.learn import LEAST_SPEED_M_S
 from tirelog.strain.footprint.measure import Measured
-from tirelog.strain.footprint.settle import Settled
+from tirelog.strain.footprint.settle import Settled, settle
+from tirelog.strain.footprint.slip_onset import FrictionRatio
 from tirelog.strain.passages.find import Passages
+from tirelog.strain.passages.surface import passages_of
 from tirelog.strain.speed import begin, speed_quality
 from tirelog.vocabulary.arrays import IntArray
 from tirelog.vocabulary.quality import Quality, having, quality_column
@@ -36,6 +40,27 @@ class FootprintOfChannel:
     remarks: tuple[str, ...]
 
 
+def footprints_of(
+    recording: Recording, friction_ratio: float | None = None
+) -> Iterator[FootprintOfChannel]:
+    """The footprint of each strain channel, with the usual low-pass.
+
+    UsageError: no channel shows a patch that comes round.
+    """
+    first, turned = None, False
+    for stored in strain_channels(recording):
+        channel = mended(stored)
+        passages = passages_of(recording, channel)
+        turned |= len(passages) > 0
+        own = None if passages.doubt else settle(channel, passages, like=first)
+        first = first or own
+        yield footprint_of_channel(
+            recording, channel, passages, Cutoff(), own, friction_ratio=friction_ratio
+        )
+    if not turned:
+        raise not_turning(recording)
+
+
 def footprint_of_channel(
     recording: Recording,
     channel: Channel,
@@ -44,13 +69,18 @@ def footprint_of_channel(
     settled: Settled | None,
     block_samples: int = BLOCK_SAMPLES,
     measured: Iterable[tuple[IntArray, Measured]] | None = None,
+    friction_ratio: float | None = None,
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`.
 
-    `settled`: the form of its passages, None if there is none; `measured`: as of `footprint`.
+    `settled`: the form of its passages, None if there is none; `measured`: as of `footprint`;
+    `friction_ratio`: instead of the setup's.
     """
     refuse_cutoff(recording, channel, cutoff)
-    found = footprint(channel, passages, cutoff, block_samples, settled, measured)
+    if friction_ratio is None:
+        friction_ratio = recording.setup.tire.friction_ratio
+    friction = FrictionRatio.given(friction_ratio)
+    found = footprint(channel, passages, cutoff, block_samples, settled, measured, friction)
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
@@ -115,6 +145,11 @@ def _remarks(
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
     remarks = [text, too_slow] if slow else [text]
+    if np.isfinite(found.slip.onset_m).any():
+        remarks.append(
+            f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
+            f"{found.friction.value:.3g} +- {found.friction.se:g}"
+        )
     doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
     if doubted:
         remarks.append(
