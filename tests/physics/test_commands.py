@@ -133,7 +133,10 @@ def test_conditions_that_no_tire_is_driven_under_are_refused(here, capsys, optio
 def test_bar_taken_for_pascal_is_refused(here, capsys):
     (here / "bar.toml").write_text(SETUP.replace("2.2e5", "2.2"))
     for given, says in (
-        (["--setup", "bar.toml"], "allowed for a tire is 20000 to 2e+06; 2.2 bar would be 220000"),
+        (
+            ["--setup", "bar.toml"],
+            "allowed for a tire is 20000 to 2e+06 Pa; 2.2 bar would be 220000",
+        ),
         (["--set", "inflation_pressure_Pa=32"], "no tire's pressure in Pa"),
     ):
         assert run(["model", "new", "--carcass", "ring", *given, "-o", "r.toml"]) == 2

@@ -33,6 +33,7 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 REGISTER = PACKAGE / "vocabulary" / "quality.py"
 #: other things of the same name: a column, an option, a regime of the simulation, a repair's count
 NAMESAKES = {
+    "implausible": ("api/setups.py", "drafts/check.py", "cli/logs/setup.py", "cli/logs/pages.py"),
     "leak": {
         "vocabulary/columns.py",
         "vocabulary/tables.py",
