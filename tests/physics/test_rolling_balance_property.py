@@ -81,7 +81,9 @@ def test_power_moment_and_offset_are_one(carcass):
 
 
 @pytest.mark.parametrize("carcass", ["ring", "damped ring"])
-@pytest.mark.parametrize("effect", [*sorted(ON_PRESSURE - OUT_OF_CONTACT), "hysteresis", "belt_tension", None])
+@pytest.mark.parametrize(
+    "effect", [*sorted(ON_PRESSURE - OUT_OF_CONTACT), "hysteresis", "belt_tension", None]
+)
 def test_the_offset_is_where_the_pressure_acts_in_space(carcass, effect):
     """To a micrometre, as the edge of the contact lies somewhere between two angles of its grid."""
     model = CARCASSES[carcass]
