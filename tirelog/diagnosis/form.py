@@ -74,7 +74,6 @@ class TireForm:
         if self.reduced_chi2 <= QUIET_CHI2:
             return (said,)
         return (
-            said,
             f"the fit leaves more than noise (reduced chi-square {self.reduced_chi2:.3g}, noise "
             "gives 1): an effect may be missing, and its mean is in the form; see `tirelog "
             "diagnose`",
