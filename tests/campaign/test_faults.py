@@ -17,7 +17,6 @@ from tests.campaign.conftest import MANIFEST, dataset
 from tests.campaign.processes import PATIENCE_S, begun, dying_on_the_first
 from tests.cli.conftest import Command
 from tests.diagnosis.toy import stack
-from tirelog.campaign import runner
 from tirelog.campaign.folder import folder_at
 from tirelog.campaign.ledger import Entry, Ledger, _entry
 from tirelog.campaign.manifest import load_manifest
@@ -114,18 +113,15 @@ def test_a_setup_that_fits_only_some_logs(manifest: Path, tmp_path: Path, tirelo
     assert len(dataset(tmp_path / "results")) == 8
 
 
-def test_a_scheduler_that_does_not_answer(
-    manifest: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scheduler_that_does_not_answer(manifest: Path) -> None:
+    """In a process of its own: a client that found nothing goes on trying beside later tests."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr(runner, "_TIMEOUT_S", 0.5)
     with socket.socket() as deaf:  # a port of our own that takes no connection
         deaf.bind(("127.0.0.1", 0))
-        outcome = tirelog(
-            "campaign", "run", manifest, "--scheduler", f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
-        )
-    assert outcome.status == 2
-    assert "does not answer" in outcome.err
+        scheduler = f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
+        process = begun(manifest, dying_on_the_first, "--scheduler", scheduler)
+        assert process.wait(PATIENCE_S) == 2
+    assert "does not answer" in (manifest.parent / "said.txt").read_text()
 
 
 def test_output_folder_that_cannot_be_made(
