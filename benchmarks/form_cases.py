@@ -162,7 +162,8 @@ def _measured(row: Row, logs: list[str], folder: Path) -> Row:
     """The row with what `footprint` says of the length, of rows marked ok.
 
     The error is that of the noise and that of the form, added in squares, as the docs prescribe.
-    The trend is the change of told over true from the slowest to the fastest third.
+    The trend is the change of told over true from the slowest to the fastest third of a log, the
+    larger one of the two: each log has an error of form of its own.
     """
     output = folder / "footprint.csv"
     status, seconds, _ = command(
@@ -182,14 +183,19 @@ def _measured(row: Row, logs: list[str], folder: Path) -> Row:
             told, time = float(given["length_m"]), float(given["time_s"])
             true = float(np.interp(time, log["time_s"], log["length_m"]))
             parts = [float(given.get(c) or 0.0) for c in ("length_se_m", "length_form_se_m")]
-            table.append((told / true, math.hypot(*parts) / true, float(given["speed_m_s"])))
+            row_of_log = float(list(truth).index(log["log"]))
+            error = math.hypot(*parts) / true
+            table.append((told / true, error, float(given["speed_m_s"]), row_of_log))
     row = replace(row, length_rows=all_rows, length_ok=len(table))
     if len(table) < 12:
         return row
-    ratio, error, speed = np.array(table).T
-    slow, fast = np.quantile(speed, [1 / 3, 2 / 3])
-    ends = [ratio[speed <= slow], ratio[speed >= fast]]
-    trend = float(np.median(ends[1]) - np.median(ends[0]))
+    ratio, error, speed, number = np.array(table).T
+    trends = []
+    for own in (number == k for k in np.unique(number) if np.sum(number == k) >= 12):
+        slow, fast = np.quantile(speed[own], [1 / 3, 2 / 3])
+        ends = [ratio[own & (speed <= slow)], ratio[own & (speed >= fast)]]
+        trends.append(float(np.median(ends[1]) - np.median(ends[0])))
+    trend = max(trends, key=abs, default=NAN)
     beyond = np.abs(ratio - 1.0) / np.maximum(error, 1e-12)
     middle = float(np.median(error))
     return replace(

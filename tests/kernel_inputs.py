@@ -419,17 +419,18 @@ def _(rng: np.random.Generator) -> Arguments:
 @inputs_of("strain.footprint.family_kernels")
 def _(rng: np.random.Generator) -> Arguments:
     from tirelog.strain.footprint.family import _mass
-    from tirelog.strain.footprint.family_kernels import ORDERS, TERMS
+    from tirelog.strain.footprint.family_kernels import ORDERS, SHAPES, TERMS
 
     kappa = np.arange(1.0, 40.0, 3.0) / 0.3
     shape, mass = np.array([0.06, 0.012, 0.4, 0.8, 0.1, -0.2]), _mass()
-    waves = np.zeros((kappa.size, 2 * TERMS + 1))
+    waves = np.zeros((kappa.size, 2 * TERMS + 3))
+    own = rng.normal(size=SHAPES), np.linspace(0.0, 0.2, kappa.size)
     return {
         "spherical_bessel": [(z, np.zeros(ORDERS)) for z in (0.02, 1.5, 7.0, 16.5, 40.0)],
         "inverted": [(rng.normal(size=(7, 7)),), (np.eye(3)[[2, 0, 1]].copy(),)],
         "_transforms": [(kappa, 0.06, waves, waves.copy())],
         "form_spectra": [
-            (kappa, kappa**2 - s, s / kappa**2, 0.3, shape, mass) for s in (0.0, 11.1)
+            (kappa, kappa**2 - s, s / kappa**2, 0.3, shape, mass, *own) for s in (0.0, 11.1)
         ],
     }
 

@@ -24,9 +24,11 @@ Traction = Callable[[np.ndarray], np.ndarray]
 @dataclass(frozen=True)
 class Beam:
     """EJ w'''' + mu c^2 w'' + 2 mu omega_d c w' + k w = p (errata), p a parabola over
-    +-half_length_m, tilted by `tilt`.
+    +-half_length_m, tilted by `tilt`; or (1 - |x|^`power`) (1 + `saddle` x^2), x = xi / L.
     """
 
+    power: float = field(default=2.0, kw_only=True)
+    saddle: float = field(default=0.0, kw_only=True)
     half_length_m: float = 0.055
     stiffness: float = 4.0
     foundation: float = 2e6
@@ -41,12 +43,11 @@ class Beam:
     _cache: dict = field(default_factory=dict, compare=False, repr=False)
 
     def pressure(self, xi: np.ndarray) -> np.ndarray:
-        L = self.half_length_m
-        return np.where(
-            np.abs(xi) < L,
-            0.75 * self.load_N / L * (1 - (xi / L) ** 2) * (1 - self.tilt * xi / L),
-            0.0,
-        )
+        L, n, a = self.half_length_m, self.power, self.saddle
+        x = np.clip(xi / L, -1, 1)
+        mean = n / (n + 1) + a * (1 / 3 - 1 / (n + 3))
+        shape = (1 - np.abs(x) ** n) * (1 + a * x**2) * (1 - self.tilt * x)
+        return np.where(np.abs(xi) < L, 0.5 * self.load_N / (L * mean) * shape, 0.0)
 
     @property
     def onset_m(self) -> float:

@@ -100,6 +100,27 @@ def test_footprint(command, rolling):
         assert "best estimate" in page.read()
 
 
+@pytest.mark.parametrize(("power", "saddle"), [(6.0, 0.0), (2.0, 2.2), (20.0, 0.0)])
+def test_lengths_of_a_tire_whose_pressure_is_no_parabola(command, drive, power, saddle):
+    """Flat, saddled, a box: within the errors told, and without a trend over the speed."""
+    truth = Beam(power=power, saddle=saddle)
+    speeds = np.array([7, 7, 12, 12, 21, 21])
+    made = drive([0, 6, 8, 14, 17, 22], speeds, seed=1905, pulse=truth, height=1.0, drift=0.0)
+    columns = {"time_s": made.channel.axis.time(), "grating": made.values}
+    columns["pressure"] = np.full(made.values.size, 2.2)
+    status, table, _ = command(columns, "footprint")
+    rows = table[table.quality == "ok"]
+    error = rows.length_m / (2 * truth.half_length_m) - 1
+    told = np.hypot(rows.length_se_m, rows.length_form_se_m) / (2 * truth.half_length_m)
+    assert status == 0
+    assert len(rows) > 0.95 * len(table)
+    assert np.mean(np.abs(error) < told) > 0.6
+    assert np.mean(np.abs(error) < 2 * told) > 0.9
+    assert told.median() < 0.15
+    slow, fast = rows.speed_m_s < 9, rows.speed_m_s > 18
+    assert abs(error[fast].median() - error[slow].median()) < 0.003
+
+
 def test_dissipation_and_its_lines(command, rolling):
     status, table, err = command(rolling, "dissipation", "--plot", "page.png")
     assert status == 0

@@ -13,7 +13,7 @@ from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.derivatives import closed, derivatives, lowpassed, window_spectra
 from tirelog.strain.footprint import kernels
 from tirelog.strain.footprint.family import EdgeFamily, EdgeShape
-from tirelog.strain.footprint.family_kernels import ORDERS, inverted, spherical_bessel
+from tirelog.strain.footprint.family_kernels import ORDERS, SHAPES, inverted, spherical_bessel
 from tirelog.strain.footprint.kernels import MOST_BEND, class_sums, fit_rows
 from tirelog.strain.footprint.onset_kernels import ONSET, onset_rows, traction_gains
 from tirelog.strain.footprint.plain_edges import find_edges, least
@@ -378,6 +378,34 @@ def test_slopes_of_a_spectrum_are_differences(closed_ring):
             spectra[:, 1 + number],
             atol=2e-6 * np.abs(spectra[:, 1 + number]).max(),
         )
+
+
+def test_a_tire_s_own_pressure_and_stiffness():
+    """Shapes times the mean pressure on a parabola's carcass that is stiffer by wavelength, and
+    what the spectrum changes by with each of them.
+    """
+    rng, shape = np.random.default_rng(907), EdgeShape(0.055, 0.04, 0.4, 0.0, 0.2, -0.1)
+    plain = EdgeFamily(0.305, 600.0)
+    own = np.zeros(plain.own.size)
+    own[:SHAPES] = rng.normal(scale=0.1, size=SHAPES)
+    wave = plain.kappa_1_m * shape.half_length_m
+    x, weights = np.polynomial.legendre.leggauss(300)
+    legendre = [eval_legendre(n, x) for n in range(15)]
+    even = [legendre[n - 1] - legendre[n + 1] for n in (3, 5, 7, 9, 11, 13)]
+    shapes = np.array([*even, legendre[2], legendre[3] - legendre[5], -legendre[1]])
+    pressure = (1 - x**2) * (1 - shape.tilt * x) + 2 / 3 * own[:SHAPES] @ shapes
+    transform = np.exp(-1j * np.multiply.outer(wave, x)) @ (weights * pressure)
+    family = plain.with_own(own)
+    load = family.spectrum(shape) / family.receptance(shape) / shape.half_length_m
+    np.testing.assert_allclose(load, transform, atol=1e-9)
+    own[SHAPES:] = 0.1
+    softer = plain.with_own(own).receptance(shape) / plain.receptance(shape)
+    assert np.all(np.abs(softer[20:60]) < 1.0)
+    spectra = plain.with_own(own).by_form(shape)
+    for number, nudge in enumerate(1e-6 * np.eye(own.size)):
+        ahead, behind = (plain.with_own(own + sign * nudge).spectrum(shape) for sign in (1, -1))
+        slope = spectra[:, 7 + number]
+        np.testing.assert_allclose((ahead - behind) / 2e-6, slope, atol=1e-6 * np.abs(slope).max())
 
 
 def plain_closed(row: np.ndarray) -> np.ndarray:

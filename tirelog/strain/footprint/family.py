@@ -26,7 +26,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.strain.footprint.family_kernels import TERMS, form_spectra
+from tirelog.strain.footprint.family_kernels import SHAPES, TERMS, form_spectra
 from tirelog.vocabulary.arrays import FloatArray
 
 ComplexArray = NDArray[np.complex128]
@@ -68,6 +68,11 @@ LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
 HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 
 
+#: logarithm of the waves in a turn about which a tire's own stiffness bends; numbers of its form
+BELLS = np.linspace(np.log(2.0), np.log(120.0), 9)
+OWN_FORM = SHAPES + BELLS.size
+
+
 @lru_cache(maxsize=1)
 def _mass() -> FloatArray:
     """<P_(2i + 2), (1 - x^2) P'_(2n + 1)> over the patch, shape (TERMS, TERMS)."""
@@ -83,17 +88,34 @@ def _mass() -> FloatArray:
 class EdgeFamily:
     """The family on one tire: wave numbers n / R up to `highest_1_m`, n = 1, 2, ...
 
+    `own` (OWN_FORM,): the tire's own form, SHAPES of pressure in mean pressures and bells of what
+    its stiffness (bending and foundation) has more, over the logarithm of the waves in a turn.
     `closed` takes the ring's own operator (n^2 - 1 in place of (kappa R)^2, and a tangential
     foundation as stiff as the radial one) in place of the straight line's: the difference between
     the two is a share of the error of form.
     """
 
-    def __init__(self, radius_m: float, highest_1_m: float, *, closed: bool = False) -> None:
+    def __init__(
+        self,
+        radius_m: float,
+        highest_1_m: float,
+        *,
+        closed: bool = False,
+        own: FloatArray | None = None,
+    ) -> None:
         self.radius_m, self.highest_1_m, self.closed = radius_m, highest_1_m, closed
+        self.own: FloatArray = np.zeros(OWN_FORM) if own is None else own
         order = np.arange(1.0, max(int(np.ceil(highest_1_m * radius_m)), 8) + 1)
         self.kappa_1_m: FloatArray = order / radius_m
         self._square = self.kappa_1_m**2 - (1.0 / radius_m**2 if closed else 0.0)
         self._tangential = 1.0 / order**2 if closed else np.zeros(order.size)
+        waves = np.clip(np.log(order), BELLS[0], BELLS[-1])
+        self._bells = np.exp(-0.5 * ((waves[:, None] - BELLS) / (BELLS[1] - BELLS[0])) ** 2)
+        self._stiffer = self._bells @ self.own[SHAPES:]
+
+    def with_own(self, own: FloatArray) -> EdgeFamily:
+        """The same on a tire of another form, (OWN_FORM,)."""
+        return EdgeFamily(self.radius_m, self.highest_1_m, closed=self.closed, own=own)
 
     def spectrum(self, shape: EdgeShape) -> ComplexArray:
         """Complex amplitude of the strain of an outer grating at each wave number, shape (n,).
@@ -102,29 +124,56 @@ class EdgeFamily:
         """
         return self.jacobian(shape)[:, 0]
 
+    def up_to(self, share: float) -> EdgeFamily:
+        """The same up to this `share` of the highest wave number."""
+        return EdgeFamily(self.radius_m, share * self.highest_1_m, closed=self.closed, own=self.own)
+
     def jacobian(self, shape: EdgeShape) -> ComplexArray:
         """The spectrum and its derivatives by the six parameters, shape (n, 7).
 
         In the order of the fields.
         """
+        return self._spectra(shape)[:, :7]
+
+    def by_form(self, shape: EdgeShape) -> ComplexArray:
+        """As `jacobian`, and then the derivatives by the tire's own form, (n, 7 + OWN_FORM)."""
+        spectra, square = self._spectra(shape), self._square * shape.bending_length_m**2
+        static = square**2 + 1.0 + self._tangential
+        softer = -spectra[:, 0] * static / self._stiffness(shape)
+        return np.column_stack([spectra, softer[:, None] * self._bells])
+
+    def _spectra(self, shape: EdgeShape) -> ComplexArray:
         return form_spectra(
-            self.kappa_1_m, self._square, self._tangential, self.radius_m, shape.array(), _mass()
+            self.kappa_1_m,
+            self._square,
+            self._tangential,
+            self.radius_m,
+            shape.array(),
+            _mass(),
+            self.own[:SHAPES],
+            self._stiffer,
         )
+
+    def _stiffness(self, shape: EdgeShape) -> ComplexArray:
+        """What resists a displacement at each wave number, over the foundation, shape (n,)."""
+        ell, square = shape.bending_length_m, self._square * shape.bending_length_m**2
+        static = (1.0 + self._stiffer) * (square**2 + 1.0 + self._tangential)
+        lost = shape.damping * self.kappa_1_m * ell
+        return np.asarray(static + shape.tension * square + 1j * lost, complex)
 
     def receptance(self, shape: EdgeShape) -> ComplexArray:
         """Strain per load at each wave number, shape (n,).
 
         A load's transform along xi times this is a spectrum.
         """
-        ell = shape.bending_length_m
-        stiffness = (
-            ell**4 * self._square**2
-            + shape.tension * ell**2 * self._square
-            + 1.0
-            + self._tangential
-        )
-        height = -self._square * ell / (np.pi * self.radius_m)
-        return np.asarray(height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell), complex)
+        height = -self._square * shape.bending_length_m / (np.pi * self.radius_m)
+        return np.asarray(height / self._stiffness(shape), complex)
+
+    def second_by_length(self, shape: EdgeShape) -> ComplexArray:
+        """The second derivative of the spectrum by the half length, shape (n,)."""
+        nudge = 1e-3 * shape.half_length_m
+        longer = EdgeShape.of(shape.array() + nudge * np.eye(6)[0])
+        return np.asarray((self.jacobian(longer) - self.jacobian(shape))[:, 1] / nudge)
 
     def basis(self, xi_m: FloatArray) -> ComplexArray:
         """exp(1j kappa xi), shape (len(xi), n).

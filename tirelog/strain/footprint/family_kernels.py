@@ -1,11 +1,12 @@
 """Compiled: the spectrum of a patch passage and its derivatives.
 
-By the form's six parameters (the equations of `family`).
+By the form's six parameters and the tire's own pressure (the equations of `family`).
 
     wave numbers, EdgeShape
         --Legendre transforms = spherical Bessel functions j_n(kappa L)-->
         contact conditions (TERMS x TERMS)
-        --solved--> pressure series --response--> spectrum and slopes, (n, 7)
+        --solved--> pressure series, and the tire's own --response-->
+        spectrum and slopes, (n, 7 + SHAPES)
 
 A Legendre polynomial's transform over the patch is 2 i^n j_n(z), z = kappa L, so nothing is
 integrated numerically.
@@ -22,6 +23,9 @@ from tirelog.vocabulary.arrays import FloatArray
 #: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1); twice as many take four times as
 #: long per contact condition
 TERMS = 7
+#: shapes of the tire's own pressure: the terms of the series but the first, the step P_2, and of
+#: odd ones P_3 - P_5 and the step P_1
+SHAPES = TERMS - 1 + 3
 #: orders of the Bessel functions: up to that of the last test, and one more for its slope
 ORDERS = 2 * TERMS + 2
 #: start of a downward recurrence (order), and the argument above which the upward one is stable;
@@ -89,7 +93,8 @@ def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArr
     """Fills `waves` and `slopes`: transforms at each wave number, and their derivatives by L.
 
     `kappa` (n,) [1/m], `L` [m]. Derivatives of Bessel functions by DLMF 10.51.2. Columns: tests
-    P_2, P_4, ... | terms (1 - x^2) P'_(n+1) | x (1 - x^2), shape (n, 2 TERMS + 1).
+    P_2, P_4, ... | terms (1 - x^2) P'_(n+1) | x (1 - x^2), P_5 - P_3, P_1 without their -1j, shape
+    (n, 2 TERMS + 3).
     """
     j, by_z = np.empty(ORDERS), np.empty(ORDERS - 1)
     for k in range(kappa.size):
@@ -113,6 +118,8 @@ def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArr
                 )
                 sign = -sign
             values[2 * TERMS] = 0.8 * factor * (source[1] + source[3])
+            values[2 * TERMS + 1] = 2.0 * factor * (source[3] + source[5])
+            values[2 * TERMS + 2] = 2.0 * factor * source[1]
 
 
 @compiled
@@ -123,12 +130,17 @@ def form_spectra(
     radius: float,
     shape: FloatArray,
     mass: FloatArray,
+    own: FloatArray,
+    stiffer: FloatArray,
 ) -> NDArray[np.complex128]:
-    """Spectrum of `shape` (the fields of EdgeShape) and its six derivatives, (n, 7).
+    """Spectrum of `shape` (the fields of EdgeShape) and its derivatives, (n, 7 + SHAPES).
 
     At the wave numbers `kappa` (n,) [1/m] of the operator with `square` (n,) [1/m^2] and
     `tangential` (n,) [1]; `radius` [m]; `mass` (TERMS, TERMS): <test, term>. The parameters are an
-    axis that fits step along, in the order of the fields, so they are counted and not named.
+    axis that fits step along, in the order of the fields, so they are counted and not named. Behind
+    them come the shapes of the tire's own pressure, which has `own` (SHAPES,) of them in mean
+    pressures; `stiffer` (n,): what its own stiffness is over bending and foundation, less one.
+    Neither is part of the contact that gives the series.
     """
     L, ell, tension, ratio, damping, tilt = (
         shape[0],
@@ -139,7 +151,7 @@ def form_spectra(
         shape[5],
     )
     count = kappa.size
-    waves, slopes = np.empty((count, 2 * TERMS + 1)), np.empty((count, 2 * TERMS + 1))
+    waves, slopes = np.empty((count, 2 * TERMS + 3)), np.empty((count, 2 * TERMS + 3))
     _transforms(kappa, L, waves, slopes)
     reach = L / (np.pi * radius)
     stiffness, by_ell, by_tension = np.empty(count), np.empty(count), np.empty(count)
@@ -176,26 +188,44 @@ def form_spectra(
         for n in range(TERMS):
             for c in range(4):
                 moved[i, c] += inverse[i, n] * load[n, c]
-    out = np.empty((count, 7), np.complex128)
+    # mean pressure (2/3 of the parabola's top) of each shape over that of its wave
+    over = np.full(SHAPES, 2.0 / 3.0)
+    for n in range(1, TERMS):
+        over[n - 1] *= (4.0 * n + 3.0) / ((2.0 * n + 1.0) * (2.0 * n + 2.0))
+    out = np.empty((count, 7 + SHAPES), np.complex128)
     for k in range(count):
-        odd, odd_slope = waves[k, 2 * TERMS], slopes[k, 2 * TERMS]
-        compliance = 1.0 / complex(stiffness[k], damping * kappa[k] * ell)
+        odd, odd_slope = tilt * waves[k, 2 * TERMS], tilt * slopes[k, 2 * TERMS]
+        mine, mine_slope = 0.0, 0.0
+        for i in range(TERMS):
+            place = TERMS + 1 + i if i < TERMS - 1 else 0
+            mine += own[i] * over[i] * waves[k, place]
+            mine_slope += own[i] * over[i] * slopes[k, place]
+        for i in range(TERMS, SHAPES):
+            odd += own[i] * over[i] * waves[k, TERMS + 1 + i]
+            odd_slope += own[i] * over[i] * slopes[k, TERMS + 1 + i]
+        q, more = ell**2 * square[k], stiffer[k]
+        by_ell[k] += 4.0 * more * q * q / ell
+        total = stiffness[k] + more * (q * q + 1.0 + tangential[k])
+        compliance = 1.0 / complex(total, damping * kappa[k] * ell)
         # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights
         # stay comparable while a fit walks
         response = -square[k] * ell * reach * compliance
         # the tilt is carried by the parabola of the same load
-        spectrum = response * complex(even[k], tilt * pressure[0] * odd)
+        spectrum = response * complex(even[k] + pressure[0] * mine, pressure[0] * odd)
         out[k, 0] = spectrum
         for c in range(4):
-            by = 0.0
+            by = moved[0, c] * mine
             for n in range(TERMS):
                 by += waves[k, TERMS + n] * moved[n, c]
-            out[k, 1 + c] = response * complex(by, tilt * odd * moved[0, c])
-        out[k, 1] += (
-            response * complex(even_slope[k], tilt * pressure[0] * odd_slope) + spectrum / L
-        )
+            out[k, 1 + c] = response * complex(by, odd * moved[0, c])
+        slope = complex(even_slope[k] + pressure[0] * mine_slope, pressure[0] * odd_slope)
+        out[k, 1] += response * slope + spectrum / L
         out[k, 2] += spectrum * (1.0 / ell - complex(by_ell[k], damping * kappa[k]) * compliance)
         out[k, 3] -= spectrum * by_tension[k] * compliance
         out[k, 5] = spectrum * complex(0.0, -kappa[k] * ell) * compliance
-        out[k, 6] = response * complex(0.0, pressure[0] * odd)
+        out[k, 6] = response * complex(0.0, pressure[0] * waves[k, 2 * TERMS])
+        for i in range(SHAPES):
+            place = TERMS + 1 + i if i != TERMS - 1 else 0
+            size = pressure[0] * over[i] * waves[k, place]
+            out[k, 7 + i] = response * (complex(size, 0.0) if i < TERMS else complex(0.0, size))
     return out

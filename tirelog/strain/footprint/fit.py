@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.strain.footprint.family import ComplexArray, EdgeShape
+from tirelog.strain.footprint.family import ComplexArray
 from tirelog.strain.footprint.kernels import FIT, GRID, OWN, fit_rows
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
@@ -83,10 +83,8 @@ def _form_table(
     """
     family, shape = reference.family, reference.shapes[number]
     spectra = family.jacobian(shape)
-    nudge = 1e-3 * shape.half_length_m
-    longer = family.jacobian(EdgeShape.of(shape.array() + nudge * np.eye(6)[0]))
     base, wave_number = spectra[:, 0], 1j * family.kappa_1_m
-    second = (longer[:, 1] - spectra[:, 1]) / nudge, wave_number**2 * base
+    second = family.second_by_length(shape), wave_number**2 * base
     columns, grid = grid_of(
         reference,
         number,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily
 from tirelog.strain.footprint.reference import Average, Reference, average, fit_average
-from tirelog.strain.footprint.refine import Sample, refine_edges
+from tirelog.strain.footprint.refine import Sample, learn_form, refine_edges
 from tirelog.strain.footprint.windows import gather_windows, joined_windows
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
@@ -82,7 +82,7 @@ class Learnt:
 
     `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
     sinks into the noise, the `auto` cut-off; `free_rolling`: whether it was learnt from passages at
-    steady speed.
+    steady speed; `without` (n,): passages of the log that were left out.
     """
 
     reference: Reference
@@ -90,6 +90,7 @@ class Learnt:
     half_window_m: float
     wave_number_1_m: float
     free_rolling: bool
+    without: NDArray[np.bool_] | None = None
 
     def length_errors(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Standard errors [m] of the full length at each speed that all rows share.
@@ -104,6 +105,7 @@ class Learnt:
         missed = max(self.reference.misfit / min(self.reference.misfit, 1.0) - 1.0, unseen)
         gap = max(self.other.misfit - self.reference.misfit, 0.0)
         share = FORM_FACTOR * np.sqrt(missed / (missed + gap)) * np.abs(best - worse)
+        share = np.hypot(share, self.reference.form_share * best)
         at = self.reference.speed_m_s
         return np.interp(speed_m_s, at, self.reference.length_se_m), np.interp(speed_m_s, at, share)
 
@@ -118,7 +120,8 @@ class Learnt:
             np.delete(values, TREAD, 1) <= np.delete(LOWEST, TREAD)
         ).any(axis=1)
         left = self.reference.residuals
-        missed = np.zeros(len(values)) if left is None else np.abs(left).max(axis=1)
+        own = self.reference.family.own.any()  # which is learnt only if it leaves next to nothing
+        missed = np.zeros(len(values)) if left is None or own else np.abs(left).max(axis=1)
         doubted = at_bound | (np.abs(values[:, TILT]) > MOST_TILT) | (missed > MOST_LEFT)
         speed = np.nan_to_num(speed_m_s)
         nearest = np.argmin(np.abs(speed[:, None] - self.reference.speed_m_s), axis=1)
@@ -336,19 +339,38 @@ def learn_reference(
     """
     if passages.template is None or not len(passages):
         return None
-    rows = _usable(passages, without)
-    if not rows.size:
+    chosen = _to_learn_from(channel, passages, block_samples, without)
+    if chosen is None:
         return None
-    rows, classes, free = _steady_first(passages, rows)
-    rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
-    window = min(WINDOW * rough, 2.9 * passages.radius_m)
-    samples = _samples(channel, passages, rows, classes, window, block_samples)
+    samples, window, rough, free = chosen
     both = None if like is None else _from_another(samples, passages, window, like)
     if both is None:
         both = _from_an_average(samples, passages, window, rough)
     best, other = _better_first(both)
     if not best.misfit > 0.0:  # no passage with more samples than unknowns
         return None
-    return Learnt(
-        best, other, window, _wave_number(best, channel.axis.rate_Hz, window, passages.noise), free
-    )
+    highest = _wave_number(best, channel.axis.rate_Hz, window, passages.noise)
+    return Learnt(best, other, window, highest, free, without)
+
+
+def _to_learn_from(
+    channel: Channel, passages: Passages, block_samples: int, without: NDArray[np.bool_] | None
+) -> tuple[list[Sample], float, float, bool] | None:
+    """Samples to learn from, half of their window, a rough half length [m], whether they roll."""
+    rows = _usable(passages, without)
+    if passages.template is None or not rows.size:
+        return None
+    rows, classes, free = _steady_first(passages, rows)
+    rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
+    window = min(WINDOW * rough, 2.9 * passages.radius_m)
+    return _samples(channel, passages, rows, classes, window, block_samples), window, rough, free
+
+
+def learn_own(
+    channel: Channel, passages: Passages, learnt: Learnt, block_samples: int = BLOCK_SAMPLES
+) -> Learnt:
+    """`learnt` with the tire's own pressure and stiffness, or with what these may do to lengths."""
+    chosen = _to_learn_from(channel, passages, block_samples, learnt.without)
+    assert chosen is not None
+    reference = learn_form(learnt.reference, chosen[0], passages.noise, learnt.half_window_m)
+    return replace(learnt, reference=reference)

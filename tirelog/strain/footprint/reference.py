@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily, EdgeShape
+from tirelog.strain.footprint.family import HIGHEST, LOWEST, OWN_FORM, EdgeFamily, EdgeShape
+from tirelog.strain.footprint.family_kernels import SHAPES
 from tirelog.vocabulary.arrays import FloatArray
 
 #: cells along xi over the window; twice as many have half of the samples each and take twice as
@@ -30,12 +31,38 @@ HIGHEST_WAVE = 42.0
 #: change by no more than this, at so many speeds at most; twice as coarse, half as many forms are
 #: tabled, and more lies between them
 TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
-#: what is weakly known of a start: mean and standard deviation of normal priors of its first
-#: parameters, the bending length over a rough half length, tension, tread, damping, tilt; behind
-#: them come the half length, height, offset and shift
-_PRIOR_MEAN = np.array([0.7, 1.0, 1.0, 0.0, 0.0])
-_PRIOR_SD = np.array([2.0, 30.0, 30.0, 0.4, 0.5])
-_KNOWN, _LENGTH, _SCALED = 5, 5, slice(6, 8)
+#: what is weakly known of what averages share: mean and standard deviation of normal priors of the
+#: bending length (logarithm, over a rough half length), tension at rest, inertia x squared top
+#: speed, tread; behind them comes the tire's own form, whose numbers have a mean of zero
+_SHARED_MEAN, _SHARED_SD = np.array([-0.36, 1.0, 0.0, 1.0]), np.array([2.0, 30.0, 1e-3, 30.0])
+_SHARED, TREAD = 4 + OWN_FORM, 3
+#: the same about a reference, beside which there is a form that takes what they would
+_NEAR_SD = np.array([0.1, 0.3, 1.0, 30.0])
+#: ordinary sizes of a tire's own form, as in `physics.effects.form`: 0.3 of the mean pressure (or
+#: less, as one over the degree, for shapes finer than it has), 0.2 of the stiffness
+_DEGREES = np.array([3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 2.0, 4.0, 1.0])
+_OWN_SD = np.r_[0.3 * np.minimum(1.0, 7.0 / _DEGREES), np.full(OWN_FORM - SHAPES, 0.2)]
+#: then for each average logarithm of the half length, damping, tilt, shift, height, offset; and
+#: what is weakly known of damping and tilt
+_APIECE = 6
+_ODD_SD = np.array([0.4, 0.5])
+#: a step changes the shared ones by no more than this; twice as much overshoots in bent valleys
+_MOST_STEP = np.r_[0.3, 2.0, 2.0, 1.5, np.full(SHAPES, 0.5), np.full(OWN_FORM - SHAPES, 0.3)]
+#: the road does not pull: standard deviation of a pressure below zero, in mean pressures, at some
+#: places x of the patch; with five times as much flat pressures end up 0.4 % longer
+_PULL = 0.02
+_PLACES = np.cos(np.pi * (np.arange(24) + 0.5) / 24)
+_P = [np.ones_like(_PLACES), _PLACES]
+for _n in range(1, 14):  # Legendre polynomials (DLMF 18.9.1); `numpy.polynomial` is slow to load
+    _P.append(((2 * _n + 1) * _PLACES * _P[_n] - _n * _P[_n - 1]) / (_n + 1))
+_ON_PATCH = np.column_stack(
+    [*(_P[_n] - _P[_n + 2] for _n in range(2, 13, 2)), _P[2], _P[3] - _P[5], -_P[1]]
+)
+#: shares of a step and its damping that are tried one after the other with a form: shorter steps go
+#: on along bent valleys, damped ones lead to them
+TRIALS = ((1.0, 0.0), (0.4, 0.0), (1.0, 1e-4), (1.0, 1e-2), (1.0, 1.0))
+#: a mean length that is held is held to this
+_HELD = 1e-4
 #: starts: tread, and half length over the rough one
 _STARTS = ((0.1, 1.0), (2.5, 0.85))
 
@@ -65,7 +92,8 @@ class Reference:
     passages it was learnt from. After `refine`: `length_se_m` (k,), the error of a full length from
     not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
     `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of
-    their height (None if that is noise).
+    their height (None if that is noise); `form_share`: error of all lengths together by what the
+    tire's own form may be (`refine.learn_form`), as a share.
     """
 
     family: EdgeFamily
@@ -79,6 +107,7 @@ class Reference:
     freedom: float = 0.0
     residual_xi_m: FloatArray | None = None
     residuals: FloatArray | None = None
+    form_share: float = 0.0
 
     def at_speeds(self, speed_m_s: FloatArray) -> Reference:
         """The same reference at other speeds (ascending).
@@ -172,102 +201,197 @@ def average(
     )
 
 
-class _Problem:
-    """Residuals and derivatives of an average for a vector of parameters (_PRIOR_MEAN)."""
+class AverageFit:
+    """Averages of some speeds, which share a tire, against a vector of parameters.
 
-    def __init__(self, family: EdgeFamily, average: Average, scale_m: float) -> None:
-        self.family, self.average, self.scale_m = family, average, scale_m
+    The shared ones (_SHARED_MEAN), and _APIECE for each average; lengths begin at `scale_m`. With
+    `own` the tire's own form is free, and the tread, which it stands for, is not.
+    """
+
+    def __init__(
+        self, family: EdgeFamily, averages: list[Average], scale_m: float, *, own: bool
+    ) -> None:
+        self.family, self.averages, self.scale_m, self.own = family, averages, scale_m, own
         # the mean over a cell's samples bends by half of their variance: cos(kappa x) -> cos(kappa
         # x) (1 - kappa^2 spread / 2)
-        self.basis = family.basis(average.xi_m) * (
-            1.0 - 0.5 * np.multiply.outer(average.spread_m2, family.kappa_1_m**2)
-        )
-        self.root = np.sqrt(average.weight)
+        waves = [
+            family.basis(one.xi_m)
+            * (1.0 - 0.5 * np.multiply.outer(one.spread_m2, family.kappa_1_m**2))
+            for one in averages
+        ]
+        self.bases = [np.hstack([wave.real, -wave.imag]) for wave in waves]
+        squares = np.array([one.speed_m_s**2 for one in averages])
+        self.relative = squares / squares[-1]
+        self.trust, self.shared = 1.0, (_SHARED_MEAN, _SHARED_SD)
 
-    def shape(self, theta: FloatArray) -> EdgeShape:
-        """The form."""
-        values = np.array([theta[_LENGTH], theta[0] * self.scale_m, *theta[1:_KNOWN]])
+    def shape(self, theta: FloatArray, number: int) -> EdgeShape:
+        """The form of average `number`."""
+        apiece = theta[_SHARED + number * _APIECE :]
+        tension = theta[1] - theta[2] * self.relative[number]
+        values = np.r_[np.exp([apiece[0], theta[0]]), tension, theta[3], apiece[1:3]]
+        values[:2] *= self.scale_m
         return EdgeShape.of(np.clip(values, LOWEST, HIGHEST))
 
-    def evaluate(self, theta: FloatArray) -> FloatArray:
-        """The average as the form predicts it, (cells,)."""
-        height, offset, shift = theta[_LENGTH + 1 :]
-        turn = np.exp(-1j * self.family.kappa_1_m * shift)
-        waveform: FloatArray = (
-            height * (self.basis @ (self.family.spectrum(self.shape(theta)) * turn)).real + offset
-        )
-        return waveform
-
-    def settled(self, theta: FloatArray) -> FloatArray:
-        """`theta` with the height and offset that fit best.
-
-        They are linear, and leaving them to the steps bends the valley.
-        """
-        theta = theta.copy()
-        theta[_SCALED] = 1.0, 0.0
-        wave = self.evaluate(theta)
-        design = np.column_stack([wave, np.ones_like(wave)]) * self.root[:, None]
-        theta[_SCALED] = np.linalg.solve(
-            design.T @ design, design.T @ (self.average.values * self.root)
-        )
+    def start(self, reference: Reference) -> FloatArray:
+        """The parameters of `reference`, whose speeds are those of the averages."""
+        shapes, top = reference.shapes, reference.speed_m_s[-1] ** 2
+        theta = np.zeros(_SHARED + _APIECE * len(shapes))
+        theta[0] = np.log(shapes[0].bending_length_m / self.scale_m)
+        theta[2] = reference.inertia * top
+        theta[1] = shapes[0].tension + theta[2] * self.relative[0]
+        theta[TREAD], theta[4:_SHARED] = shapes[0].tread, reference.family.own
+        for apiece, shape in zip(theta[_SHARED:].reshape(-1, _APIECE), shapes, strict=True):
+            apiece[:3] = np.log(shape.half_length_m / self.scale_m), shape.damping, shape.tilt
+        self.shared = theta[:4].copy(), _NEAR_SD
         return theta
 
-    def residuals(self, theta: FloatArray) -> FloatArray:
-        """Weighted residual, and that of what is known, (cells + 5,)."""
-        left = self.root * (self.average.values - self.evaluate(theta))
-        return np.concatenate([left, (_PRIOR_MEAN - theta[:_KNOWN]) / _PRIOR_SD])
-
-    def jacobian(self, theta: FloatArray) -> FloatArray:
-        """Derivatives of the weighted prediction, (cells + 5, parameters)."""
-        height, _, shift = theta[_LENGTH + 1 :]
-        spectra, turning = self.family.jacobian(self.shape(theta)), 1j * self.family.kappa_1_m
-        columns = np.column_stack([spectra, -turning * spectra[:, 0]])
-        waves = (self.basis @ (columns * np.exp(-turning * shift)[:, None])).real
-        wave, length, ell, tension, tread, damping, tilt, slope = waves.T
-        block = np.column_stack(
-            [
-                *(height * wave for wave in (ell * self.scale_m, tension, tread, damping, tilt)),
-                *(height * length, wave, np.ones_like(wave), height * slope),
-            ]
+    def reference(self, theta: FloatArray, before: Reference) -> Reference:
+        """`before` with the parameters `theta`, whose shifts are beside its own."""
+        return replace(
+            before,
+            family=before.family.with_own(theta[4:_SHARED]),
+            shapes=tuple(self.shape(theta, number) for number in range(len(self.averages))),
+            shifts_m=before.shifts_m + theta[_SHARED + 3 :: _APIECE],
+            inertia=float(theta[2]) / before.speed_m_s[-1] ** 2,
         )
-        known = np.zeros((_KNOWN, theta.size))
-        known[:, :_KNOWN] = np.diag(1.0 / _PRIOR_SD)
-        return np.vstack([block * self.root[:, None], known])
+
+    def length(self, theta: FloatArray) -> float:
+        """Mean of the logarithms of the half lengths, over the scale."""
+        return float(theta[_SHARED::_APIECE].mean())
+
+    def length_error(self, normal: FloatArray) -> float:
+        """Standard deviation of `length` by the `normal` matrix."""
+        mean = np.zeros(len(normal))
+        mean[_SHARED::_APIECE] = 1.0 / len(self.averages)
+        return float(np.sqrt(mean @ np.linalg.solve(normal, mean)))
+
+    def known(self, size: float) -> tuple[FloatArray, FloatArray]:
+        """Means and weights of what is known before; the form is of `size` times the ordinary."""
+        odd = np.r_[0.0, _ODD_SD**-2.0, 0.0, 0.0, 0.0]
+        mean = np.r_[self.shared[0], np.zeros(OWN_FORM + _APIECE * len(self.averages))]
+        weights = self.shared[1] ** -2.0, (size * _OWN_SD) ** -2.0, np.tile(odd, len(self.averages))
+        return mean, np.concatenate(weights)
+
+    def at(self, theta: FloatArray, length: float | None) -> tuple[FloatArray, FloatArray]:
+        """Weighted residuals (m,) and what they fall by with the parameters, (m, parameters).
+
+        Heights and offsets in `theta` become those that fit best: they are linear, and leaving them
+        to the steps bends the valley.
+
+        Of the averages, of a pressure below zero, and of the mean of the logarithms of the lengths
+        from `length`, if that is given.
+        """
+        family, turning = self.family.with_own(theta[4:_SHARED]), 1j * self.family.kappa_1_m
+        left, slopes = [], []
+        for number, one in enumerate(self.averages):
+            first = _SHARED + number * _APIECE
+            shape, shift = self.shape(theta, number), theta[first + 3]
+            root = np.sqrt(self.trust * one.weight)
+            spectra = family.by_form(shape) if self.own else family.jacobian(shape)
+            columns = np.column_stack([spectra, -turning * spectra[:, 0]])
+            columns *= np.exp(-turning * shift)[:, None]
+            waves = self.bases[number] @ np.vstack([columns.real, columns.imag])
+            design = np.column_stack([waves[:, 0], np.ones(root.size)]) * root[:, None]
+            linear = np.linalg.solve(design.T @ design, design.T @ (one.values * root))
+            theta[first + 4 : first + 6] = linear
+            left.append(root * one.values - design @ linear)
+            block = np.zeros((root.size, theta.size))
+            by_shared = waves[:, [2, 3, 3, 4]]
+            block[:, :4] = by_shared * [shape.bending_length_m, 1.0, -self.relative[number], 1.0]
+            if self.own:
+                block[:, 4:_SHARED] = waves[:, 7:-1]
+            block[:, first : first + 4] = waves[:, [1, 5, 6, -1]]
+            block[:, first] *= shape.half_length_m
+            block *= linear[0] * root[:, None]
+            block[:, first + 4 : first + 6] = design
+            slopes.append(block)
+        pressure = 1.5 * (1.0 - _PLACES**2) + _ON_PATCH @ theta[4 : 4 + SHAPES]
+        pulls = np.zeros((_PLACES.size + 1, theta.size))
+        pulls[:-1, 4 : 4 + SHAPES] = _ON_PATCH * (pressure < 0.0)[:, None] / _PULL
+        held = 0.0
+        if length is not None:
+            pulls[-1, _SHARED::_APIECE] = 1.0 / (_HELD * len(self.averages))
+            held = length / _HELD - float(pulls[-1] @ theta)
+        left.append(np.r_[np.maximum(-pressure, 0.0) / _PULL, held])
+        return np.concatenate(left), np.vstack([*slopes, pulls])
 
 
-def _bounded(theta: FloatArray, scale_m: float) -> FloatArray:
-    """`theta` within what the family allows."""
-    theta = theta.copy()
-    theta[0] = np.clip(theta[0], LOWEST[1] / scale_m, HIGHEST[1] / scale_m)
-    theta[1:3] = np.clip(theta[1:3], LOWEST[2:4], HIGHEST[2:4])
-    theta[_LENGTH] = np.clip(theta[_LENGTH], LOWEST[0], HIGHEST[0])
-    return theta
+@dataclass(frozen=True)
+class Descent:
+    """Where a fit to averages has come to.
+
+    `theta` (n,), `cost` (with what is known before), `misfit` of the averages alone, `normal`
+    (n, n), `evidence` (logarithm, but for a constant) of the form's size, and what a further step
+    `promise`s to add to that.
+    """
+
+    theta: FloatArray
+    cost: float
+    misfit: float
+    normal: FloatArray
+    evidence: float
+    promise: float
 
 
-def _descend(problem: _Problem, theta: FloatArray) -> tuple[FloatArray, float]:
-    """Levenberg-Marquardt from `theta`: the best parameters and their cost."""
-    damping, residual = 1e-3, problem.residuals(theta)
-    cost = float(residual @ residual)
-    jacobian = problem.jacobian(theta)
-    for _ in range(ITERATIONS):
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ residual
-        step = np.linalg.solve(
-            normal + damping * np.diag(np.diag(normal) + 1e-12 * np.trace(normal)), gradient
-        )
-        trial = problem.settled(_bounded(theta + step, problem.scale_m))
-        new = problem.residuals(trial)
-        new_cost = float(new @ new)
-        if new_cost < cost:
-            done = cost - new_cost < GOOD_ENOUGH + 1e-2 * new_cost
-            theta, residual, cost, damping = trial, new, new_cost, max(0.2 * damping, 1e-9)
-            jacobian = problem.jacobian(theta)
-            if done:
+def judged(
+    problem: AverageFit, theta: FloatArray, size: float, left: FloatArray, slopes: FloatArray
+) -> Descent:
+    """What the averages say at `theta`, where they leave `left` with these `slopes`."""
+    mean, known = problem.known(size)
+    cost = float(left @ left + known @ (theta - mean) ** 2)
+    normal = slopes.T @ slopes + np.diag(known)
+    gradient = slopes.T @ left + known * (mean - theta)
+    evidence = np.log(known[4:_SHARED]).sum() - cost - np.linalg.slogdet(normal)[1]
+    promise = float(gradient @ np.linalg.solve(normal, gradient))
+    return Descent(theta, cost, float(left @ left), normal, 0.5 * evidence, 0.5 * promise)
+
+
+def descend(
+    problem: AverageFit,
+    theta: FloatArray,
+    size: float = 1.0,
+    length: float | None = None,
+    steps: int = ITERATIONS,
+) -> Descent:
+    """A fit from `theta` with a form of `size` times the ordinary one, if one is free.
+
+    Without, by Levenberg and Marquardt; with it by Gauss and Newton, with shorter steps where whole
+    ones do harm. `length`: mean of the logarithms of the half lengths (over the scale), if it is
+    held. Ends after `steps`, or with one that is GOOD_ENOUGH.
+    """
+    theta, least = theta.copy(), 1e-3
+    mean, known = problem.known(size)
+    low, high = np.full(theta.size, -np.inf), np.full(theta.size, np.inf)
+    low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[3], HIGHEST[3])
+    left, slopes = problem.at(theta, length)
+    cost = float(left @ left + known @ (theta - mean) ** 2)
+    for _ in range(steps):
+        normal = slopes.T @ slopes + np.diag(known)
+        gradient, done = slopes.T @ left + known * (mean - theta), True
+        trials = TRIALS if problem.own else tuple((1.0, least * 6.0**k) for k in range(11))
+        for share, damping in trials:
+            damped = normal + np.diag(damping * np.diag(normal))
+            step = np.linalg.solve(damped, gradient)
+            out = (theta + step < low) | (theta + step > high)
+            if out.any():  # what stands at a bound stays there, and the others know it
+                kept = ~out
+                step[out] = (np.clip(theta + step, low, high) - theta)[out]
+                right = gradient[kept] - damped[np.ix_(kept, out)] @ step[out]
+                step[kept] = np.linalg.solve(damped[np.ix_(kept, kept)], right)
+            if problem.own:
+                share /= max(1.0, float(np.max(np.abs(step[:_SHARED]) / _MOST_STEP)))
+            trial = np.clip(theta + share * step, low, high)
+            new, new_slopes = problem.at(trial, length)
+            new_cost = float(new @ new + known @ (trial - mean) ** 2)
+            if new_cost < cost:
+                enough = 0.3 if problem.own else GOOD_ENOUGH + 1e-2 * new_cost
+                done = cost - new_cost < enough
+                least = max(0.2 * damping, 1e-9)
+                theta, left, slopes, cost = trial, new, new_slopes, new_cost
                 break
-        else:
-            damping *= 6.0
-            if damping > 1e6:
-                break
-    return theta, cost
+        if done:
+            break
+    return judged(problem, theta, size, left, slopes)
 
 
 def fit_average(
@@ -278,21 +402,20 @@ def fit_average(
     The best of several starts; `start_length_m` is a rough half length.
     """
     family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m))
-    problem = _Problem(family, average, start_length_m)
-    height = float(np.ptp(average.values[average.weight > 0]))
+    problem = AverageFit(family, [average], start_length_m, own=False)
     found = []
     for tread, factor in _STARTS:
-        tension, length_m = 0.3 if tread < 1 else 3.0, start_length_m * factor
-        start = np.array([0.75, tension, tread, 0.0, 0.0, length_m, height, 0.0, 0.0])
-        found.append(_descend(problem, problem.settled(start)))
-    theta, _ = min(found, key=lambda result: result[1])
+        start = np.zeros(_SHARED + _APIECE)
+        start[[0, 1, 3, _SHARED]] = np.log(0.75), 0.3 if tread < 1 else 3.0, tread, np.log(factor)
+        found.append(descend(problem, start))
+    best = min(found, key=lambda one: one.cost).theta
     alike = np.ones(speed_m_s.size)
     return Reference(
         family,
         speed_m_s,
-        (problem.shape(theta),) * speed_m_s.size,
-        theta[-1] * alike,
+        (problem.shape(best, 0),) * speed_m_s.size,
+        best[-3] * alike,
         0.0,
-        theta[_LENGTH + 1] * alike,
+        best[-2] * alike,
         0.0 * alike,
     )

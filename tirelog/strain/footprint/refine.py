@@ -7,6 +7,9 @@ What all passages share, with each one's own numbers taken out exactly.
           eliminated (Schur)--> steps of the shared parameters
         --until they stop--> Reference with errors; what is left, averaged along xi
 
+At last the averages of what the rows leave about that form, by class, tell how far the tire's own
+pressure and stiffness can be told from the length (`learn_form`).
+
 Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and
 the misfit is a true chi-square. Shared: bending length, tension, inertia (fall of the tension with
 the squared speed), tread.
@@ -22,7 +25,14 @@ from numpy.typing import NDArray
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeShape
 from tirelog.strain.footprint.fit import shape_table
 from tirelog.strain.footprint.kernels import HEIGHT, LENGTH, OWN, SHIFT, class_sums
-from tirelog.strain.footprint.reference import Reference
+from tirelog.strain.footprint.reference import (
+    TREAD,
+    Average,
+    AverageFit,
+    Reference,
+    descend,
+    judged,
+)
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray, Records
 
@@ -59,6 +69,23 @@ CELLS, REMARKABLE = 120, 1.3
 #: passages with more than this times the usual misfit do not belong; three times the usual size;
 #: twice as much keeps passages of 4.2 times
 FOREIGN = 9.0
+#: what an average misses by passages that are unlike each other, as a share of the height in each
+#: cell: a third of it halves the errors of trapezoids, which are then 3.5 of these off; squared, in
+#: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
+#: of the form over the ordinary one
+UNLIKE, MOST_MISFIT, SIZES = 3e-4, 2.0, (1.0, 0.3, 0.1, 0.03)
+#: a form is sought with averages that are trusted more and more, and in few steps beside the tread
+#: of the reference; up to this share of the highest wave number, beyond which there is noise
+TRUSTS, FIRST_STEPS, FEW_STEPS, HIGHEST_SHARE = (0.01, 0.1, 1.0), 30, 5, 0.6
+#: lengths (logarithm) that are tried: at first an error apart, within these bounds, then twice as
+#: far, until the evidence falls by so much, or that far
+STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
+#: a form is learnt if the fastest class has so many times the speed of the slowest: at one speed a
+#: traction or the stiffness is as good as a pressure
+SPEEDS = 1.4
+#: error of a length over what the prior of the form's series gives: boxes and trapezoids, which the
+#: series does not follow, are 1 to 2.1 times that off; the error is proportional to it
+UNFOLLOWED = 2.0
 
 
 @dataclass(frozen=True)
@@ -84,7 +111,7 @@ class _Step:
 
     Normal matrix and right side of the shared columns (3, 3), (3,), how a passage's own numbers go
     with them in the mean (3, 6), the passages' own solutions (n, 6), chi2 and degrees of freedom
-    of each (n,), and what is left, by cell.
+    of each (n,), what is left by cell and of how many samples.
     """
 
     normal: FloatArray
@@ -94,6 +121,7 @@ class _Step:
     chi2: FloatArray
     free: FloatArray
     left: FloatArray
+    counts: FloatArray
 
     @property
     def middle(self) -> FloatArray:
@@ -132,6 +160,7 @@ def _class_step(
         chi2=sums.chi2,
         free=np.maximum(sums.used - OWN, 1.0),
         left=sums.left / np.maximum(sums.counts, 1.0),
+        counts=sums.counts,
     )
 
 
@@ -264,9 +293,7 @@ def _finished(
     for number, step in enumerate(steps):
         by = step.own_by[:, LENGTH] @ _tire_columns(reference, number)
         errors.append(2.0 * float(np.sqrt(max(float(by @ covariance @ by), 0.0))))
-    centres: FloatArray = (np.arange(float(CELLS)) + 0.5) * (
-        2.0 * half_window_m / CELLS
-    ) - half_window_m
+    centres = _centres(half_window_m)
     left = np.array([np.convolve(step.left, (0.25, 0.5, 0.25), "same") for step in steps])
     return replace(
         reference,
@@ -277,3 +304,95 @@ def _finished(
         residual_xi_m=centres if misfit > REMARKABLE else None,
         residuals=left if misfit > REMARKABLE else None,
     )
+
+
+def _centres(half_window_m: float) -> FloatArray:
+    """Abscissae of the CELLS [m]."""
+    return (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
+
+
+def _average(
+    reference: Reference, number: int, sample: Sample, step: _Step, noise: float, window_m: float
+) -> Average:
+    """Mean passage of a class, each row put where the class' form is.
+
+    What is quadratic in the rows' lengths and shifts, which are linear in their fits, is taken off.
+    """
+    family, shape = reference.family, reference.shapes[number]
+    spectra, kappa, xi = family.jacobian(shape), family.kappa_1_m, _centres(window_m)
+    own = step.own[step.own[:, HEIGHT] > 0.0]
+    apart = np.diff(np.quantile(own[:, SHIFT:] / own[:, :1], (0.16, 0.84), axis=0), axis=0)[0]
+    spread = 0.5 * (0.5 * apart) ** 2
+    change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ step.middle
+    bent = spread[1] * family.second_by_length(shape) - spread[0] * kappa**2 * spectra[:, 0]
+    plain, moved = (family.basis(xi) @ np.column_stack([spectra[:, 0], change - bent])).real.T
+    height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
+    sigma2 = noise**2 / (sample.windows.averaged * np.maximum(step.counts, 1.0))
+    weight = (step.counts > 0.0) / (sigma2 / (height * size) ** 2 + UNLIKE**2)
+    values = (plain + moved + step.left) / size
+    return Average(sample.speed_m_s, xi, values, weight, np.zeros(CELLS))
+
+
+def learn_form(
+    reference: Reference, samples: list[Sample], noise: float, half_window_m: float
+) -> Reference:
+    """`reference` with the tire's own form, if that earns its place, and its share of the error.
+
+    The evidence decides on the form's size: the prior of each number times one of SIZES. If it is
+    the least, or the form leaves more than noise, the reference stays. The length is the mean, its
+    error the standard deviation over all lengths that the averages and the prior allow, each with
+    the form that fits best there: the valley of length against pressure is bent.
+    """
+    steps = [_class_step(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+    samples, steps = _without_foreign(samples, steps, reference, noise, half_window_m)
+    averages = [
+        _average(reference, number, *both, noise, half_window_m)
+        for number, both in enumerate(zip(samples, steps, strict=True))
+    ]
+    family = reference.family.up_to(HIGHEST_SHARE)
+    problem = AverageFit(family, averages, reference.shapes[0].half_length_m, own=True)
+    start = problem.start(reference)
+    sides = problem.at(start, None)
+    here = [judged(problem, start, size, *sides) for size in SIZES]
+    promised = np.array([one.evidence + one.promise for one in here])
+    chances = np.exp(promised - promised.max())
+    unseen = np.array([problem.length_error(one.normal) for one in here[:-1]])
+    unseen = np.minimum(unseen, unseen[1])  # a large form that is not learnt is none, but a misfit
+    share = UNFOLLOWED * float(np.sqrt(chances[:-1] @ unseen**2 / chances.sum()))
+    plain = replace(reference, form_share=share)
+    speeds = reference.speed_m_s
+    if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < SPEEDS * speeds[0]:
+        return plain
+    # the tread may have stood for the form, or be what it is beside
+    kept = descend(problem, start, SIZES[0], steps=FEW_STEPS)
+    start[TREAD] = 0.0
+    for problem.trust in TRUSTS:
+        best = descend(problem, start, SIZES[0], steps=FIRST_STEPS)
+        start = best.theta
+    best, chosen = max(best, kept, key=lambda one: one.evidence), SIZES[0]
+    for size in SIZES[1:-1]:
+        found = descend(problem, best.theta, size)
+        if found.evidence < best.evidence:
+            break
+        best, chosen = found, size
+    if best.misfit > MOST_MISFIT * sum(np.count_nonzero(one.weight) for one in averages):
+        return plain
+    middle, step = problem.length(best.theta), np.clip(problem.length_error(best.normal), *STEPS)
+    nodes = {0.0: descend(problem, best.theta, chosen, middle)}
+    for sign in (1.0, -1.0):
+        place, last = sign * step, nodes[0.0]
+        while abs(place) < FARTHEST:
+            nodes[place] = last = descend(problem, last.theta, chosen, middle + place)
+            if last.evidence < max(n.evidence for n in nodes.values()) - UNLIKELY:
+                break
+            place *= 2.0
+    places = np.array(sorted(nodes))
+    fine = np.linspace(places[0], places[-1], 400)
+    chance = np.interp(fine, places, [nodes[place].evidence for place in places])
+    chance = np.exp(chance - chance.max())
+    mean = float(chance @ fine / chance.sum())
+    share = UNFOLLOWED * float(np.sqrt(chance @ (fine - mean) ** 2 / chance.sum()))
+    near = nodes[min(nodes, key=lambda place: abs(place - mean))].theta
+    theta = descend(problem, near, chosen, middle + mean).theta
+    formed = replace(problem.reference(theta, reference), form_share=share)
+    return refine_edges(formed, samples, noise, half_window_m)[0]

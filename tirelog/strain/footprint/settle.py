@@ -4,6 +4,7 @@
         --misses passages? without those that speed up and slow down, if that is clearer-->
         --some of all passages are looked at: driven ones among them? without these-->
         --still misses them, each in its own way? of those that are alike, and that it fits-->
+        --of what rolls freely: the tire's own pressure and stiffness-->
     Settled, from which the next grating of the log starts
 
 What a traction does to the form is larger than what the form is asked for. Only some passages are
@@ -22,6 +23,7 @@ from tirelog.strain.footprint.learn import (
     FREE_ROLLING_M_S2,
     LEAST_OF_CLASS,
     Learnt,
+    learn_own,
     learn_reference,
 )
 from tirelog.strain.footprint.measure import Forms, Look, Measured, look_at_some
@@ -117,9 +119,24 @@ def settle(
                 learnt = freely
     left_out = ~steady if clearer else np.zeros(len(passages), bool)
     settled = _undriven(channel, passages, block_samples, learnt, left_out, clearer)
-    if like is not None and not like.chosen:
-        return settled
-    return _of_alike(channel, passages, block_samples, settled, like) or settled
+    if like is None or like.chosen:
+        settled = _of_alike(channel, passages, block_samples, settled, like) or settled
+    return _with_own(channel, passages, block_samples, settled)
+
+
+def _with_own(
+    channel: Channel, passages: Passages, block_samples: int, settled: Settled
+) -> Settled:
+    """`settled` with the tire's own form, and what free passages leave beside that."""
+    learnt = learn_own(channel, passages, settled.learnt, block_samples)
+    if learnt.reference.family is settled.learnt.reference.family:
+        return replace(settled, learnt=learnt)
+    look = Look.of(channel, passages, learnt, block_samples)
+    if look is None:
+        return replace(settled, learnt=learnt, forms=None)
+    rolls = ~learnt.without if settled.chosen and learnt.without is not None else None
+    _, work = look_at_some(look, LOOKED, rolls)
+    return replace(settled, learnt=learnt, usual=work.usual, forms=look.forms)
 
 
 def _enough(steady: NDArray[np.bool_]) -> bool:
