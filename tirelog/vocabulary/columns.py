@@ -146,7 +146,7 @@ _ALL = [
         "length_form_se_m",
         "m",
         "float",
-        "the error's share for the form, which misses the carcass: one sign in all rows",
+        "the error's share for the tire's own form: one sign in all rows of a log",
         2e-6,
         1e-1,
     ),

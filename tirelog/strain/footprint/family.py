@@ -90,32 +90,25 @@ class EdgeFamily:
 
     `own` (OWN_FORM,): the tire's own form, SHAPES of pressure in mean pressures and bells of what
     its stiffness (bending and foundation) has more, over the logarithm of the waves in a turn.
-    `closed` takes the ring's own operator (n^2 - 1 in place of (kappa R)^2, and a tangential
-    foundation as stiff as the radial one) in place of the straight line's: the difference between
-    the two is a share of the error of form.
     """
 
     def __init__(
         self,
         radius_m: float,
         highest_1_m: float,
-        *,
-        closed: bool = False,
         own: FloatArray | None = None,
     ) -> None:
-        self.radius_m, self.highest_1_m, self.closed = radius_m, highest_1_m, closed
+        self.radius_m, self.highest_1_m = radius_m, highest_1_m
         self.own: FloatArray = np.zeros(OWN_FORM) if own is None else own
         order = np.arange(1.0, max(int(np.ceil(highest_1_m * radius_m)), 8) + 1)
         self.kappa_1_m: FloatArray = order / radius_m
-        self._square = self.kappa_1_m**2 - (1.0 / radius_m**2 if closed else 0.0)
-        self._tangential = 1.0 / order**2 if closed else np.zeros(order.size)
         waves = np.clip(np.log(order), BELLS[0], BELLS[-1])
         self._bells = np.exp(-0.5 * ((waves[:, None] - BELLS) / (BELLS[1] - BELLS[0])) ** 2)
         self._stiffer = self._bells @ self.own[SHAPES:]
 
     def with_own(self, own: FloatArray) -> EdgeFamily:
         """The same on a tire of another form, (OWN_FORM,)."""
-        return EdgeFamily(self.radius_m, self.highest_1_m, closed=self.closed, own=own)
+        return EdgeFamily(self.radius_m, self.highest_1_m, own)
 
     def spectrum(self, shape: EdgeShape) -> ComplexArray:
         """Complex amplitude of the strain of an outer grating at each wave number, shape (n,).
@@ -126,7 +119,7 @@ class EdgeFamily:
 
     def up_to(self, share: float) -> EdgeFamily:
         """The same up to this `share` of the highest wave number."""
-        return EdgeFamily(self.radius_m, share * self.highest_1_m, closed=self.closed, own=self.own)
+        return EdgeFamily(self.radius_m, share * self.highest_1_m, self.own)
 
     def jacobian(self, shape: EdgeShape) -> ComplexArray:
         """The spectrum and its derivatives by the six parameters, shape (n, 7).
@@ -137,16 +130,14 @@ class EdgeFamily:
 
     def by_form(self, shape: EdgeShape) -> ComplexArray:
         """As `jacobian`, and then the derivatives by the tire's own form, (n, 7 + OWN_FORM)."""
-        spectra, square = self._spectra(shape), self._square * shape.bending_length_m**2
-        static = square**2 + 1.0 + self._tangential
+        spectra, square = self._spectra(shape), self.kappa_1_m**2 * shape.bending_length_m**2
+        static = square**2 + 1.0
         softer = -spectra[:, 0] * static / self._stiffness(shape)
         return np.column_stack([spectra, softer[:, None] * self._bells])
 
     def _spectra(self, shape: EdgeShape) -> ComplexArray:
         return form_spectra(
             self.kappa_1_m,
-            self._square,
-            self._tangential,
             self.radius_m,
             shape.array(),
             _mass(),
@@ -156,8 +147,8 @@ class EdgeFamily:
 
     def _stiffness(self, shape: EdgeShape) -> ComplexArray:
         """What resists a displacement at each wave number, over the foundation, shape (n,)."""
-        ell, square = shape.bending_length_m, self._square * shape.bending_length_m**2
-        static = (1.0 + self._stiffer) * (square**2 + 1.0 + self._tangential)
+        ell, square = shape.bending_length_m, self.kappa_1_m**2 * shape.bending_length_m**2
+        static = (1.0 + self._stiffer) * (square**2 + 1.0)
         lost = shape.damping * self.kappa_1_m * ell
         return np.asarray(static + shape.tension * square + 1j * lost, complex)
 
@@ -166,7 +157,7 @@ class EdgeFamily:
 
         A load's transform along xi times this is a spectrum.
         """
-        height = -self._square * shape.bending_length_m / (np.pi * self.radius_m)
+        height = -(self.kappa_1_m**2) * shape.bending_length_m / (np.pi * self.radius_m)
         return np.asarray(height / self._stiffness(shape), complex)
 
     def second_by_length(self, shape: EdgeShape) -> ComplexArray:

@@ -125,8 +125,6 @@ def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArr
 @compiled
 def form_spectra(
     kappa: FloatArray,
-    square: FloatArray,
-    tangential: FloatArray,
     radius: float,
     shape: FloatArray,
     mass: FloatArray,
@@ -135,11 +133,11 @@ def form_spectra(
 ) -> NDArray[np.complex128]:
     """Spectrum of `shape` (the fields of EdgeShape) and its derivatives, (n, 7 + SHAPES).
 
-    At the wave numbers `kappa` (n,) [1/m] of the operator with `square` (n,) [1/m^2] and
-    `tangential` (n,) [1]; `radius` [m]; `mass` (TERMS, TERMS): <test, term>. The parameters are an
-    axis that fits step along, in the order of the fields, so they are counted and not named. Behind
-    them come the shapes of the tire's own pressure, which has `own` (SHAPES,) of them in mean
-    pressures; `stiffer` (n,): what its own stiffness is over bending and foundation, less one.
+    At the wave numbers `kappa` (n,) [1/m]; `radius` [m]; `mass` (TERMS, TERMS): <test, term>. The
+    parameters are an axis that fits step along, in the order of the fields, so they are counted and
+    not named. Behind them come the shapes of the tire's own pressure, which has `own` (SHAPES,) of
+    them in mean pressures; `stiffer` (n,): what its own stiffness is over bending and foundation,
+    less one.
     Neither is part of the contact that gives the series.
     """
     L, ell, tension, ratio, damping, tilt = (
@@ -157,9 +155,9 @@ def form_spectra(
     stiffness, by_ell, by_tension = np.empty(count), np.empty(count), np.empty(count)
     contact = mass.copy()
     for k in range(count):
-        q = ell**2 * square[k]
+        q = (ell * kappa[k]) ** 2
         by_ell[k], by_tension[k] = (4.0 * q + 2.0 * tension) * q / ell, q
-        stiffness[k] = (q + tension) * q + 1.0 + tangential[k]
+        stiffness[k] = (q + tension) * q + 1.0
         for i in range(TERMS):
             test = ratio * reach / stiffness[k] * waves[k, i]
             for n in range(TERMS):
@@ -203,13 +201,13 @@ def form_spectra(
         for i in range(TERMS, SHAPES):
             odd += own[i] * over[i] * waves[k, TERMS + 1 + i]
             odd_slope += own[i] * over[i] * slopes[k, TERMS + 1 + i]
-        q, more = ell**2 * square[k], stiffer[k]
+        q, more = (ell * kappa[k]) ** 2, stiffer[k]
         by_ell[k] += 4.0 * more * q * q / ell
-        total = stiffness[k] + more * (q * q + 1.0 + tangential[k])
+        total = stiffness[k] + more * (q * q + 1.0)
         compliance = 1.0 / complex(total, damping * kappa[k] * ell)
         # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights
         # stay comparable while a fit walks
-        response = -square[k] * ell * reach * compliance
+        response = -(kappa[k] ** 2) * ell * reach * compliance
         # the tilt is carried by the parabola of the same load
         spectrum = response * complex(even[k] + pressure[0] * mine, pressure[0] * odd)
         out[k, 0] = spectrum

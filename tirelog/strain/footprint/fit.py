@@ -60,7 +60,7 @@ def shape_table(
 ) -> tuple[FloatArray, Record]:
     """The columns that learning needs at speed `number`, and their grid.
 
-    Height, -shift, length, damping, tilt | bending length, tension, tread.
+    Height, -shift, length, damping, tilt | tension.
     """
     spectra = reference.family.jacobian(reference.shapes[number])
     slope = -1j * reference.family.kappa_1_m * spectra[:, 0]
@@ -68,7 +68,7 @@ def shape_table(
         reference,
         number,
         half_window_m,
-        np.column_stack([spectra[:, 0], slope, spectra[:, [1, 5, 6, 2, 3, 4]]]),
+        np.column_stack([spectra[:, 0], slope, spectra[:, [1, 5, 6, 3]]]),
         LEARNT_POINTS,
     )
 

@@ -37,13 +37,6 @@ UNEXPLAINED = 2.0
 #: farther beside a form is none, as where the load has changed; twice as much takes lengths of such
 #: passages that are off by a third
 MOST_MOVED = 0.2
-#: error of a length by what the form misses: this many times what the length would move by if as
-#: much lay in its own direction.  Rings by differences that a straight line fits, and beams of
-#: which all or half of the passages pull, are off by 0.7 to 2.3 times that; proportional to it
-UNSEEN = 2.0
-#: a passage that is missed by so many standard deviations of chance more than the log's others is
-#: one that the form does not hold for; half as many would doubt some passages of noise alone
-ODD_ROW = 5.0
 #: fewer samples between the edges than this cannot tell a length; twice as many leave fast
 #: passages of slow loggers without a length
 LEAST_SAMPLES = 4
@@ -61,8 +54,8 @@ class Footprint:
     Lengths in m, NaN where unknown.
 
     `length_m` takes a traction into account if there is a slip onset. `form_se_m`: the share of
-    its error that comes from not knowing the carcass, with the same sign in all rows, but larger
-    in those that the log's form fits worse than others.
+    its error that comes from not knowing the tire's pressure and carcass, with the same sign in all
+    rows.
     `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's
     extrema: positive if the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their
     abscissae from the patch centre. `learnt`: the log's form; `friction`: what onsets were found
@@ -190,21 +183,6 @@ def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArr
         )
 
 
-def _missed(fits: PassageFits, slipping: NDArray[np.bool_], learnt: Learnt) -> FloatArray:
-    """Error of a length for what the form misses of all passages, and of this one beyond others.
-
-    As if of what is missed a share lay in the length's own direction, where no fit can see it. A
-    traction that is told is not missed.
-    """
-    scatter = learnt.scatter(fits.chi2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        usual = scatter**2 * (1.0 + ODD_ROW * np.sqrt(2.0 / fits.used))
-        own = np.where(slipping, 0.0, np.maximum(fits.chi2 - usual, 0.0))
-        left = np.maximum(learnt.reference.misfit - 1.0, 0.0) + own
-        error_m: FloatArray = UNSEEN * fits.length_se_m * np.sqrt(left * fits.used)
-    return np.nan_to_num(error_m)
-
-
 def _hidden(
     work: Measured, slipping: NDArray[np.bool_], acceleration_m_s2: FloatArray
 ) -> FloatArray:
@@ -254,8 +232,6 @@ def _assembled(
     slip = work.slip
     with np.errstate(invalid="ignore"):
         slipping = np.abs(slip.length_m - fits.length_m) < MOST_MOVED * fits.length_m
-    if learnt is not None and n:
-        form_se = np.maximum(form_se, _missed(fits, slipping, learnt))
     length = np.where(slipping, slip.length_m, fits.length_m)
     own_se = np.where(
         slipping,

@@ -42,23 +42,23 @@ FIT = np.dtype(
 
 
 class ClassSums(NamedTuple):
-    """What the rows of one class of speed say of the s columns that all passages share.
+    """What the rows of one class of speed leave about a form, each put where it is.
 
-    normal, right  (s, s), (s,): normal equations, over sigma^2
-    own_by         (s, OWN): mean of how far a passage's own solution, in heights, goes with them
     own            (n, OWN): each row's own solution, 0 if it has too few samples
     chi2, used     (n,): its squared residual over sigma^2, samples used
     left, counts   (cells,): sums of residuals over heights by place in the window, and how many
     """
 
-    normal: FloatArray
-    right: FloatArray
-    own_by: FloatArray
     own: FloatArray
     chi2: FloatArray
     used: FloatArray
     left: FloatArray
     counts: FloatArray
+
+    @property
+    def free(self) -> FloatArray:
+        """Degrees of freedom of each row, (n,)."""
+        return np.maximum(self.used - OWN, 1.0)
 
 
 def motion_of(
@@ -290,17 +290,15 @@ def fit_rows(
 @compiled
 def class_sums(
     values: FloatArray, motion: Records, table: FloatArray, grid: Record, by_speed2: float,
-    follows: int, sigma: float, odd_sd: float, cells: int,
+    sigma: float, odd_sd: float, cells: int,
 ) -> ClassSums:  # fmt: skip
-    """What the rows of one class of speed say of the columns that all passages share.
+    """What the rows of one class of speed leave about a form.
 
-    These are the columns behind the passages' own; each row's own are eliminated. `values` (n, m)
-    move as `motion` (n,) says; `table` (g, OWN - 1 + s) on `grid`, one GRID.
+    `values` (n, m) move as `motion` (n,) says; `table` (g, OWN) on `grid`, one GRID: a passage's
+    own columns but the offset, and one that follows the squared speed.
     """
     wide = table.shape[1] + 1
-    shared = wide - OWN
     count = values.shape[0]
-    normal, right, own_by = np.zeros((shared, shared)), np.zeros(shared), np.zeros((shared, OWN))
     rows, chi2, samples = np.zeros((count, OWN)), np.zeros(count), np.zeros(count)
     left, counts = np.zeros(cells), np.zeros(cells)
     columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
@@ -309,11 +307,10 @@ def class_sums(
         np.zeros((OWN, OWN)),
         np.empty((OWN, OWN)),
     )
-    cross, own = np.empty((shared, OWN)), np.empty(OWN)
     per_cell = cells / (2.0 * grid["half_window_m"])
     for row in range(values.shape[0]):
         used, _ = look_up(
-            values[row], motion[row], table, grid, grid["shift_m"], by_speed2, follows, wide,
+            values[row], motion[row], table, grid, grid["shift_m"], by_speed2, wide - 2, wide,
             columns, place,
         )  # fmt: skip
         samples[row] = used
@@ -321,23 +318,8 @@ def class_sums(
             continue
         products(columns, used, wide, gram)
         own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        own = rows[row]
         apply_inverse(inverse, gram[wide], own)
-        for i in range(OWN):
-            rows[row, i] = own[i]
-        for s in range(shared):
-            apply_inverse(inverse, gram[OWN + s], cross[s])
-            for i in range(OWN):
-                own_by[s, i] -= cross[s, i] / count
-        for s in range(shared):
-            for t in range(shared + 1):
-                other = OWN + t if t < shared else wide
-                value = gram[OWN + s, other]
-                for i in range(OWN):
-                    value -= gram[OWN + s, i] * (cross[t, i] if t < shared else own[i])
-                if t < shared:
-                    normal[s, t] += value * own[HEIGHT] ** 2 / sigma**2
-                else:
-                    right[s] += value * own[HEIGHT] / sigma**2
         for k in range(used):
             residual = columns[k, wide]
             for i in range(OWN):
@@ -347,4 +329,4 @@ def class_sums(
             cell = min(int((xi + grid["half_window_m"]) * per_cell), cells - 1)
             left[cell] += residual / own[HEIGHT]
             counts[cell] += 1.0
-    return ClassSums(normal, right, own_by, rows, chi2, samples, left, counts)
+    return ClassSums(rows, chi2, samples, left, counts)

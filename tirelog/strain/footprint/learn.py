@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily
+from tirelog.strain.footprint.family import HIGHEST, LOWEST
 from tirelog.strain.footprint.reference import Average, Reference, average, fit_average
 from tirelog.strain.footprint.refine import Sample, learn_form, refine_edges
 from tirelog.strain.footprint.windows import gather_windows, joined_windows
@@ -37,10 +37,6 @@ STEP = 1.0 / 36.0
 #: free rolling, as far as the acceleration tells [m/s^2]; with so many such passages in a class of
 #: speed it is learnt from them alone
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
-#: the closed ring is believed if it lowers chi-square (per degree of freedom at the misfit) by
-#: this much; twice as much asks more of the ring before it is taken, half as much lets noise
-#: choose
-LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up; twice as much
 #: keeps starts that have three times the misfit, which a search from the beginning may undercut
 LIKE_MISFIT = 1.5
@@ -68,17 +64,11 @@ TREAD, TILT = 3, 5
 #: largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one edge;
 #: twice as much would let it pull there as far as it presses in the middle
 MOST_TILT = 1.0
-#: the form's own error is this many times the difference between the family's two members; the
-#: error is proportional to it
-FORM_FACTOR = 3.0
 
 
 @dataclass(frozen=True)
 class Learnt:
-    """The log's form: both members of the family, and what was found with them.
-
-    `reference`: the member (straight line, closed ring) that fits better; `other`: the one that
-    fits worse.
+    """The log's form, and what was found with it.
 
     `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
     sinks into the noise, the `auto` cut-off; `free_rolling`: whether it was learnt from passages at
@@ -86,7 +76,6 @@ class Learnt:
     """
 
     reference: Reference
-    other: Reference
     half_window_m: float
     wave_number_1_m: float
     free_rolling: bool
@@ -95,19 +84,12 @@ class Learnt:
     def length_errors(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Standard errors [m] of the full length at each speed that all rows share.
 
-        From learning the form, and for the form itself. The form's: the difference that the choice
-        of the member makes, times how little the misfits tell the members apart from what even the
-        better one misses (or might miss unseen).
+        From learning the form, and for what the tire's own form may be.
         """
-        best = 2.0 * np.array([s.half_length_m for s in self.reference.shapes])
-        worse = 2.0 * np.array([s.half_length_m for s in self.other.shapes])
-        unseen = 2.0 * np.sqrt(2.0 / max(self.reference.freedom, 1.0))
-        missed = max(self.reference.misfit / min(self.reference.misfit, 1.0) - 1.0, unseen)
-        gap = max(self.other.misfit - self.reference.misfit, 0.0)
-        share = FORM_FACTOR * np.sqrt(missed / (missed + gap)) * np.abs(best - worse)
-        share = np.hypot(share, self.reference.form_share * best)
-        at = self.reference.speed_m_s
-        return np.interp(speed_m_s, at, self.reference.length_se_m), np.interp(speed_m_s, at, share)
+        lengths = 2.0 * np.array([shape.half_length_m for shape in self.reference.shapes])
+        errors = self.reference.length_se_m, self.reference.form_share * lengths
+        learning, form = (np.interp(speed_m_s, self.reference.speed_m_s, one) for one in errors)
+        return learning, form
 
     def unclear(self, speed_m_s: FloatArray) -> NDArray[np.bool_]:
         """Whether the form is none of a tire at each speed, (n,).
@@ -126,12 +108,6 @@ class Learnt:
         speed = np.nan_to_num(speed_m_s)
         nearest = np.argmin(np.abs(speed[:, None] - self.reference.speed_m_s), axis=1)
         return np.asarray(doubted[nearest], dtype=bool)
-
-    @property
-    def may_be_ring(self) -> bool:
-        """Whether passages may be those of a closed ring: not if it surely fits worse."""
-        worse = (self.other.misfit - self.reference.misfit) * self.reference.freedom
-        return self.reference.family.closed or not _sure(worse, self.reference)
 
     def scatter(self, chi2: FloatArray) -> float:
         """How much larger the passages' residuals are than the noise of a sample tells.
@@ -277,53 +253,20 @@ def _at(reference: Reference, samples: list[Sample]) -> Reference:
     )
 
 
-def _from_an_average(
+def _from_a_start(
     samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float
-) -> tuple[Reference, Reference]:
-    """Both members of the family without anything known of them.
+) -> Reference:
+    """The form without anything known of it.
 
-    They start from the class of speed of which most roll freely, of these a middle one; the closed
-    ring from the straight line's result.
+    It starts from the class of speed of which most roll freely, of these a middle one.
     """
     free = [np.sum(np.abs(s.motion["acceleration_m_s2"]) < FREE_ROLLING_M_S2) for s in samples]
     middle = 0.5 * (len(samples) - 1)
     first = max(range(len(samples)), key=lambda k: (free[k], -abs(k - middle)))
-    start = fit_average(
-        _average(samples[first], passages, half_window_m),
-        np.array([sample.speed_m_s for sample in samples]),
-        passages.radius_m,
-        rough_m,
-    )
-    straight, samples = refine_edges(start, samples, passages.noise, half_window_m)
-    ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
-    closed, _ = refine_edges(replace(straight, family=ring), samples, passages.noise, half_window_m)
-    return straight, closed
-
-
-def _from_another(
-    samples: list[Sample], passages: Passages, half_window_m: float, like: Learnt
-) -> tuple[Reference, Reference] | None:
-    """Both members, from what another grating has taught; None if they fit much worse here."""
-    noise = passages.noise
-    best, samples = refine_edges(_at(like.reference, samples), samples, noise, half_window_m)
-    other, _ = refine_edges(_at(like.other, samples), samples, noise, half_window_m)
-    far = min(best.misfit, other.misfit) > LIKE_MISFIT * max(like.reference.misfit, 1.0)
-    return None if far else (best, other)
-
-
-def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
-    """The member that fits better, and the other.
-
-    The straight line comes first if noise could make the difference.
-    """
-    straight, closed = sorted(both, key=lambda one: one.family.closed)
-    lead = (straight.misfit - closed.misfit) * straight.freedom
-    return (closed, straight) if _sure(lead, straight) else (straight, closed)
-
-
-def _sure(lead: float, one: Reference) -> bool:
-    """Whether noise could not make a `lead` in chi-square over the member `one`, or under it."""
-    return lead > LEAST_LEAD * max(one.misfit, 1.0)
+    speeds = np.array([sample.speed_m_s for sample in samples])
+    mean = _average(samples[first], passages, half_window_m)
+    start = fit_average(mean, speeds, passages.radius_m, rough_m)
+    return refine_edges(start, samples, passages.noise, half_window_m)
 
 
 def learn_reference(
@@ -343,14 +286,16 @@ def learn_reference(
     if chosen is None:
         return None
     samples, window, rough, free = chosen
-    both = None if like is None else _from_another(samples, passages, window, like)
-    if both is None:
-        both = _from_an_average(samples, passages, window, rough)
-    best, other = _better_first(both)
-    if not best.misfit > 0.0:  # no passage with more samples than unknowns
+    found = None
+    if like is not None:
+        found = refine_edges(_at(like.reference, samples), samples, passages.noise, window)
+        if found.misfit > LIKE_MISFIT * max(like.reference.misfit, 1.0):
+            found = None
+    found = found or _from_a_start(samples, passages, window, rough)
+    if not found.misfit > 0.0:  # no passage with more samples than unknowns
         return None
-    highest = _wave_number(best, channel.axis.rate_Hz, window, passages.noise)
-    return Learnt(best, other, window, highest, free, without)
+    highest = _wave_number(found, channel.axis.rate_Hz, window, passages.noise)
+    return Learnt(found, window, highest, free, without)
 
 
 def _to_learn_from(

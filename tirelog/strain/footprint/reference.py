@@ -1,9 +1,9 @@
-"""The form of this log's passages, first from an average of some.
+"""The form of this log's passages, from averages.
 
 some passages of one speed, scaled by the template's height
     --cells along xi--> Average
     --damped Gauss-Newton with the physical family--> Reference, a start for all speeds
-(`refine` then goes back to the samples)
+mean passages by class of speed (`refine`) --> what they share, with or without the tire's own form
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ CELLS = 120
 #: Levenberg-Marquardt steps from one start, at most; twice as many only help a start that has not
 #: settled by then
 ITERATIONS = 25
-#: a start is good enough if the next step gains less of the squared misfit; `refine` does the
-#: rest; twice as much leaves up to that much more for it
-GOOD_ENOUGH = 1.0
+#: a fit is good enough if the next step gains less of the squared misfit; twice as much leaves up
+#: to that much more
+GOOD_ENOUGH = 0.3
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0
+#: averages are fitted up to this share of it; they hold nothing above their noise beyond
+HIGHEST_SHARE = 0.6
 #: forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its logarithm)
 #: change by no more than this, at so many speeds at most; twice as coarse, half as many forms are
 #: tabled, and more lies between them
@@ -34,10 +36,10 @@ TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
 #: what is weakly known of what averages share: mean and standard deviation of normal priors of the
 #: bending length (logarithm, over a rough half length), tension at rest, inertia x squared top
 #: speed, tread; behind them comes the tire's own form, whose numbers have a mean of zero
-_SHARED_MEAN, _SHARED_SD = np.array([-0.36, 1.0, 0.0, 1.0]), np.array([2.0, 30.0, 1e-3, 30.0])
+_MEAN, _SD = np.array([-0.36, 1.0, 0.0, 1.0]), np.array([2.0, 30.0, 1e-3, 30.0])
 _SHARED, TREAD = 4 + OWN_FORM, 3
-#: the same about a reference, beside which there is a form that takes what they would
-_NEAR_SD = np.array([0.1, 0.3, 1.0, 30.0])
+#: the same about a reference, without a form and beside one that takes what they would
+_WIDE_SD, _NEAR_SD = np.array([2.0, 30.0, 1.0, 30.0]), np.array([0.1, 0.3, 1.0, 30.0])
 #: ordinary sizes of a tire's own form, as in `physics.effects.form`: 0.3 of the mean pressure (or
 #: less, as one over the degree, for shapes finer than it has), 0.2 of the stiffness
 _DEGREES = np.array([3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 2.0, 4.0, 1.0])
@@ -204,25 +206,25 @@ def average(
 class AverageFit:
     """Averages of some speeds, which share a tire, against a vector of parameters.
 
-    The shared ones (_SHARED_MEAN), and _APIECE for each average; lengths begin at `scale_m`. With
+    The shared ones (_MEAN), and _APIECE for each average; lengths begin at `scale_m`. With
     `own` the tire's own form is free, and the tread, which it stands for, is not.
     """
 
     def __init__(
         self, family: EdgeFamily, averages: list[Average], scale_m: float, *, own: bool
     ) -> None:
+        family = family.up_to(HIGHEST_SHARE)
         self.family, self.averages, self.scale_m, self.own = family, averages, scale_m, own
-        # the mean over a cell's samples bends by half of their variance: cos(kappa x) -> cos(kappa
-        # x) (1 - kappa^2 spread / 2)
-        waves = [
-            family.basis(one.xi_m)
+        waves = {
+            id(one.xi_m): family.basis(one.xi_m)
             * (1.0 - 0.5 * np.multiply.outer(one.spread_m2, family.kappa_1_m**2))
-            for one in averages
-        ]
-        self.bases = [np.hstack([wave.real, -wave.imag]) for wave in waves]
+            for one in {id(one.xi_m): one for one in averages}.values()
+        }
+        real = {key: np.hstack([wave.real, -wave.imag]) for key, wave in waves.items()}
+        self.bases = [real[id(one.xi_m)] for one in averages]
         squares = np.array([one.speed_m_s**2 for one in averages])
         self.relative = squares / squares[-1]
-        self.trust, self.shared = 1.0, (_SHARED_MEAN, _SHARED_SD)
+        self.trust, self.near, self.shared = 1.0, False, (_MEAN, _SD)
 
     def shape(self, theta: FloatArray, number: int) -> EdgeShape:
         """The form of average `number`."""
@@ -242,14 +244,14 @@ class AverageFit:
         theta[TREAD], theta[4:_SHARED] = shapes[0].tread, reference.family.own
         for apiece, shape in zip(theta[_SHARED:].reshape(-1, _APIECE), shapes, strict=True):
             apiece[:3] = np.log(shape.half_length_m / self.scale_m), shape.damping, shape.tilt
-        self.shared = theta[:4].copy(), _NEAR_SD
+        self.near, self.shared = True, (theta[:4].copy(), _NEAR_SD if self.own else _WIDE_SD)
         return theta
 
     def reference(self, theta: FloatArray, before: Reference) -> Reference:
         """`before` with the parameters `theta`, whose shifts are beside its own."""
         return replace(
             before,
-            family=before.family.with_own(theta[4:_SHARED]),
+            family=before.family.with_own(theta[4:_SHARED]) if self.own else before.family,
             shapes=tuple(self.shape(theta, number) for number in range(len(self.averages))),
             shifts_m=before.shifts_m + theta[_SHARED + 3 :: _APIECE],
             inertia=float(theta[2]) / before.speed_m_s[-1] ** 2,
@@ -259,11 +261,10 @@ class AverageFit:
         """Mean of the logarithms of the half lengths, over the scale."""
         return float(theta[_SHARED::_APIECE].mean())
 
-    def length_error(self, normal: FloatArray) -> float:
-        """Standard deviation of `length` by the `normal` matrix."""
-        mean = np.zeros(len(normal))
-        mean[_SHARED::_APIECE] = 1.0 / len(self.averages)
-        return float(np.sqrt(mean @ np.linalg.solve(normal, mean)))
+    def lengths(self, normal: FloatArray) -> FloatArray:
+        """Covariance of the logarithms of the half lengths by the `normal` matrix, (k, k)."""
+        places = slice(_SHARED, None, _APIECE)
+        return np.asarray(np.linalg.inv(normal)[places, places])
 
     def known(self, size: float) -> tuple[FloatArray, FloatArray]:
         """Means and weights of what is known before; the form is of `size` times the ordinary."""
@@ -321,29 +322,42 @@ class Descent:
     """Where a fit to averages has come to.
 
     `theta` (n,), `cost` (with what is known before), `misfit` of the averages alone, `normal`
-    (n, n), `evidence` (logarithm, but for a constant) of the form's size, and what a further step
-    `promise`s to add to that.
+    (n, n), `gradient` (n,), `narrow`: logarithm of how much the form is known before; `gain`: what
+    the cost has fallen by.
     """
 
     theta: FloatArray
     cost: float
     misfit: float
     normal: FloatArray
-    evidence: float
-    promise: float
+    gradient: FloatArray
+    narrow: float
+    gain: float = 0.0
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm, but for a constant, of the evidence of the form's size."""
+        return 0.5 * (self.narrow - self.cost - float(np.linalg.slogdet(self.normal)[1]))
+
+    @property
+    def promise(self) -> float:
+        """What a further step would add to that."""
+        return 0.5 * float(self.gradient @ np.linalg.solve(self.normal, self.gradient))
 
 
 def judged(
-    problem: AverageFit, theta: FloatArray, size: float, left: FloatArray, slopes: FloatArray
+    problem: AverageFit, theta: FloatArray, size: float, length: float | None = None
 ) -> Descent:
-    """What the averages say at `theta`, where they leave `left` with these `slopes`."""
-    mean, known = problem.known(size)
-    cost = float(left @ left + known @ (theta - mean) ** 2)
-    normal = slopes.T @ slopes + np.diag(known)
-    gradient = slopes.T @ left + known * (mean - theta)
-    evidence = np.log(known[4:_SHARED]).sum() - cost - np.linalg.slogdet(normal)[1]
-    promise = float(gradient @ np.linalg.solve(normal, gradient))
-    return Descent(theta, cost, float(left @ left), normal, 0.5 * evidence, 0.5 * promise)
+    """What the averages say at `theta`, as of `descend`."""
+    (mean, known), (left, slopes) = problem.known(size), problem.at(theta, length)
+    return Descent(
+        theta,
+        float(left @ left + known @ (theta - mean) ** 2),
+        float(left @ left),
+        slopes.T @ slopes + np.diag(known),
+        slopes.T @ left + known * (mean - theta),
+        float(np.log(known[4:_SHARED]).sum()),
+    )
 
 
 def descend(
@@ -355,49 +369,42 @@ def descend(
 ) -> Descent:
     """A fit from `theta` with a form of `size` times the ordinary one, if one is free.
 
-    Without, by Levenberg and Marquardt; with it by Gauss and Newton, with shorter steps where whole
+    By Levenberg and Marquardt; from a reference by Gauss and Newton, with shorter steps where whole
     ones do harm. `length`: mean of the logarithms of the half lengths (over the scale), if it is
     held. Ends after `steps`, or with one that is GOOD_ENOUGH.
     """
-    theta, least = theta.copy(), 1e-3
-    mean, known = problem.known(size)
+    first = here = judged(problem, theta.copy(), size, length)
     low, high = np.full(theta.size, -np.inf), np.full(theta.size, np.inf)
     low[TREAD], high[TREAD] = theta[[TREAD] * 2] if problem.own else (LOWEST[3], HIGHEST[3])
-    left, slopes = problem.at(theta, length)
-    cost = float(left @ left + known @ (theta - mean) ** 2)
+    least = 1e-3
     for _ in range(steps):
-        normal = slopes.T @ slopes + np.diag(known)
-        gradient, done = slopes.T @ left + known * (mean - theta), True
-        trials = TRIALS if problem.own else tuple((1.0, least * 6.0**k) for k in range(11))
+        before = here
+        trials = TRIALS if problem.near else tuple((1.0, least * 6.0**k) for k in range(11))
         for share, damping in trials:
-            damped = normal + np.diag(damping * np.diag(normal))
-            step = np.linalg.solve(damped, gradient)
-            out = (theta + step < low) | (theta + step > high)
+            damped = before.normal + np.diag(damping * np.diag(before.normal))
+            step = np.linalg.solve(damped, before.gradient)
+            out = (before.theta + step < low) | (before.theta + step > high)
             if out.any():  # what stands at a bound stays there, and the others know it
                 kept = ~out
-                step[out] = (np.clip(theta + step, low, high) - theta)[out]
-                right = gradient[kept] - damped[np.ix_(kept, out)] @ step[out]
+                step[out] = (np.clip(before.theta + step, low, high) - before.theta)[out]
+                right = before.gradient[kept] - damped[np.ix_(kept, out)] @ step[out]
                 step[kept] = np.linalg.solve(damped[np.ix_(kept, kept)], right)
-            if problem.own:
+            if problem.near:
                 share /= max(1.0, float(np.max(np.abs(step[:_SHARED]) / _MOST_STEP)))
-            trial = np.clip(theta + share * step, low, high)
-            new, new_slopes = problem.at(trial, length)
-            new_cost = float(new @ new + known @ (trial - mean) ** 2)
-            if new_cost < cost:
-                enough = 0.3 if problem.own else GOOD_ENOUGH + 1e-2 * new_cost
-                done = cost - new_cost < enough
-                least = max(0.2 * damping, 1e-9)
-                theta, left, slopes, cost = trial, new, new_slopes, new_cost
+            moved = np.clip(before.theta + share * step, low, high)
+            trial = judged(problem, moved, size, length)
+            if trial.cost < before.cost:
+                here, least = trial, max(0.2 * damping, 1e-9)
                 break
-        if done:
+        if before.cost - here.cost < GOOD_ENOUGH:
             break
-    return judged(problem, theta, size, left, slopes)
+    return replace(here, gain=first.cost - here.cost)
 
 
 def fit_average(
     average: Average, speed_m_s: FloatArray, radius_m: float, start_length_m: float
 ) -> Reference:
-    """The family (its straight member) fitted to an average; alike at all of `speed_m_s` (k,).
+    """The family fitted to an average; alike at all of `speed_m_s` (k,).
 
     The best of several starts; `start_length_m` is a rough half length.
     """

@@ -3,16 +3,13 @@
 What all passages share, with each one's own numbers taken out exactly.
 
     Reference (a start) + windows of some passages of each speed
-        --normal equations per passage, its height, offset, shift, length, damping, tilt
-          eliminated (Schur)--> steps of the shared parameters
-        --until they stop--> Reference with errors; what is left, averaged along xi
+        --height, offset, shift, length, damping, tilt of each passage eliminated--> what is left,
+          averaged along xi by class of speed: mean passages, each put where the form is
+        --`reference.AverageFit`--> the shared parameters; again, until they stay
+    Reference with errors --`learn_form`--> with the tire's own pressure and stiffness
 
-At last the averages of what the rows leave about that form, by class, tell how far the tire's own
-pressure and stiffness can be told from the length (`learn_form`).
-
-Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and
-the misfit is a true chi-square. Shared: bending length, tension, inertia (fall of the tension with
-the squared speed), tread.
+The misfit is a true chi-square, of the samples. Shared: bending length, tension, inertia (fall of
+the tension with the squared speed), tread.
 """
 
 from __future__ import annotations
@@ -22,10 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeShape
 from tirelog.strain.footprint.fit import shape_table
-from tirelog.strain.footprint.kernels import HEIGHT, LENGTH, OWN, SHIFT, class_sums
+from tirelog.strain.footprint.kernels import HEIGHT, SHIFT, ClassSums, class_sums
 from tirelog.strain.footprint.reference import (
+    HIGHEST_SHARE,
     TREAD,
     Average,
     AverageFit,
@@ -38,32 +35,13 @@ from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: rounds of refining, at most; twice as many only help a refinement that has not settled by then
 ROUNDS = 6
-#: stay when the next step promises less than this of the whole chi-square, and stop when one has
+#: stay when the next round promises less than this of the whole chi-square, and stop when one has
 #: changed it by less than this share; half of the latter goes on for some rounds with forms that
 #: are those of no tire, and nowhere else
 GOOD_ENOUGH, SMALL = 1.0, 0.01
-#: a step that promises no more than this share of chi-square, and after which the form is NEAR, is
-#: taken and believed: nobody looks at what it leaves, which goes with its square; twice as much
-#: ends a round earlier in some logs
-BELIEVED = 0.1
-#: forms that are near each other: lengths and shifts in half lengths, bending lengths, tension and
-#: tread, damping and tilt; twice as much leaves four times as much unseen
-NEAR_LENGTH, NEAR = 0.002, np.array([0.02, 0.1, 0.1, 0.01, 0.01])
-#: shared columns of a class (bending length, tension, tread), and the place of tension among the
-#: columns of its table
-SHARED, TENSION = 3, 6
-#: weak knowledge of the shared parameters about their start: bending length (relative), tension,
-#: inertia x squared top speed, tread
-PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
-#: a step moves the shared parameters, as of PRIOR_SD, by no more than this; twice as much lets a
-#: wrong form throw them twice as far
-MOST_STEP = np.array([0.3, 2.0, 2.0, 1.5])
 #: weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
 #: move them twice as far
 ODD_SD = 0.5
-#: a round moves a class' form by no more than this [m]; twice as much lets a first round with a
-#: wrong form throw it farther
-MOST_SHIFT = 0.01
 #: cells of what is left, and the misfit above which it is more than noise
 CELLS, REMARKABLE = 120, 1.3
 #: passages with more than this times the usual misfit do not belong; three times the usual size;
@@ -73,10 +51,10 @@ FOREIGN = 9.0
 #: cell: a third of it halves the errors of trapezoids, which are then 3.5 of these off; squared, in
 #: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
 #: of the form over the ordinary one
-UNLIKE, MOST_MISFIT, SIZES = 3e-4, 2.0, (1.0, 0.3, 0.1, 0.03)
+UNLIKE, MOST_MISFIT, SIZES = 3e-4, 2.0, (1.0, 0.3, 0.1, 0.02)
 #: a form is sought with averages that are trusted more and more, and in few steps beside the tread
-#: of the reference; up to this share of the highest wave number, beyond which there is noise
-TRUSTS, FIRST_STEPS, FEW_STEPS, HIGHEST_SHARE = (0.01, 0.1, 1.0), 30, 5, 0.6
+#: of the reference
+TRUSTS, FIRST_STEPS, FEW_STEPS = (0.01, 0.1, 1.0), 30, 5
 #: lengths (logarithm) that are tried: at first an error apart, within these bounds, then twice as
 #: far, until the evidence falls by so much, or that far
 STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
@@ -105,118 +83,51 @@ class Sample:
         return Sample(self.windows.take(which), self.motion[which])
 
 
-@dataclass(frozen=True)
-class _Step:
-    """What one class of speed says of the shared columns and of its passages.
-
-    Normal matrix and right side of the shared columns (3, 3), (3,), how a passage's own numbers go
-    with them in the mean (3, 6), the passages' own solutions (n, 6), chi2 and degrees of freedom
-    of each (n,), what is left by cell and of how many samples.
-    """
-
-    normal: FloatArray
-    right: FloatArray
-    own_by: FloatArray
-    own: FloatArray
-    chi2: FloatArray
-    free: FloatArray
-    left: FloatArray
-    counts: FloatArray
-
-    @property
-    def middle(self) -> FloatArray:
-        """Medians of the passages' shifts, lengths [m], damping, tilt beside the form's, (4,)."""
-        known = self.own[self.own[:, HEIGHT] != 0.0]
-        if not len(known):
-            return np.zeros(OWN - SHIFT)
-        middle: FloatArray = np.median(known[:, SHIFT:] / known[:, [HEIGHT]], axis=0)
-        return middle
-
-
-def _class_step(
+def _sums(
     reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
-) -> _Step:
-    """Normal equations of one class at the current form, without its passages' own numbers."""
+) -> ClassSums:
+    """What the passages of one class leave about the form, each put where it is.
+
+    The class' form holds at its own speed: the tension of each passage follows its squared speed.
+    """
     windows = sample.windows
     table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)
-    # the class' form holds at its own speed: the tension of each passage follows its squared speed
-    sums = class_sums(
-        windows.values,
-        sample.motion,
-        table,
-        grid,
-        -reference.inertia,
-        TENSION,
-        sigma,
-        ODD_SD,
-        CELLS,
-    )
-    return _Step(
-        normal=sums.normal,
-        right=sums.right,
-        own_by=sums.own_by,
-        own=sums.own,
-        chi2=sums.chi2,
-        free=np.maximum(sums.used - OWN, 1.0),
-        left=sums.left / np.maximum(sums.counts, 1.0),
-        counts=sums.counts,
+    return class_sums(
+        windows.values, sample.motion, table, grid, -reference.inertia, sigma, ODD_SD, CELLS
     )
 
 
-def _tire_columns(reference: Reference, number: int) -> FloatArray:
-    """How bending length, tension and tread of a class follow the parameters, (3, 4).
+def _averages(
+    reference: Reference,
+    samples: list[Sample],
+    sums: list[ClassSums],
+    noise: float,
+    half_window_m: float,
+    unlike: float,
+) -> list[Average]:
+    """Mean passages of the classes, each row put where the class' form is.
 
-    These are: relative bending length, tension, inertia x top speed^2, tread.
+    What is quadratic in the rows' lengths and shifts, which are linear in their fits, is taken off.
+    `unlike`: what a mean misses, as a share of its height.
     """
-    relative = (reference.speed_m_s[number] / reference.speed_m_s[-1]) ** 2
-    ell = reference.shapes[number].bending_length_m
-    return np.array([[ell, 0.0, 0.0, 0.0], [0.0, 1.0, -relative, 0.0], [0.0, 0.0, 0.0, 1.0]])
-
-
-def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Reference:
-    """The reference after a step of the shared parameters.
-
-    Each class' length, damping and tilt go to the median of its passages, where these are after
-    the step.
-    """
-    values, shifts = (
-        np.array([shape.array() for shape in reference.shapes]),
-        reference.shifts_m.copy(),
-    )
-    for number, one in enumerate(steps):
-        shared = _tire_columns(reference, number) @ step
-        values[number, [1, 2, 3]] += shared
-        shift, length, damping, tilt = one.middle + shared @ one.own_by[:, SHIFT:]
-        most = 0.2 * values[number, 0]
-        shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
-        values[number, [0, 4, 5]] += np.clip(
-            (length, damping, tilt), (-most, -0.2, -0.2), (most, 0.2, 0.2)
-        )
-    shapes = tuple(EdgeShape.of(row) for row in np.clip(values, LOWEST, HIGHEST))
-    return replace(
-        reference,
-        shapes=shapes,
-        shifts_m=shifts,
-        inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2,
-    )
-
-
-def _in_place(reference: Reference, steps: list[_Step]) -> bool:
-    """Whether each class' form lies where its passages do."""
-    return all(
-        np.abs(step.middle[:2]).max() < NEAR_LENGTH * shape.half_length_m
-        for shape, step in zip(reference.shapes, steps, strict=True)
-    )
-
-
-def _near(one: Reference, other: Reference) -> bool:
-    """Whether two forms at the same speeds are NEAR each other."""
-    here, there = (np.array([shape.array() for shape in form.shapes]) for form in (one, other))
-    lengths, change = here[:, 0], np.abs(there - here)
-    change[:, 1] /= here[:, 1]
-    moved = np.maximum(change[:, 0], np.abs(other.shifts_m - one.shifts_m))
-    return bool((moved < NEAR_LENGTH * lengths).all() and (change[:, 1:] < NEAR).all())
+    family, xi = reference.family.up_to(HIGHEST_SHARE), _centres(half_window_m)
+    basis, kappa, made = family.basis(xi), family.kappa_1_m, []
+    for shape, sample, one in zip(reference.shapes, samples, sums, strict=True):
+        spectra, own = family.jacobian(shape), one.own[one.own[:, HEIGHT] > 0.0]
+        beside = own[:, SHIFT:] / own[:, :1]
+        low, middle, high = np.quantile(beside, (0.16, 0.5, 0.84), axis=0)
+        spread = 0.5 * (0.5 * (high - low)) ** 2
+        change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ middle
+        bent = spread[1] * family.second_by_length(shape) - spread[0] * kappa**2 * spectra[:, 0]
+        plain, moved = (basis @ np.column_stack([spectra[:, 0], change - bent])).real.T
+        height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
+        counts = np.maximum(one.counts, 1.0)
+        sigma2 = noise**2 / (sample.windows.averaged * counts)
+        weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2)
+        values = (plain + moved + one.left / counts) / size
+        made.append(Average(sample.speed_m_s, xi, values, weight, np.zeros(CELLS)))
+    return made
 
 
 def refine_edges(
@@ -224,113 +135,64 @@ def refine_edges(
     samples: list[Sample],
     noise: float,
     half_window_m: float,
-) -> tuple[Reference, list[Sample]]:
-    """`reference` (one shape per sample, ascending speed) fitted to the samples; those that belong.
+) -> Reference:
+    """`reference` (one shape per sample, ascending speed) fitted to the samples.
 
     `noise`: standard deviation of one sample of the log.
     """
-    best: tuple[float, Reference, list[_Step], FloatArray] | None = None
-    trial, samples = reference, list(samples)
-    for _ in range(ROUNDS):
-        steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
-        samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
-        free = float(sum(s.free.sum() for s in steps))
-        misfit = float(sum(s.chi2.sum() for s in steps)) / free
-        if best is not None and misfit >= best[0]:
+    best, trial = reference, reference
+    for again in range(ROUNDS):
+        sums = [_sums(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+        samples, sums = _without_foreign(samples, sums, trial, noise, half_window_m)
+        free = float(sum(one.free.sum() for one in sums))
+        misfit = float(sum(one.chi2.sum() for one in sums)) / free
+        if again and misfit >= best.misfit:
             break  # where a whole step does harm, shorter ones gain next to nothing
-        gain = np.inf if best is None else best[0] / misfit - 1.0
-        normal, right = np.diag(PRIOR_SD**-2.0), np.zeros(4)
-        for k, step in enumerate(steps):
-            columns = _tire_columns(trial, k)
-            normal += columns.T @ step.normal @ columns
-            right += columns.T @ step.right
-        best = misfit, trial, steps, normal
-        shift = np.linalg.solve(normal, right)
-        promised = float(shift @ right)
-        if gain < SMALL or (promised < GOOD_ENOUGH * max(misfit, 1.0) and _in_place(trial, steps)):
+        gain = best.misfit / misfit - 1.0 if again else np.inf
+        averages = _averages(trial, samples, sums, noise, half_window_m, 0.0)
+        problem = AverageFit(trial.family, averages, trial.shapes[0].half_length_m, own=False)
+        start = problem.start(trial)
+        found = descend(problem, start)
+        left = np.array([one.left / np.maximum(one.counts, 1.0) for one in sums])
+        smooth = np.array([np.convolve(row, (0.25, 0.5, 0.25), "same") for row in left])
+        lengths = np.array([shape.half_length_m for shape in trial.shapes])
+        errors = np.sqrt(np.diag(problem.lengths(found.normal)) * max(misfit, 1.0))
+        best = replace(
+            trial,
+            heights=np.array([float(np.median(one.own[:, HEIGHT])) for one in sums]),
+            length_se_m=2.0 * lengths * errors,
+            misfit=misfit,
+            freedom=free,
+            residual_xi_m=_centres(half_window_m) if misfit > REMARKABLE else None,
+            residuals=smooth if misfit > REMARKABLE else None,
+        )
+        if gain < SMALL or found.gain < GOOD_ENOUGH * max(misfit, 1.0):
             break
-        moved = _moved(trial, np.clip(shift, -MOST_STEP, MOST_STEP), steps)
-        if promised < BELIEVED * misfit * free and _near(trial, moved):
-            best = misfit - promised / free, moved, steps, normal
-            break
-        trial = moved
-    assert best is not None
-    misfit, found, steps, normal = best
-    return _finished(found, steps, normal, misfit, half_window_m), samples
+        trial = problem.reference(found.theta, trial)
+    return best
 
 
 def _without_foreign(
     samples: list[Sample],
-    steps: list[_Step],
+    sums: list[ClassSums],
     reference: Reference,
     noise: float,
     half_window_m: float,
-) -> tuple[list[Sample], list[_Step]]:
+) -> tuple[list[Sample], list[ClassSums]]:
     """Samples without the passages that fit the start much worse than their neighbours do."""
-    kept, again = [], []
-    for number, (sample, step) in enumerate(zip(samples, steps, strict=True)):
-        share = step.chi2 / step.free
-        good = (share < FOREIGN * max(float(np.median(share)), 1.0)) & (step.own[:, 0] > 0)
-        if good.all() or not good.any():
-            kept.append(sample)
-            again.append(step)
-        else:
-            kept.append(sample.take(good))
-            again.append(_class_step(reference, number, kept[-1], noise, half_window_m))
+    kept, again = list(samples), list(sums)
+    for number, one in enumerate(sums):
+        share = one.chi2 / one.free
+        good = (share < FOREIGN * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
+        if good.any() and not good.all():
+            kept[number] = samples[number].take(good)
+            again[number] = _sums(reference, number, kept[number], noise, half_window_m)
     return kept, again
-
-
-def _finished(
-    reference: Reference,
-    steps: list[_Step],
-    normal: FloatArray,
-    misfit: float,
-    half_window_m: float,
-) -> Reference:
-    """The reference with its errors, its misfit and what it leaves."""
-    covariance = np.linalg.inv(normal) * max(misfit, 1.0)
-    errors = []
-    for number, step in enumerate(steps):
-        by = step.own_by[:, LENGTH] @ _tire_columns(reference, number)
-        errors.append(2.0 * float(np.sqrt(max(float(by @ covariance @ by), 0.0))))
-    centres = _centres(half_window_m)
-    left = np.array([np.convolve(step.left, (0.25, 0.5, 0.25), "same") for step in steps])
-    return replace(
-        reference,
-        heights=np.array([float(np.median(step.own[:, 0])) for step in steps]),
-        length_se_m=np.array(errors),
-        misfit=misfit,
-        freedom=float(sum(step.free.sum() for step in steps)),
-        residual_xi_m=centres if misfit > REMARKABLE else None,
-        residuals=left if misfit > REMARKABLE else None,
-    )
 
 
 def _centres(half_window_m: float) -> FloatArray:
     """Abscissae of the CELLS [m]."""
     return (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
-
-
-def _average(
-    reference: Reference, number: int, sample: Sample, step: _Step, noise: float, window_m: float
-) -> Average:
-    """Mean passage of a class, each row put where the class' form is.
-
-    What is quadratic in the rows' lengths and shifts, which are linear in their fits, is taken off.
-    """
-    family, shape = reference.family, reference.shapes[number]
-    spectra, kappa, xi = family.jacobian(shape), family.kappa_1_m, _centres(window_m)
-    own = step.own[step.own[:, HEIGHT] > 0.0]
-    apart = np.diff(np.quantile(own[:, SHIFT:] / own[:, :1], (0.16, 0.84), axis=0), axis=0)[0]
-    spread = 0.5 * (0.5 * apart) ** 2
-    change = np.column_stack([-1j * kappa * spectra[:, 0], spectra[:, [1, 5, 6]]]) @ step.middle
-    bent = spread[1] * family.second_by_length(shape) - spread[0] * kappa**2 * spectra[:, 0]
-    plain, moved = (family.basis(xi) @ np.column_stack([spectra[:, 0], change - bent])).real.T
-    height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
-    sigma2 = noise**2 / (sample.windows.averaged * np.maximum(step.counts, 1.0))
-    weight = (step.counts > 0.0) / (sigma2 / (height * size) ** 2 + UNLIKE**2)
-    values = (plain + moved + step.left) / size
-    return Average(sample.speed_m_s, xi, values, weight, np.zeros(CELLS))
 
 
 def learn_form(
@@ -343,22 +205,17 @@ def learn_form(
     error the standard deviation over all lengths that the averages and the prior allow, each with
     the form that fits best there: the valley of length against pressure is bent.
     """
-    steps = [_class_step(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
-    samples, steps = _without_foreign(samples, steps, reference, noise, half_window_m)
-    averages = [
-        _average(reference, number, *both, noise, half_window_m)
-        for number, both in enumerate(zip(samples, steps, strict=True))
-    ]
-    family = reference.family.up_to(HIGHEST_SHARE)
-    problem = AverageFit(family, averages, reference.shapes[0].half_length_m, own=True)
+    sums = [_sums(reference, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+    samples, sums = _without_foreign(samples, sums, reference, noise, half_window_m)
+    averages = _averages(reference, samples, sums, noise, half_window_m, UNLIKE)
+    problem = AverageFit(reference.family, averages, reference.shapes[0].half_length_m, own=True)
     start = problem.start(reference)
-    sides = problem.at(start, None)
-    here = [judged(problem, start, size, *sides) for size in SIZES]
+    here = [judged(problem, start, size) for size in SIZES]
     promised = np.array([one.evidence + one.promise for one in here])
     chances = np.exp(promised - promised.max())
-    unseen = np.array([problem.length_error(one.normal) for one in here[:-1]])
-    unseen = np.minimum(unseen, unseen[1])  # a large form that is not learnt is none, but a misfit
-    share = UNFOLLOWED * float(np.sqrt(chances[:-1] @ unseen**2 / chances.sum()))
+    unseen = np.array([problem.lengths(one.normal).mean() ** 0.5 for one in here])
+    unseen[0] /= UNFOLLOWED  # what looks like a large form, and is none, is mostly a misfit
+    share = UNFOLLOWED * float(np.sqrt(chances @ unseen**2 / chances.sum()))
     plain = replace(reference, form_share=share)
     speeds = reference.speed_m_s
     if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < SPEEDS * speeds[0]:
@@ -377,7 +234,10 @@ def learn_form(
         best, chosen = found, size
     if best.misfit > MOST_MISFIT * sum(np.count_nonzero(one.weight) for one in averages):
         return plain
-    middle, step = problem.length(best.theta), np.clip(problem.length_error(best.normal), *STEPS)
+    middle, step = (
+        problem.length(best.theta),
+        np.clip(problem.lengths(best.normal).mean() ** 0.5, *STEPS),
+    )
     nodes = {0.0: descend(problem, best.theta, chosen, middle)}
     for sign in (1.0, -1.0):
         place, last = sign * step, nodes[0.0]
@@ -395,4 +255,4 @@ def learn_form(
     near = nodes[min(nodes, key=lambda place: abs(place - mean))].theta
     theta = descend(problem, near, chosen, middle + mean).theta
     formed = replace(problem.reference(theta, reference), form_share=share)
-    return refine_edges(formed, samples, noise, half_window_m)[0]
+    return refine_edges(formed, samples, noise, half_window_m)

@@ -88,10 +88,10 @@ FOLLOWED = np.dtype([("onset", "f8"), ("moved", "f8")])
 #: an onset is not told better than this share of the half length, which adds to its error; twice as
 #: much covers errors of two millimetres that nothing shows
 LEAST_ERROR = 0.015
-#: nor better than this where the tire may be a closed ring, whose pressure is not the parabola of
-#: P2's brush: rings by differences have onsets one to two millimetres from where the brush puts
-#: them; twice as much covers all of them
-RING_ERROR = 0.03
+#: nor better than this where a tread of more than that, or a form, makes the pressure another than
+#: the parabola of P2's brush: rings by differences have onsets one to two millimetres from where
+#: the brush puts them; twice as much of the first covers all of them
+RING_ERROR, STIFF_TREAD = 0.03, 0.5
 #: variance of an onset by what is more than noise in a row's residual, over that by noise: a misfit
 #: is alike in neighbouring samples, which noise is not. Without it 86 to 90 % of onsets on rings by
 #: differences lie within 1.96 errors, with it 95 %; twice as much covers 96 to 97 %
@@ -464,7 +464,9 @@ class FoundOnsets:
 def form_error(learnt: Learnt) -> float:
     """Error of an onset by what the form and its brush are not, as a share of the half length."""
     missed = FORM_ERROR * float(np.sqrt(max(1.0 - REMARKABLE / learnt.reference.misfit, 0.0)))
-    return float(np.hypot(missed, RING_ERROR if learnt.may_be_ring else 0.0))
+    reference = learnt.reference
+    other = reference.family.own.any() or max(s.tread for s in reference.shapes) > STIFF_TREAD
+    return float(np.hypot(missed, RING_ERROR if other else 0.0))
 
 
 def _scale(found: Records, scatter: float) -> FloatArray:
