@@ -133,6 +133,18 @@ def test_a_patch_shorter_than_four_samples(drive, radius_m):
     assert having(found.quality, Quality.PATCH_SHORT).all()
 
 
+@pytest.mark.parametrize("rate_Hz", [100.0, 300.0])
+@pytest.mark.parametrize("noise_pm", [0.8, 80.0])
+def test_a_log_of_few_samples_a_passage_has_its_rows(drive, radius_m, rate_Hz, noise_pm):
+    made = drive(
+        [0, 12], [14, 14], seed=7, pulse=TRUTH, height=1.0, drift=0.0, rate_Hz=rate_Hz,
+        noise_pm=noise_pm,
+    )  # fmt: skip
+    passages, found = of(made.channel, radius_m)
+    assert len(found.length_m) == len(passages)
+    assert not (good(found.quality) & ~having(found.quality, Quality.PATCH_SHORT)).any()
+
+
 def test_creeping_back_and_standing_still_lose_no_row(drive, radius_m):
     turned = drive(
         [0, 8, 11, 20, 23, 33],

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.strain.footprint.fit import shape_table
-from tirelog.strain.footprint.kernels import HEIGHT, SHIFT, ClassSums, class_sums
+from tirelog.strain.footprint.kernels import HEIGHT, OWN, SHIFT, ClassSums, class_sums
 from tirelog.strain.footprint.reference import (
     HIGHEST_SHARE,
     TREAD,
@@ -44,6 +44,8 @@ GOOD_ENOUGH, SMALL = 1.0, 0.01
 ODD_SD = 0.5
 #: cells of what is left, and the misfit above which it is more than noise
 CELLS, REMARKABLE = 120, 1.3
+#: weight of a cell without samples, so that a class without any is known to nothing and not unknown
+LEAST_WEIGHT = 1e-6
 #: passages with more than this times the usual misfit do not belong; three times the usual size;
 #: twice as much keeps passages of 4.2 times
 FOREIGN = 9.0
@@ -115,6 +117,7 @@ def _averages(
     basis, kappa, made = family.basis(xi), family.kappa_1_m, []
     for shape, sample, one in zip(reference.shapes, samples, sums, strict=True):
         spectra, own = family.jacobian(shape), one.own[one.own[:, HEIGHT] > 0.0]
+        own = own if len(own) else np.eye(OWN)[:1]  # no passage is like the form: it stays there
         beside = own[:, SHIFT:] / own[:, :1]
         low, middle, high = np.quantile(beside, (0.16, 0.5, 0.84), axis=0)
         spread = 0.5 * (0.5 * (high - low)) ** 2
@@ -124,7 +127,7 @@ def _averages(
         height, size = float(np.median(own[:, HEIGHT])), float(np.ptp(plain))
         counts = np.maximum(one.counts, 1.0)
         sigma2 = noise**2 / (sample.windows.averaged * counts)
-        weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2)
+        weight = (one.counts > 0.0) / (sigma2 / (height * size) ** 2 + unlike**2) + LEAST_WEIGHT
         values = (plain + moved + one.left / counts) / size
         made.append(Average(sample.speed_m_s, xi, values, weight, np.zeros(CELLS)))
     return made
@@ -232,7 +235,7 @@ def learn_form(
         if found.evidence < best.evidence:
             break
         best, chosen = found, size
-    if best.misfit > MOST_MISFIT * sum(np.count_nonzero(one.weight) for one in averages):
+    if best.misfit > MOST_MISFIT * sum(np.sum(one.weight > 1.0) for one in averages):
         return plain
     middle, step = (
         problem.length(best.theta),
