@@ -164,23 +164,3 @@ def test_a_log_that_is_being_recorded(tmp_path, monkeypatch, capfd, mode, status
     said = capfd.readouterr().err
     assert "is still being recorded" in said
     assert "repair" not in said
-
-
-WITHOUT_POSIX = """
-import os, sys
-import numpy, h5py
-for name in ("fork", "geteuid", "getuid", "getppid", "uname", "fchmod", "O_NOFOLLOW", "O_NOCTTY"):
-    delattr(os, name)
-from tirelog.cli import run
-sys.exit(run(sys.argv[1:]))
-"""
-
-
-def test_tables_are_written_without_what_only_posix_has(tmp_path):
-    command = [sys.executable, "-c", WITHOUT_POSIX, "tables", LOG, "-o", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert run(["tables", LOG, "-o", str(tmp_path / "usual")]) == 0
-    for table in ("speed", "footprint", "dissipation"):
-        made, usual = (tmp_path / one / f"{table}.csv" for one in ("out", "usual"))
-        assert made.read_bytes() == usual.read_bytes()

@@ -64,7 +64,7 @@ def _forget_outdated(source: FunctionType, files: Collection[Path], made: Any) -
         return
     name = (
         f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
-        f".py{python.major}{python.minor}{sys.abiflags}"
+        f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
     )
     index = Path(made.stats.cache_path) / f"{name}.nbi"
     with suppress(OSError):  # there is none, or another process was faster

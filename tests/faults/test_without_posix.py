@@ -1,0 +1,136 @@
+"""Faults: without what only POSIX systems have, every output is there, byte by byte."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.campaign.conftest import dataset, make_campaign
+from tests.diagnosis.periodic import write_log
+from tirelog.cli import run
+
+ROOT = Path(__file__).parents[2]
+HIDDEN = ROOT / "tests" / "faults" / "without_posix"
+SAMPLES = ROOT / "sample_data"
+SCENARIO = """seed = 1
+truth = "beam"
+[[manoeuvres]]
+duration_s = 1
+speed_m_s = 12
+[channels.strain_1]
+kind = "fbg_strain"
+source = "CH1_FBG1"
+angle_deg = 150.0
+reference_wavelength_nm = 1550.0
+noise = 0.0008
+"""
+GROUPS = {
+    "tables": f"""speed log.csv -o O/speed.csv
+speed log.csv -o O/speed.parquet
+speed log.csv -o O/speed.ndjson
+speed log.csv -o O/speed.json
+footprint log.csv -o O/f.csv
+dissipation log.csv -o O/d.csv --plot O/d.png
+grip log.csv -o O/g.csv
+tables log.csv -o O/tables
+inflation {SAMPLES / "inflation.csv.gz"} -o O/i.csv
+phase-shift {SAMPLES / "encoder_ramp.h5"} -o O/p.csv --calibrate O/maps.toml
+wheel-angle {SAMPLES / "encoder.h5"} -o O/w.csv
+check O/speed.csv --against O/speed.csv -o O/moved.csv""",
+    "logs": """ingest log.csv -o O/run.h5
+speed O/run.h5 -o O/speed.csv
+info log.csv -o O/info.json --format json
+setup new log.csv -o O/setup.toml
+simulate scenario.toml -o O/made.csv
+simulate scenario.toml -o O/made.mcap
+report log.csv -o O/page.html""",
+    "models": """effects -o O/effects.csv
+model new --setup log.toml -o O/m.toml
+model add O/m.toml water_film -o O/m.toml
+model remove O/m.toml water_film -o O/m2.toml
+model show O/m2.toml -o O/show.json --format json
+model worn O/m2.toml --new-depth 0.008 --depth 0.003 -o O/worn.toml
+model predict O/m2.toml --setup log.toml --speed 12 -o O/one.csv
+model forces O/m2.toml --setup log.toml --speed 12 -o O/forces.csv
+model fit log.csv --model beam.toml -o O/fitted.toml
+compare log.csv --model beam.toml -o O/compare.json --format json
+compare log.csv --model beam.toml -o O/by.csv --by speed
+propose log.csv --model beam.toml -o O/better.toml""",
+    "diagnose": "diagnose log.csv --model beam.toml -o O/diagnose.json --format json",
+    "ladder": "ladder log.csv --model beam.toml -o O/ladder.csv --save O/better.toml",
+    "form": "form log.csv --model beam.toml -o O/form.csv",
+    "page": "report log.csv --model beam.toml -o O/page.html",
+}
+RUN = """import sys
+from tirelog.cli import run
+for line in sys.argv[1].splitlines():
+    assert run(line.split()) == 0, line
+"""
+
+
+def without_posix(program: list[str], folder: Path) -> None:
+    """Run Python with a program that finds nothing that only POSIX has; it ends with status 0."""
+    seen = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (HIDDEN, ROOT)))}
+    command = [sys.executable, *program]
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env=seen,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def outputs(folder: Path) -> dict[str, bytes]:
+    """Every file with its bytes, without the time at which it was made."""
+    when = re.compile(rb"20\d\d-\d\d-\d\d[T ]\d\d:\d\d")
+    return {
+        str(path.relative_to(folder)): when.sub(b"", path.read_bytes())
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix != ".h5"  # a run holds when it was made; it is read back
+    }
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a log, a scenario and a model of one free parameter, made the working one."""
+    monkeypatch.chdir(tmp_path)
+    write_log(tmp_path / "log.csv", 3, "half_sine", manoeuvres=2, seconds=1.0)
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    assert run(["model", "new", "--setup", "log.toml", "-o", "beam.toml"]) == 0
+    model = re.sub(r"\{value = ([^,]+),.*\}", r"\1", (tmp_path / "beam.toml").read_text())
+    lever = "lever_arm_m = {value = 3e-4, min = 0.0, max = 0.02}"
+    (tmp_path / "beam.toml").write_text(re.sub(r"lever_arm_m = \S+", lever, model))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "group", [pytest.param(g, marks=[pytest.mark.slow] * (g == "page")) for g in GROUPS]
+)
+def test_every_output_is_there_without_what_only_posix_has(folder: Path, group: str) -> None:
+    (folder / "O").mkdir()
+    for line in GROUPS[group].splitlines():
+        assert run(line.split()) == 0, line
+    usual = outputs(folder / "O")
+    (folder / "O").rename(folder / "usual")
+    (folder / "O").mkdir()
+    without_posix(["-c", RUN, GROUPS[group]], folder)
+    made = outputs(folder / "O")
+    assert made.keys() == usual.keys()
+    assert [name for name in made if made[name] != usual[name]] == []
+
+
+def test_a_campaign_runs_without_what_only_posix_has(tmp_path: Path) -> None:
+    manifest = make_campaign(tmp_path, logs=2, seconds=1.0)
+    words = ["campaign", "run", str(manifest), "--quiet"]
+    without_posix(["-m", "tirelog", *words], tmp_path)
+    made = dataset(tmp_path / "results")
+    (tmp_path / "results").rename(tmp_path / "hidden")
+    assert run(words) == 0
+    assert dataset(tmp_path / "results") == made
+    assert len(made) == 4
