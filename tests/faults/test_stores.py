@@ -1,11 +1,15 @@
 """Faults: what a store says is told by its codes and never by its words, and within its time."""
 
+import errno
+import gzip
+import io
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tirelog.cli import run
 from tirelog.errors import OutputError, ReadError, is_outside_log
 from tirelog.storage import remote
 from tirelog.storage.remote import (
@@ -15,6 +19,8 @@ from tirelog.storage.remote import (
     read_several,
     write_remote,
 )
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
 def test_a_store_out_of_order_is_no_fault_of_what_is_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,3 +59,37 @@ def test_an_address_of_this_machine_is_one_place_however_it_is_spelt(tmp_path: P
     assert (tmp_path / "a.txt").read_bytes() == b"whole"
     assert list_remote(f"file://{tmp_path}") == ["a.txt"]
     assert match_remote(f"file://{tmp_path}/*.txt") == [there]
+
+
+@pytest.mark.parametrize("name", ["drive.csv", "drive.csv.gz", "encoder.h5", "drive_messages.mcap"])
+def test_a_store_that_goes_while_a_log_is_read_is_no_damage_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], name: str
+) -> None:
+    """A store whose answer is an error from the second half of the object on, of a kind that says
+    nothing of a connection.
+    """
+    memory = pytest.importorskip("fsspec").filesystem("memory")
+    source = SAMPLES / name
+    data = (
+        source.read_bytes()
+        if source.exists()
+        else gzip.decompress(Path(f"{source}.gz").read_bytes())
+    )
+
+    class Going(io.BytesIO):
+        def readinto(self, room: Any) -> int:
+            if self.tell() + len(room) > len(data) // 2:
+                raise OSError(errno.EBUSY, "SlowDown")
+            return super().readinto(room)
+
+        def read(self, size: int | None = -1) -> bytes:
+            room = bytearray(size if size and size > 0 else len(data))
+            return bytes(room[: self.readinto(room)])
+
+    monkeypatch.setattr(type(memory), "open", lambda *_, **__: Going(data))
+    output = tmp_path / "t.csv"
+    table = "phase-shift" if name.endswith("h5") else "speed"
+    setup = str(source.with_suffix("").with_suffix("")) + ".toml"
+    assert run([table, f"memory://b/{name}", "--setup", setup, "-o", str(output)]) == 4
+    assert "cannot be reached (OSError: [Errno 16] SlowDown)" in capfd.readouterr().err
+    assert not output.exists()

@@ -105,13 +105,15 @@ def _refusal(kind: type[TirelogError], url: str, problem: BaseException) -> Tire
     return kind(f"cannot be reached ({text}); {advice}", file=url)
 
 
-def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) -> T:
+def _answer(
+    url: str, kind: type[TirelogError], question: Callable[[Any], T], *, may_miss: bool = False
+) -> T:
     """What the store of `url` answers; `kind` of error if it refuses.
 
     Also if it does not answer in time (its own retries take minutes).
 
-    FileNotFoundError is an answer, and is raised as it is; of the others the cause is a
-    ConnectionError or TimeoutError, whatever the store's own exceptions are.
+    FileNotFoundError is an answer, and is raised as it is if what is asked for `may_miss`; of the
+    others the cause is a ConnectionError or TimeoutError, whatever the store's own exceptions are.
     """
     system, answers, failures = _filesystem(url), list[T](), list[BaseException]()
 
@@ -132,17 +134,32 @@ def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) ->
             "answers; see to it and try again",
             file=url,
         ) from TimeoutError()
-    if isinstance(failures[0], FileNotFoundError | TirelogError):
+    missing = isinstance(failures[0], FileNotFoundError)
+    if isinstance(failures[0], TirelogError) or (missing and may_miss):
         raise failures[0]
-    raise _refusal(kind, url, failures[0]) from ConnectionError()
+    raise _refusal(kind, url, failures[0]) from None if missing else ConnectionError()
 
 
 def open_remote(url: str) -> BinaryIO:
-    """A stream that reads from `url` in ranges.  ReadError: not there, or no credentials."""
-    try:
-        return cast(BinaryIO, _answer(url, ReadError, lambda system: system.open(url, "rb")))
-    except FileNotFoundError as problem:
-        raise _refusal(ReadError, url, problem) from None
+    """A stream that reads from `url` in ranges.
+
+    ReadError: not there, or no credentials; while it is read, the store refuses or has gone, which
+    no reader can take for damage of the log.
+    """
+    stream = _answer(url, ReadError, lambda system: system.open(url, "rb"))
+
+    def guarded(call: Callable[..., T]) -> Callable[..., T]:
+        def answer(*given: Any) -> T:
+            try:
+                return call(*given)
+            except Exception as problem:  # each store has exceptions of its own
+                known = isinstance(problem, TirelogError)  # one of the two calls the other
+                raise problem if known else _refusal(ReadError, url, problem) from ConnectionError()
+
+        return answer
+
+    stream.read, stream.readinto = guarded(stream.read), guarded(stream.readinto)
+    return cast(BinaryIO, stream)
 
 
 def open_input(path: Path | str) -> BinaryIO:
@@ -163,7 +180,7 @@ def open_input(path: Path | str) -> BinaryIO:
 def read_remote(url: str) -> bytes | None:
     """A small object's bytes, or None if it is not there.  ReadError: it cannot be known."""
     try:
-        return bytes(_answer(url, ReadError, lambda system: system.cat_file(url)))
+        return bytes(_answer(url, ReadError, lambda system: system.cat_file(url), may_miss=True))
     except FileNotFoundError:
         return None
 
@@ -196,7 +213,7 @@ def list_remote(url: str) -> list[str]:
         return [str(name).removeprefix(root) for name in system.find(url)]
 
     try:
-        return sorted(_answer(url, OutputError, names))
+        return sorted(_answer(url, OutputError, names, may_miss=True))
     except FileNotFoundError:
         return []
 
@@ -213,7 +230,7 @@ def match_remote(pattern: str) -> list[str]:
         ]
 
     try:
-        return sorted(_answer(pattern, ReadError, names))
+        return sorted(_answer(pattern, ReadError, names, may_miss=True))
     except FileNotFoundError:
         return []
 
@@ -223,10 +240,7 @@ def state_of(url: str) -> list[Any]:
 
     ReadError: not there.
     """
-    try:
-        info = _answer(url, ReadError, lambda system: system.info(url))
-    except FileNotFoundError as problem:
-        raise _refusal(ReadError, url, problem) from None
+    info = _answer(url, ReadError, lambda system: system.info(url))
     marks = [
         info.get(name)
         for name in (
@@ -245,25 +259,14 @@ def state_of(url: str) -> list[Any]:
 
 def write_remote(url: str, data: bytes) -> None:
     """A small object, whole or not at all.  OutputError: it could not be stored."""
-
-    def put(system: Any) -> None:
-        if _whole_puts(system):
-            system.pipe_file(url, data)
-        else:
-            system.pipe_file(_part(url), data)
-            system.mv(_part(url), url)
-
-    try:
-        _answer(url, OutputError, put)
-    except FileNotFoundError as problem:  # no such bucket
-        raise _refusal(OutputError, url, problem) from None
+    _answer(url, OutputError, lambda store: _put(store, url, lambda to: store.pipe_file(to, data)))
 
 
 def remove_remote(urls: Sequence[str]) -> None:
     """Remove objects; those that are gone already are no error."""
     if urls:
         try:
-            _answer(urls[0], OutputError, lambda system: system.rm(list(urls)))
+            _answer(urls[0], OutputError, lambda system: system.rm(list(urls)), may_miss=True)
         except FileNotFoundError:
             for url in urls if len(urls) > 1 else ():
                 remove_remote([url])
@@ -276,20 +279,16 @@ def upload(path: Path, url: str) -> None:
     """
     system = _filesystem(url)
     try:
-        if _whole_puts(system):
-            system.put_file(str(path), url)
-        else:
-            system.put_file(str(path), _part(url))
-            system.mv(_part(url), url)
+        _put(system, url, lambda to: system.put_file(str(path), to))
     except Exception as problem:  # each store has exceptions of its own
         raise _refusal(OutputError, url, problem) from None
 
 
-def _whole_puts(system: Any) -> bool:
-    names = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
-    return bool(names & _WHOLE_PUTS)
-
-
-def _part(url: str) -> str:
+def _put(system: Any, url: str, store: Callable[[str], object]) -> None:
+    """Have `store` put an object at `url` so that it is seen whole or not at all."""
+    kinds = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
     folder, _, name = url.rpartition("/")
-    return f"{folder}/.{name}{PART}"
+    place = url if kinds & _WHOLE_PUTS else f"{folder}/.{name}{PART}"
+    store(place)
+    if place != url:
+        system.mv(place, url)
