@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 import multiprocessing
 import os
 import sys
@@ -58,7 +59,7 @@ def _on_cluster(
     A scheduler holds the death of a worker against all that it had been given: what it gives up is
     tried again, each alone.
 
-    UsageError: dask.distributed is missing, or the scheduler does not answer.
+    UsageError: dask.distributed is missing, or the scheduler does not answer, or no more.
     """
     try:
         from distributed import Client, KilledWorker
@@ -67,24 +68,25 @@ def _on_cluster(
             "--scheduler needs dask.distributed",
             do="it comes with the extra: pip install 'tirelog[cluster]'",
         ) from None
+    for name in ("distributed", "distributed.client"):  # they print tracebacks of what is said here
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = Client(scheduler, timeout=_TIMEOUT_S)
+        with Client(scheduler, timeout=_TIMEOUT_S) as client, _workers_watched(client, remark):
+            suspects = []
+            for task, future in _finished(client, tasks, "all"):
+                if future.status != "finished" and isinstance(future.exception(), KilledWorker):
+                    suspects.append(task)
+                else:
+                    yield _outcome(task, future)
+            for task in suspects:
+                for _, future in _finished(client, [task], "alone"):
+                    yield _outcome(task, future)
     except (OSError, ValueError, TypeError) as problem:
         raise UsageError(
             f"--scheduler {scheduler} does not answer ({type(problem).__name__})",
             allowed="allowed is tcp://HOST:PORT",
-            do="start it first",
+            do="start it, then run this again: what is done is kept",
         ) from None
-    with client, _workers_watched(client, remark):
-        suspects = []
-        for task, future in _finished(client, tasks, "all"):
-            if future.status != "finished" and isinstance(future.exception(), KilledWorker):
-                suspects.append(task)
-            else:
-                yield _outcome(task, future)
-        for task in suspects:
-            for _, future in _finished(client, [task], "alone"):
-                yield _outcome(task, future)
 
 
 @contextmanager
@@ -130,7 +132,7 @@ def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
         entry: Entry = future.result()
         return entry
     error = (
-        f"{task.log}: no worker of the cluster finished it ({future.exception()}); "
+        f"{task.log}: no worker of the cluster finished it ({future.exception() or future.status}); "
         "look at the cluster's own log"
     )
     return _of_the_machine(task, error)
