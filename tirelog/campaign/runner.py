@@ -132,8 +132,8 @@ def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
         entry: Entry = future.result()
         return entry
     error = (
-        f"{task.log}: no worker of the cluster finished it ({future.exception() or future.status}); "
-        "look at the cluster's own log"
+        f"{task.log}: no worker of the cluster finished it "
+        f"({future.exception() or future.status}); look at the cluster's own log"
     )
     return _of_the_machine(task, error)
 
