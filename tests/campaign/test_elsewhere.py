@@ -166,3 +166,56 @@ def test_no_credentials(
     without_credentials(monkeypatch, tmp_path)
     assert run(["speed", f"{bucket}/run_1.csv", "--setup", str(tmp_path / "setup.toml")]) == 4
     assert "credentials" in capfd.readouterr().err
+
+
+#: every command that reads a log in the bucket and would write on it, or on the log beside it
+ONTO_A_LOG = [
+    *(f"{table} LOG -o LOG" for table in
+      ("speed", "footprint", "dissipation", "inflation", "slip", "grip", "wheel-angle",
+       "strain-shift", "phase-shift")),
+    "phase-shift LOG --calibrate LOG",
+    "speed here.csv LOG -o LOG",
+    "tables LOG -o FOLDER",
+    "ingest LOG -o LOG",
+    "info LOG -o LOG",
+    "setup new LOG -o LOG",
+    "compare LOG --model beam.toml -o LOG",
+    "diagnose LOG --model beam.toml -o LOG",
+    "form LOG --model beam.toml -o LOG",
+    "ladder LOG --model beam.toml -o LOG",
+    "ladder LOG --model beam.toml --save LOG",
+    "propose LOG --model beam.toml -o LOG",
+    "model fit LOG --model beam.toml -o LOG",
+    "report LOG -o LOG",
+    "report here.csv --table LOG -o LOG",
+    "check LOG --against here.csv -o LOG",
+]  # fmt: skip
+
+
+def test_no_output_takes_the_place_of_a_log_in_s3(
+    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    import s3fs
+
+    monkeypatch.chdir(make_campaign(tmp_path, logs=1, seconds=1.0).parent)
+    data = (tmp_path / "logs" / "run_0.csv").read_bytes()
+    (tmp_path / "here.csv").write_bytes(data)
+    assert run(["model", "new", "--preset", "P2", "-o", "beam.toml"]) == 0
+    store, made = s3fs.S3FileSystem(), []
+    for line in ONTO_A_LOG:
+        name = "FOLDER/speed.csv" if "FOLDER" in line else "log.csv"
+        name = name.replace("FOLDER", f"{bucket}/made") if "FOLDER" in line else f"{bucket}/{name}"
+        store.pipe_file(name, data)
+        for other in (name, name.replace(f"{bucket}/", f"{bucket}//")):
+            first, _, last = line.rpartition(" ")
+            output = f"{bucket}/made" if last == "FOLDER" else other
+            words = [*first.replace("LOG", name).split(), output]
+            if words[0] not in ("check", "setup", "form"):
+                words += ["--setup", "setup.toml"]
+            capfd.readouterr()
+            status = run(words)
+            said = capfd.readouterr().err
+            if status != 2 or "takes the place of an input" not in said:
+                made.append((line, other, status, said))
+            assert store.cat_file(name) == data, (line, other)
+    assert made == []

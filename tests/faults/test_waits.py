@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,26 @@ def test_a_pipe_without_a_writer_is_noticed_and_waited_for(work, capfd, words, f
     said = capfd.readouterr().err
     assert said.count(NOTICE) == 1
     assert "pipe.csv: is a pipe" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        ("speed pipe.csv --setup drive.toml", "drive.csv.gz"),
+        ("speed drive.csv.gz --setup pipe.csv", "drive.toml"),
+    ],
+)
+def test_a_pipe_whose_writer_is_silent_is_noticed(work, capfd, words, file):
+    os.mkfifo("pipe.csv")
+
+    def write() -> None:
+        with open("pipe.csv", "wb") as pipe:
+            time.sleep(1.0)
+            pipe.write(Path(file).read_bytes())
+
+    threading.Thread(target=write, daemon=True).start()
+    assert run(words.split()) == 0
+    assert capfd.readouterr().err.count(NOTICE) == 1
 
 
 def test_a_quiet_command_waits_without_a_notice(work, capfd):

@@ -12,9 +12,9 @@ from __future__ import annotations
 import errno
 import posixpath
 import re
+import select
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
 from urllib.parse import unquote
@@ -140,6 +140,14 @@ def _answer(
     raise _refusal(kind, url, failures[0]) from None if missing else ConnectionError()
 
 
+def _found(url: str, kind: type[TirelogError], question: Callable[[Any], T]) -> T | None:
+    """`_answer` of a store that may not have what is asked for: None then."""
+    try:
+        return _answer(url, kind, question, may_miss=True)
+    except FileNotFoundError:
+        return None
+
+
 def open_remote(url: str) -> BinaryIO:
     """A stream that reads from `url` in ranges.
 
@@ -165,24 +173,25 @@ def open_remote(url: str) -> BinaryIO:
 def open_input(path: Path | str) -> BinaryIO:
     """The bytes of a file here or at an address, opened to be read.
 
-    A pipe is waited for until something opens it to write, with a notice after two seconds.
+    A pipe is waited for until something writes to it, with a notice after two seconds.
     OSError, ValueError: there is none. ReadError: nothing is there, or no credentials.
     """
     url = address(path)
     if url is not None:
         return open_remote(url)
     named = Path(path)
-    waits = noticed_wait(f"{path}: is a pipe; waiting for what writes to it")
-    with waits if named.is_fifo() else nullcontext():
+    if not named.is_fifo():
         return named.open("rb")
+    with noticed_wait(f"{path}: is a pipe; waiting for what writes to it"):
+        stream = named.open("rb")
+        select.select([stream], [], [])  # until there are bytes, or whoever opened it has left
+        return stream
 
 
 def read_remote(url: str) -> bytes | None:
     """A small object's bytes, or None if it is not there.  ReadError: it cannot be known."""
-    try:
-        return bytes(_answer(url, ReadError, lambda system: system.cat_file(url), may_miss=True))
-    except FileNotFoundError:
-        return None
+    found = _found(url, ReadError, lambda system: system.cat_file(url))
+    return None if found is None else bytes(found)
 
 
 def read_several(urls: Sequence[str]) -> dict[str, bytes]:
@@ -212,10 +221,7 @@ def list_remote(url: str) -> list[str]:
         root = str(system._strip_protocol(url)).rstrip("/") + "/"
         return [str(name).removeprefix(root) for name in system.find(url)]
 
-    try:
-        return sorted(_answer(url, OutputError, names, may_miss=True))
-    except FileNotFoundError:
-        return []
+    return sorted(_found(url, OutputError, names) or [])
 
 
 def match_remote(pattern: str) -> list[str]:
@@ -229,10 +235,7 @@ def match_remote(pattern: str) -> list[str]:
             for name in map(str, system.glob(pattern))
         ]
 
-    try:
-        return sorted(_answer(pattern, ReadError, names, may_miss=True))
-    except FileNotFoundError:
-        return []
+    return sorted(_found(pattern, ReadError, names) or [])
 
 
 def state_of(url: str) -> list[Any]:
