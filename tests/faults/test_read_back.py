@@ -164,3 +164,13 @@ def test_a_log_that_is_being_recorded(tmp_path, monkeypatch, capfd, mode, status
     said = capfd.readouterr().err
     assert "is still being recorded" in said
     assert "repair" not in said
+
+
+@pytest.mark.parametrize("stamp", ["{:.4f}", "2026-11-25T10:00:{:07.4f}"])
+@pytest.mark.parametrize("short", [["1549,0.0000"], ["1549"], ["1541.9,1549.9", "1549"]])
+def test_a_short_first_row_is_no_defect(tmp_path, capfd, short, stamp):
+    rows = [f"1542,{1550 + k % 7},{stamp.format(k * 0.001)}" for k in range(2000)]
+    log = tmp_path / "l.csv"
+    log.write_text("\n".join(["CH1_FBG2,CH1_FBG1,time_s", *short, *rows]) + "\n")
+    assert run(["speed", str(log), "--setup", str(SAMPLES / "drive.toml")]) in (2, 3, 4)
+    assert "defect" not in capfd.readouterr().err

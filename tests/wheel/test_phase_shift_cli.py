@@ -248,3 +248,13 @@ def test_a_log_of_less_than_two_turns_has_a_footprint_without_lengths(tmp_path, 
     short = sample(tmp_path, lambda x: x[: x.size // 65])
     assert run(["footprint", str(short)]) == 0
     assert {row["length_m"] for row in rows(capfd.readouterr().out)} == {""}
+
+
+def test_two_speeds_give_no_speed_map(tmp_path, capfd):
+    corners = ((0, 12, 12.5, 25), (10, 10, 22, 22))
+    tread = Tread(seed=43_000, shift=lambda v, a: 0.02 * v, width=lambda v, a: 25 - 0.04 * v)
+    log = write(tmp_path, "two", corners, tread)
+    status, _, err = command(capfd, log, "--calibrate", tmp_path / "maps.toml")
+    assert status == 2
+    assert "0 of them in the middle third" in err
+    assert not (tmp_path / "maps.toml").exists()

@@ -131,11 +131,11 @@ def _outcome(task: LogTask, future: DaskFuture[Any]) -> Entry:
     if future.status == "finished":
         entry: Entry = future.result()
         return entry
-    error = (
+    return _of_the_machine(
+        task,
         f"{task.log}: no worker of the cluster finished it "
-        f"({future.exception() or future.status}); look at the cluster's own log"
+        f"({future.exception() or future.status}); look at the cluster's own log",
     )
-    return _of_the_machine(task, error)
 
 
 def _of_the_machine(task: LogTask, error: str) -> Entry:
@@ -426,11 +426,11 @@ def _begin(parent: int) -> None:
 
 
 def _died(task: LogTask) -> Entry:
-    error = (
+    return _of_the_machine(
+        task,
         f"{task.log}: its worker died {_ATTEMPTS} times (out of memory, or killed); "
-        "free memory or use fewer workers"
+        "free memory or use fewer workers",
     )
-    return _of_the_machine(task, error)
 
 
 def write_summary(campaign: Campaign, ledger: Ledger) -> str:

@@ -165,7 +165,7 @@ class Cleaned:
 def calibrate(logs: Sequence[EdgeTimes], forces: bool = False) -> Calibration:
     """The calibration from all logs.
 
-    UsageError: too few quasi-static passages, or too narrow a range of speed.
+    UsageError: too few quasi-static passages, too narrow a range of speed, or a third of it empty.
     """
     zeros = [p.zero_speed_m_s for p in logs if np.isfinite(p.zero_speed_m_s)]
     if not zeros:
@@ -184,9 +184,8 @@ def calibrate(logs: Sequence[EdgeTimes], forces: bool = False) -> Calibration:
     ]
     level = _speed_map(logs, "shift", reference, coasting=True)
     delay, delay_se = _delay(level, reference, float(np.median([p.radius_m for p in logs])))
-    mean = float(np.mean(levels))
     whole = Calibration(
-        reference, shift, width, mean, np.nan, np.nan, delay, delay_se,
+        reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se,
         beside_force=_force_of_all(logs),
     )  # fmt: skip
     k, k_se = _crosstalk(logs, whole)
@@ -249,11 +248,15 @@ def _speed_map(
             )[:, rows]
         )
     y, se, v, a, force, group, driven = np.concatenate(parts, axis=1)
-    if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
-        found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
+    thirds = np.histogram(v, 3)[0]  # of the range of speed: without one no curve is known
+    if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S or not thirds.all():
+        found = (
+            f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s, {thirds[1]} of them "
+            "in the middle third,"
+        )
         raise UsageError(
             f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2",
-            allowed=f"a speed map needs {LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s",
+            allowed=f"a speed map needs {LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s and each third",
             do="add a slow drive-up or coast-down",
         )
     dv = v - reference

@@ -340,9 +340,10 @@ def decimals(layout: Layout, column: int) -> int | None:
 
 def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
     """The first stamp in ISO 8601, if it tells a date."""
-    if columns.time is None or columns.form not in ("iso", "dmy") or not layout.rows:
+    rows = [row for row in layout.rows if len(row) > max(columns.time or 0, columns.clock or 0)]
+    if columns.time is None or columns.form not in ("iso", "dmy") or not rows:
         return None
-    row, shown = layout.rows[0], columns.time if columns.clock is None else columns.clock
+    row, shown = rows[0], columns.time if columns.clock is None else columns.clock
     parts = [
         one_ns(row[columns.time], columns.form, us),
         one_ns(row[shown], "hms") if columns.clock is not None else 0,

@@ -396,14 +396,7 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
     us = columns.form == "dmy" and month_first(stamps)
     exact, tick_places = False, TICK_PLACES
     if columns.form == "number" and columns.time is not None:
-        first = next(
-            (
-                row[columns.time]
-                for row in layout.rows
-                if is_number(row[columns.time], layout.decimal)
-            ),
-            "0",
-        )
+        first = next((stamp for stamp in stamps if is_number(stamp, layout.decimal)), "0")
         size = abs(float(first.replace(layout.decimal, ".")))
         exact = size * columns.time_factor > _EXACT_ABOVE_S
         if exact:  # as many decimals as int64 holds of twice the first stamp
