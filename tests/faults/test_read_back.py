@@ -2,6 +2,7 @@
 elsewhere, end with a message that names the file.
 """
 
+import gzip
 import json
 import subprocess
 import sys
@@ -173,4 +174,15 @@ def test_a_short_first_row_is_no_defect(tmp_path, capfd, short, stamp):
     log = tmp_path / "l.csv"
     log.write_text("\n".join(["CH1_FBG2,CH1_FBG1,time_s", *short, *rows]) + "\n")
     assert run(["speed", str(log), "--setup", str(SAMPLES / "drive.toml")]) in (2, 3, 4)
+    assert "defect" not in capfd.readouterr().err
+
+
+def test_a_value_whose_square_is_no_number_is_no_defect(tmp_path, capfd):
+    head, *rows = gzip.decompress((SAMPLES / "inflation.csv.gz").read_bytes()).decode().split("\n")
+    log = tmp_path / "l.csv"
+    for number in (len(rows) // 3, len(rows) // 2):
+        cells = rows[number].split(",")
+        rows[number] = ",".join([cells[0], "1e260", *cells[2:]])
+    log.write_text("\n".join([head, *rows]))
+    assert run(["inflation", str(log), "--setup", str(SAMPLES / "inflation.toml")]) in (0, 2, 3, 4)
     assert "defect" not in capfd.readouterr().err

@@ -139,7 +139,7 @@ def series(
     taken to follow the strain from one to the other, so only the whole's slope has a meaning.
     """
     time, values, error = means(strain)
-    known = np.isfinite(values)
+    known = np.isfinite(values) & np.isfinite(error)  # the square of an absurd value is no number
     if known.sum() < 2 * SHORTEST:
         raise UsageError(
             f"{strain.name}: fewer than {2 * SHORTEST * MEAN_S:g} s of strain",
