@@ -224,8 +224,8 @@ def calibrate(
     Examples
     --------
     >>> import tirelog
-    >>> round(tirelog.calibrate("sample_data/encoder.h5").patch_width_deg, 1)
-    13.1
+    >>> round(tirelog.calibrate("sample_data/encoder_ramp.h5").patch_width_deg, 1)
+    13.2
     """
     options = {"zero": zero, "forces": True}
     parts = (p for r in each_log(logs, setup) for p in parts_of(r, "phase-shift", options))

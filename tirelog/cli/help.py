@@ -66,7 +66,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "phase-shift": (
         ("tirelog phase-shift encoder.h5 -o phase.csv", "patch width and phase shift"),
         (
-            "tirelog phase-shift encoder.h5 --calibrate wheel.toml -o phase.csv",
+            "tirelog phase-shift encoder_ramp.h5 --calibrate wheel.toml -o phase.csv",
             "learn the calibration from this log",
         ),
     ),
