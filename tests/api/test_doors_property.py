@@ -10,7 +10,7 @@ import tirelog
 from tests.cli.conftest import SETUP, Command
 from tirelog.tables.frame import read_table
 
-ENCODER = Path(__file__).parents[2] / "sample_data" / "encoder.h5"
+ENCODER = Path(__file__).parents[2] / "sample_data" / "encoder_ramp.h5"
 
 
 def test_a_log_is_ingested_drafted_and_checked(folder: Path, command: Command) -> None:
