@@ -58,23 +58,23 @@ def saddled_parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: fl
     return (load_N / (2.0 * np.pi * radius_m)) * shape
 
 
-def legendre_modes(half_length_m: FloatArray, radius_m: float) -> ComplexArray:
-    """The Legendre polynomials P_n(xi / L) on the patch, n = 1 ... 8, (8, n, K), times C / (2 L).
+def legendre_modes(half_length_m: FloatArray, radius_m: float) -> FloatArray:
+    """Spherical Bessel functions j_n(q L), n = 1 ... 8, (8, n, K).
 
-    That is (-i)^n j_n(q L). Beyond x = q L = 10 the spherical Bessel functions follow from each
-    other, j_(n+1) = (2 n + 1) / x j_n - j_(n-1), in a tenth of the time.
+    (-i)^n j_n are the modes of the Legendre polynomial P_n(xi / L) on the patch, times C / (2 L).
+    Beyond x = q L = 10 they follow from each other, j_(n+1) = (2 n + 1) / x j_n - j_(n-1), in a
+    tenth of the time.
     """
     x = half_length_m / radius_m * np.arange(MODES)
     near = min(int(np.ceil(10.0 * radius_m / half_length_m.min())) + 1, MODES)
-    waves = np.empty((8, *x.shape), np.complex128)
-    degrees = np.arange(1, 9)[:, None, None]
-    waves[..., :near] = (-1j) ** degrees * spherical_jn(degrees, x[:, :near])
-    far, turn = x[:, near:], powers(half_length_m / radius_m)[:, near:]
-    before = turn.imag / far
-    own = before / far - turn.real / far
+    waves = np.empty((8, *x.shape))
+    waves[..., :near] = spherical_jn(np.arange(1, 9)[:, None, None], x[:, :near])
+    per_x, turn = 1.0 / x[:, near:], powers(half_length_m / radius_m)[:, near:]
+    before = turn.imag * per_x
+    own = before * per_x - turn.real * per_x
     for n in range(1, 9):
-        waves[n - 1, :, near:] = (-1j) ** n * own
-        before, own = own, (2 * n + 1) / far * own - before
+        waves[n - 1, :, near:] = own
+        before, own = own, (2 * n + 1) * per_x * own - before
     return waves
 
 

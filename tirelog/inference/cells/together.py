@@ -415,9 +415,14 @@ def predicted(
 
 
 def linearised(
-    model: Model, cells: Cells, names: Sequence[str], values: Mapping[str, float]
+    model: Model,
+    cells: Cells,
+    names: Sequence[str],
+    values: Mapping[str, float],
+    *,
+    rough: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
-    """Prediction (C, m) and Jacobian (C, m, p)."""
+    """Prediction (C, m) and Jacobian (C, m, p), `rough` as of `Model.linearised`."""
     if cells.together is None and not model.beside and not cells.member:
         prediction, slopes = model.linearised(
             cells.conditions,
@@ -425,6 +430,7 @@ def linearised(
             surface=cells.surface,
             values=values,
             observable=cells.observable,
+            rough=rough,
             **cells.angles,
         )
         return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
@@ -434,7 +440,7 @@ def linearised(
         own = _own(model, one, member, values)
         at, asked, factors = _slopes_asked(model, one, member, names, values)
         there, slopes = one.linearised(
-            cells.conditions.take(rows), names=asked, values=own, **where
+            cells.conditions.take(rows), names=asked, values=own, rough=rough, **where
         )
         slopes *= np.array(factors)[:, None, None]
         scale, width = _scale(cells, i), there.shape[1]

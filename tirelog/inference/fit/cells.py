@@ -165,10 +165,15 @@ class Problem:
         return prediction
 
     def linearised(
-        self, model: Model, names: Sequence[str], values: Mapping[str, float]
+        self,
+        model: Model,
+        names: Sequence[str],
+        values: Mapping[str, float],
+        *,
+        rough: bool = False,
     ) -> tuple[FloatArray, FloatArray]:
         """Prediction (C, m) and Jacobian (C, m, p) in the observable's unit."""
-        return linearised(model, self.cells, names, values)
+        return linearised(model, self.cells, names, values, rough=rough)
 
     def whitened(self, jacobian: FloatArray) -> FloatArray:
         """A Jacobian (C, m, p) in the metric, offsets taken out, (N, p)."""
@@ -233,6 +238,8 @@ class _Together:
         self.problems, self.model, self.names = problems, model, tuple(names)
         self.mean, precision = priors(model, names)
         self.root = np.sqrt(precision)
+        self._kept: FloatArray | None = None
+        self._stale = False
 
     def values(self, theta: FloatArray) -> dict[str, float]:
         return dict(zip(self.names, theta, strict=True))
@@ -247,12 +254,25 @@ class _Together:
         return self._residual(theta)
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
-        values = self.values(theta)
-        slopes = [
-            p.whitened(p.linearised(self.model, self.names, values)[1] * size)
+        """Those of numbers with a prior, which are many, are kept from point to point."""
+        values, many = self.values(theta), self.root > 0.0
+        asked = np.full(many.size, self._kept is None) | ~many
+        names = [name for name, wanted in zip(self.names, asked, strict=True) if wanted]
+        found = [
+            p.whitened(p.linearised(self.model, names, values, rough=True)[1])
             for p in self.problems
         ]
-        return np.concatenate([*slopes, np.diag(self.root * size)])
+        slopes = np.empty((sum(len(one) for one in found), many.size))
+        slopes[:, asked] = np.concatenate(found)
+        self._stale = not asked.all()
+        if self._kept is not None:
+            slopes[:, many] = self._kept
+        self._kept = slopes[:, many]
+        return np.concatenate([slopes * size, np.diag(self.root * size)])
+
+    def renewed(self) -> bool:
+        self._kept = None
+        return self._stale
 
     def square(self, theta: FloatArray) -> float:
         left = or_refusal(self._residual)(theta)

@@ -40,6 +40,9 @@ class LeastSquares(Protocol):
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         """Derivatives of the prediction by theta / size, (N, p), where the last residual was."""
 
+    def renewed(self) -> bool:
+        """Were some of the last slopes kept from an earlier point?  None of the next are."""
+
     def square(self, theta: FloatArray) -> float:
         """Sum of squares of the residual at a point on trial; infinite if it is refused."""
 
@@ -82,11 +85,14 @@ def descend(
                 break
             damping = max(damping, 1e-6) * 8.0
         else:
+            if problem.renewed():
+                damping = 1e-3
+                continue
             return Reached(theta, square, True)
         drop, theta, damping = square - reached, new, damping / 10.0
         residual = problem.residual(theta)
         square = float((residual**2).sum())
-        if drop < settled * square and drop < _SETTLED_BY:
+        if drop < settled * square and drop < _SETTLED_BY and not problem.renewed():
             return Reached(theta, square, True)
     return Reached(theta, square, not theta.size)
 

@@ -123,10 +123,9 @@ class Site:
         return self.load_N / (2.0 * self.half_length_m)
 
     @cached_property
-    def legendre(self) -> ComplexArray:
-        """Modes of F / (2 L) P_n(xi / L) on the patch [N/m], for n = 1 ... 8, (8, n or 1, K)."""
-        waves = legendre_modes(self.half_length_m, self.radius_m)
-        return np.asarray(self.load_N / (2.0 * np.pi * self.radius_m) * waves, np.complex128)
+    def legendre(self) -> FloatArray:
+        """`legendre_modes` of the patch, (8, n or 1, K)."""
+        return legendre_modes(self.half_length_m, self.radius_m)
 
 
 @dataclass(frozen=True)

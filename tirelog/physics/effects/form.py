@@ -48,6 +48,8 @@ def _by_waves(waves: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-0.5 * ((x[:, None] - centres) / np.diff(centres)[0]) ** 2))
 
 
+#: what turns a spherical Bessel function into the modes of P_1, P_2, ...: odd ones are imaginary
+_TURNS = np.array([-1j, -1.0, 1j, 1.0] * 2)
 _SHARES, _BELLS = _shares(), _by_waves(np.arange(MODES, dtype=np.float64))
 
 
@@ -65,8 +67,11 @@ def stiffness_factor(numbers: FloatArray, waves: FloatArray) -> FloatArray:
 
 
 def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
-    numbers = np.array([v[name] for name in PRESSURE]) @ _SHARES
-    return np.asarray(np.tensordot(numbers, site.legendre, 1), np.complex128)
+    numbers = np.array([v[name] for name in PRESSURE]) @ _SHARES * _TURNS
+    waves = np.empty(site.legendre.shape[1:], np.complex128)
+    waves.imag = np.tensordot(numbers[::2].imag, site.legendre[::2], 1)
+    waves.real = np.tensordot(numbers[1::2].real, site.legendre[1::2], 1)
+    return site.load_N / (2.0 * np.pi * site.radius_m) * waves
 
 
 def _structure(v: Values, drive: Drive) -> Structure:

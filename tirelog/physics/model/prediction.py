@@ -31,7 +31,7 @@ from tirelog.physics.model.stages import (
     structure,
     waveform,
 )
-from tirelog.physics.spectral import BLOCK, MODES, Angles
+from tirelog.physics.spectral import BLOCK, MODES, Angles, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
@@ -113,10 +113,12 @@ class Predicting:
         phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
+        rough: bool = False,
     ) -> tuple[FloatArray, FloatArray]:
         """`predict`, and its derivatives by the parameters `names`, (len(names), n, m).
 
-        Central differences of the stages that each parameter touches.
+        Central differences of the stages that each parameter touches; forward ones if `rough`, in
+        half the time and with an error of some 1e-5 instead of 1e-9: enough to descend by.
         """
         self.known(names)
         observable = observable or self.observable
@@ -130,9 +132,16 @@ class Predicting:
         base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
         for rows, task, shares in self._parts(conditions, flat, observable, surface, also=names):
             part = None if angles is None else angles.take(rows)
-            base[rows] = _predicted(task, observable, surface, part, shares=shares)
+            here = _computed(task, observable, surface, part)
+            base[rows] = _evaluated(here, part, shares)
             for i, name in enumerate(names):
-                slopes[i, rows] = model._slope(task, flat, name, observable, surface, part, shares)
+                slopes[i, rows] = _evaluated(
+                    model._slope(
+                        task, flat, name, observable, surface, part, here if rough else None
+                    ),
+                    part,
+                    shares,
+                )
         return base, slopes
 
     def _slope(
@@ -143,34 +152,29 @@ class Predicting:
         observable: str,
         surface: str,
         angles: Angles | None,
-        shares: FloatArray | None = None,
-    ) -> FloatArray:
+        beside: Computed | None,
+    ) -> Computed:
+        """The derivative by one parameter, forward of what is computed `beside` it if given."""
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
 
         @or_refusal
-        def at(moved: float) -> tuple[Any, Any]:
-            """Modes and level with the value moved by so many steps."""
+        def at(moved: float) -> Computed:
+            """What is computed with the value moved by so many steps."""
             base, active = self._split({**flat, name: flat[name] + moved * step})
             end = replace(task, base=base, active=active, near=task)
-            if angles is None:
-                return 0.0, scalar(end, observable, _lever(end, surface))
-            modes, level = waveform(end, observable, _lever(end, surface))
-            return modes, level + _added(end, observable, angles)
+            return _computed(end, observable, surface, angles)
 
-        high, low = at(1.0), at(-1.0)
-        width = 2.0 * step
+        width = 2.0 * step if beside is None else step
+        high, low = at(1.0), at(-1.0) if beside is None else beside
         if isinstance(high, ModelError):  # at the edge of what is computed: the slope within
-            high, width = at(0.0), step
+            high, low, width = at(0.0), at(-1.0), step
         elif isinstance(low, ModelError):
             low, width = at(0.0), step
         if isinstance(high, ModelError):
             raise high
         if isinstance(low, ModelError):
             raise low
-        level: FloatArray = (high[1] - low[1]) / width
-        if angles is None:
-            return level
-        return angles.evaluate((high[0] - low[0]) / width, shares) + _of_rows(level, shares)
+        return (high[0] - low[0]) / width, (high[1] - low[1]) / width
 
     def _angles(
         self, phi_rad: FloatArray | Angles | None, phi_variance: FloatArray | None
@@ -315,6 +319,30 @@ def _lever(task: Task, surface: str) -> float:
     return task.base["lever_arm_m"] if surface == "inner" else -task.base["lever_arm_m"]
 
 
+#: modes (n or 1, K) and what is added to them at the angles (n or 1, m or 1) of one block; of a
+#: number per revolution no modes, and that number
+Computed = tuple[ComplexArray | float, FloatArray | float]
+
+
+def _computed(task: Task, observable: str, surface: str, angles: Angles | None) -> Computed:
+    """What the sensor reads in one block, as modes and what is added to them."""
+    lever = _lever(task, surface)
+    if angles is None:
+        return 0.0, scalar(task, observable, lever)
+    modes, level = waveform(task, observable, lever)
+    return modes, level + _added(task, observable, angles)
+
+
+def _evaluated(
+    computed: Computed, angles: Angles | None, shares: FloatArray | None = None
+) -> FloatArray | float:
+    """What is computed, at the angles; `shares` (n, k): rows are so much of what the task has."""
+    modes, level = computed
+    if angles is None:
+        return level
+    return angles.evaluate(np.asarray(modes), shares) + _of_rows(level, shares)
+
+
 def _predicted(
     task: Task,
     observable: str,
@@ -325,16 +353,12 @@ def _predicted(
 ) -> FloatArray | float:
     """What the sensor reads in one block: the waveform and what is added to it.
 
-    `highest` is the mode that is the last of a waveform; None: all. `shares` (n, k): the rows are
-    so much of what the task computes.
+    `highest` is the mode that is the last of a waveform; None: all.
     """
-    if angles is None:
-        return scalar(task, observable, _lever(task, surface))
-    modes, level = waveform(task, observable, _lever(task, surface))
-    if highest is not None:
+    modes, level = _computed(task, observable, surface, angles)
+    if highest is not None and angles is not None:
         modes = np.where(np.arange(MODES) <= highest, modes, 0.0)
-    level = level + _added(task, observable, angles)
-    return angles.evaluate(modes, shares) + _of_rows(level, shares)
+    return _evaluated((modes, level), angles, shares)
 
 
 def _of_rows(level: FloatArray | float, shares: FloatArray | None) -> FloatArray | float:
