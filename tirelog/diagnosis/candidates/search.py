@@ -100,17 +100,29 @@ def search_effects(
         )
     allowed = allowed_nuisances(base)
     bare = tuple(name for name in allowed if name != FORM)
-    plain = _search(base, extra, progress, bare)
+    climb = _climb(base, extra, progress, bare)
+    formed = None
+    if bare != allowed and not quiet_waveforms(climb.after):
+        formed = _formed(base, extra, progress, allowed)
+        if quiet_waveforms(formed.after):
+            return formed
+    plain = _search(base, extra, progress, bare, climb)
     at_floor = quiet_waveforms(plain.after)
     if bare == allowed or (at_floor and not plain.named):
         return plain
     if at_floor and len(plain.named) == 1:
         return _or_form(plain)
-    progress("once more with a form of the tire's own")
-    formed = _search(base, extra, progress, allowed)
+    formed = formed or _formed(base, extra, progress, allowed)
     fewer = len(formed.named) < len(plain.named) if at_floor else True
-    learnt = FORM in groups_of(formed.after)
-    return formed if learnt and fewer else plain
+    return formed if FORM in groups_of(formed.after) and fewer else plain
+
+
+def _formed(
+    base: Base, extra: tuple[Effect, ...], progress: Progress, allowed: tuple[str, ...]
+) -> Found:
+    """The search beside all nuisances, the tire's form among them."""
+    progress("once more with a form of the tire's own")
+    return _search(base, extra, progress, allowed)
 
 
 def _or_form(plain: Found) -> Found:
@@ -131,10 +143,17 @@ def _or_form(plain: Found) -> Found:
 
 
 def _search(
-    base: Base, extra: tuple[Effect, ...], progress: Progress, allowed: tuple[str, ...]
+    base: Base,
+    extra: tuple[Effect, ...],
+    progress: Progress,
+    allowed: tuple[str, ...],
+    climb: _Climb | None = None,
 ) -> Found:
-    """Steps from a base, beside those of the nuisances that are allowed."""
-    climb = _climb(base, extra, progress, allowed)
+    """Steps from a base, beside those of the nuisances that are allowed.
+
+    `climb`: the first steps, if they are known.
+    """
+    climb = climb or _climb(base, extra, progress, allowed)
     rivals = climb.rivals
     if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
