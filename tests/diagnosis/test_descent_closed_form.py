@@ -28,6 +28,9 @@ class Line:
     def slopes(self, theta, size):
         return X * size
 
+    def renewed(self):
+        return False
+
     def square(self, theta):
         return np.inf if theta[0] > self.edge else float((self.residual(theta) ** 2).sum())
 

@@ -454,10 +454,10 @@ def test_a_wrong_nuisance_is_refused_at_its_line(line: str, said: str) -> None:
 def test_nuisances_are_kept_as_they_are_written() -> None:
     written = 'wheel = "off" # bad rig\ndrift = { use = "on", relative = 0.05 }\n'
     model = parse_model(as_toml(Model.new("beam")) + "\n[nuisances]\n" + written)
-    assert [n.use for n in model.nuisances] == ["off", "on", "auto", "auto", "auto", "off"]
+    assert [n.use for n in model.nuisances] == ["off", "on", "auto", "auto", "auto", "auto"]
     assert written in as_toml(model)
     again = parse_model(as_toml(model.with_nuisance("rolling", "on").with_nuisance("drift", "off")))
-    assert [n.use for n in again.nuisances] == ["off", "off", "on", "auto", "auto", "off"]
+    assert [n.use for n in again.nuisances] == ["off", "off", "on", "auto", "auto", "auto"]
     assert again.nuisances[1].size("relative") == 0.05
     with pytest.raises(ModelError, match="wheel"):
         model.with_nuisance("weel", "on")
@@ -467,6 +467,6 @@ def test_model_nuisance_writes_the_use(tmp_path: Path) -> None:
     model, better = tmp_path / "m.toml", tmp_path / "better.toml"
     save_model(Model.new("beam"), model)
     assert run(["model", "nuisance", str(model), "wheel", "on", "-o", str(better)]) == 0
-    assert [n.use for n in load_model(better).nuisances] == ["on", *["auto"] * 4, "off"]
+    assert [n.use for n in load_model(better).nuisances] == ["on", *["auto"] * 5]
     assert run(["model", "nuisance", str(model), "whel", "on", "-o", str(better)]) == 2
     assert run(["model", "nuisance", str(model), "wheel", "maybe", "-o", str(better)]) == 2

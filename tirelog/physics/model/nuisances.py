@@ -1,8 +1,7 @@
 """What a wheel, its road and the day do beside the tire's physics: words and sizes.
 
 A model file's [nuisances] says of each whether it stands beside the model ("on"), never does
-("off", the default of the form), or does if it earns its place ("auto", the default of all others),
-and how large it ordinarily is. A size is the standard deviation of an amplitude before anything is
+("off"), or does if it earns its place ("auto", the default), and how large it ordinarily is. A size is the standard deviation of an amplitude before anything is
 measured, not a bound.
 """
 
@@ -80,7 +79,6 @@ NUISANCES = (
             _size("pressure", "1", "a shape of the pressure over the mean pressure", 0.3, 3.0),
             _size("stiffness", "1", "change of the stiffness at a wavelength", 0.2, 2.0),
         ),
-        use="off",
     ),
 )
 BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}
