@@ -126,9 +126,6 @@ def test_numbers_per_revolution_go_the_same_way(folder, capfd):
     answer = json.loads(capfd.readouterr().out)
     assert answer["unit"] == "m"
     assert 0.0 < answer["rmse_heldout"] < 0.02
-    assert any(
-        "lengths are marked form_unclear" in said for said in answer["remarks"]
-    )  # its pulses have an effect of no tire's form
 
 
 def test_strengths_by_log_of_a_ladder_that_added_nothing_are_an_empty_table(folder, capfd):

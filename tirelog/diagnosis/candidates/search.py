@@ -49,8 +49,8 @@ from tirelog.physics.effects import Effect
 
 Progress = Callable[[str], None]
 #: a form of the tire's own that does not end the search at the floor counts if it leaves less than
-#: this share of what is left without it: an unknown effect is no form, though its many numbers fit some
-#: of it. Of a ringing they leave 0.18; twice this share asks for less of a form with sharp edges
+#: this share of what is left without it: an unknown effect is no form, though so many numbers fit
+#: some of it. Of a ringing they leave 0.18; half the share asks more of a form with sharp edges
 _FORM_LEAVES = 0.05
 
 
@@ -105,32 +105,35 @@ def search_effects(
     allowed = allowed_nuisances(base)
     bare = tuple(name for name in allowed if name != FORM)
     climb = _climb(base, extra, progress, bare)
-    formed = None
-    if bare != allowed and not quiet_waveforms(climb.after):
-        formed = _formed(base, extra, progress, allowed)
-        if quiet_waveforms(formed.after):
-            return formed
+    tried = bare != allowed and not quiet_waveforms(climb.after)
+    formed = _formed(base, extra, progress, allowed, climb.after) if tried else None
+    if formed is not None and quiet_waveforms(formed.after):
+        return formed
     plain = _search(base, extra, progress, bare, climb)
     at_floor = quiet_waveforms(plain.after)
     if bare == allowed or (at_floor and not plain.named):
         return plain
     if at_floor and len(plain.named) == 1:
         return _or_form(plain)
-    formed = formed or _formed(base, extra, progress, allowed)
-    better = (
-        len(formed.named) < len(plain.named)
-        if at_floor
-        else formed.after.excess < _FORM_LEAVES * plain.after.excess
-    )
-    return formed if FORM in groups_of(formed.after) and better else plain
+    if not tried:
+        formed = _formed(base, extra, progress, allowed, plain.after)
+    fewer = formed is not None and len(formed.named) < len(plain.named)
+    return formed if formed is not None and (fewer or not at_floor) else plain
 
 
 def _formed(
-    base: Base, extra: tuple[Effect, ...], progress: Progress, allowed: tuple[str, ...]
-) -> Found:
-    """The search beside all nuisances, the tire's form among them."""
+    base: Base,
+    extra: tuple[Effect, ...],
+    progress: Progress,
+    allowed: tuple[str, ...],
+    without: Base,
+) -> Found | None:
+    """The search with the tire's form; None if it does not explain what is left `without` it."""
     progress("once more with a form of the tire's own")
-    return _search(base, extra, progress, allowed)
+    found = _search(base, extra, progress, allowed)
+    enough = found.after.excess < _FORM_LEAVES * without.excess
+    explains = FORM in groups_of(found.after) and (enough or quiet_waveforms(found.after))
+    return found if explains else None
 
 
 def _or_form(plain: Found) -> Found:

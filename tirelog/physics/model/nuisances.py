@@ -1,8 +1,8 @@
 """What a wheel, its road and the day do beside the tire's physics: words and sizes.
 
 A model file's [nuisances] says of each whether it stands beside the model ("on"), never does
-("off"), or does if it earns its place ("auto", the default), and how large it ordinarily is. A size is the standard deviation of an amplitude before anything is
-measured, not a bound.
+("off"), or does if it earns its place ("auto", the default), and how large it ordinarily is. A size
+is the standard deviation of an amplitude before anything is measured, not a bound.
 """
 
 from __future__ import annotations
