@@ -170,9 +170,13 @@ def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
 
 
 def with_best_nuisances(base: Base) -> Base:
-    """The base with every nuisance that earns its place, the best first; itself if none does."""
+    """The base with every nuisance that earns its place, the best first; itself if none does.
+
+    The tire's form is not among them: whether it is the form or an effect, the search says.
+    """
+    allowed = tuple(name for name in allowed_nuisances(base) if name != FORM)
     while base.cells.manoeuvres >= FEWEST_MANOEUVRES and not quiet_waveforms(base):
-        more = best_nuisance(base, allowed_nuisances(base))
+        more = best_nuisance(base, allowed)
         if more is None:
             break
         base = settled(more)
