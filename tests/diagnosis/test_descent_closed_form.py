@@ -28,9 +28,6 @@ class Line:
     def slopes(self, theta, size):
         return X * size
 
-    def renewed(self):
-        return False
-
     def square(self, theta):
         return np.inf if theta[0] > self.edge else float((self.residual(theta) ** 2).sum())
 
@@ -60,6 +57,28 @@ def test_a_refused_point_is_a_step_too_far_and_a_refused_start_an_error():
     assert 1.0 < reached.theta[0] <= 1.9
     with pytest.raises(ModelError, match="beyond"):
         descend(Line(edge=-1.0), np.zeros(3), LOW, HIGH, sizes)
+
+
+class Kept(Line):
+    """The same, with slopes of the wrong size in one number until they are renewed."""
+
+    wrong = True
+
+    def slopes(self, theta, size):
+        return X * size * ([1.0, 40.0, 1.0] if self.wrong else [1.0, 1.0, 1.0])
+
+    def renewed(self):
+        was, self.wrong = self.wrong, False
+        return was
+
+
+def test_a_descent_with_kept_slopes_ends_where_new_ones_lead():
+    kept = Kept()
+    reached = descend(kept, np.zeros(3), LOW, HIGH, sizes, settled=1e-3, renewed=kept.renewed)
+    wanted, square, _, _ = np.linalg.lstsq(X, Y, rcond=None)
+    assert reached.settled
+    assert reached.square == pytest.approx(square[0], rel=1e-6)
+    assert reached.theta == pytest.approx(wanted, rel=1e-4)
 
 
 def test_errors_are_those_of_the_normal_equations():

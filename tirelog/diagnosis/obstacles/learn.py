@@ -153,9 +153,6 @@ class _Hits:
         left = or_refusal(self.residual)(theta)
         return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
 
-    def renewed(self) -> bool:
-        return False
-
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         views, columns = self._views(theta), []
         left = self._left(views, theta)

@@ -272,6 +272,7 @@ class _Together:
         return np.concatenate([slopes * size, np.diag(self.root * size)])
 
     def renewed(self) -> bool:
+        """Drops what is kept; whether the last slopes held some of it."""
         self._kept = None
         return self._stale
 
@@ -296,7 +297,10 @@ def descend_together(
     """
     together = _Together(problems, model, names)
     theta = np.array([model.values[n] for n in names])
-    reached = descend(together, theta, *_bounds(model, names), together.sizes, steps=steps)
+    low, high = _bounds(model, names)
+    reached = descend(
+        together, theta, low, high, together.sizes, steps=steps, renewed=together.renewed
+    )
     return model.with_values(together.values(reached.theta)), reached.square, reached.settled
 
 

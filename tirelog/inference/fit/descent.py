@@ -40,9 +40,6 @@ class LeastSquares(Protocol):
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         """Derivatives of the prediction by theta / size, (N, p), where the last residual was."""
 
-    def renewed(self) -> bool:
-        """Were some of the last slopes kept from an earlier point?  None of the next are."""
-
     def square(self, theta: FloatArray) -> float:
         """Sum of squares of the residual at a point on trial; infinite if it is refused."""
 
@@ -65,10 +62,12 @@ def descend(
     *,
     steps: int = MOST_STEPS,
     settled: float = SETTLED,
+    renewed: Callable[[], bool] = lambda: False,
 ) -> Reached:
     """The least sum of squares near `theta` (p,) within `low` and `high` (p,).
 
     sizes       sizes (p,) of the parameters at a point: the longest step
+    renewed     were some of the last slopes those of an earlier point?  None of the next will be
     ModelError  the start itself is refused; any later point that is refused is a step too far
     """
     residual = problem.residual(theta)
@@ -85,14 +84,14 @@ def descend(
                 break
             damping = max(damping, 1e-6) * 8.0
         else:
-            if problem.renewed():
+            if renewed():
                 damping = 1e-3
                 continue
             return Reached(theta, square, True)
         drop, theta, damping = square - reached, new, damping / 10.0
         residual = problem.residual(theta)
         square = float((residual**2).sum())
-        if drop < settled * square and drop < _SETTLED_BY and not problem.renewed():
+        if drop < settled * square and drop < _SETTLED_BY and not renewed():
             return Reached(theta, square, True)
     return Reached(theta, square, not theta.size)
 
