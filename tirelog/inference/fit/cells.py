@@ -272,8 +272,9 @@ class _Together:
         return np.concatenate([slopes * size, np.diag(self.root * size)])
 
     def renewed(self) -> bool:
-        """Drops what is kept; whether the last slopes held some of it."""
-        self._kept = None
+        """Drops what is kept if the last slopes held some of it, and says so."""
+        if self._stale:
+            self._kept = None
         return self._stale
 
     def square(self, theta: FloatArray) -> float:

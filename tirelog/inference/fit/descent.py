@@ -24,6 +24,9 @@ MOST_STEPS = 25
 #: latter may leave a parameter off by 0.8 of its standard error
 SETTLED = 1e-4
 _SETTLED_BY = 0.3
+#: slopes of an earlier point are made anew after a step that gains less than this share of what
+#: they let hope for; twice as much makes them anew more often
+_POOR = 0.1
 #: dampings tried for one step; twice as many damp further down before a step is given up
 _TRIALS = 8
 
@@ -88,7 +91,11 @@ def descend(
                 damping = 1e-3
                 continue
             return Reached(theta, square, True)
+        moved = (new - theta) / size
+        hoped = float(moved @ (2.0 * gradient - gram @ moved))
         drop, theta, damping = square - reached, new, damping / 10.0
+        if drop < _POOR * hoped:
+            renewed()
         residual = problem.residual(theta)
         square = float((residual**2).sum())
         if drop < settled * square and drop < _SETTLED_BY and not renewed():
