@@ -14,12 +14,13 @@ __all__ = ["folder", "tirelog"]
 
 @pytest.fixture
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Logs that must not be opened."""
+    """Logs that must not be opened, by names that no module imported meanwhile can keep."""
 
     def opened(*given: object, **more: object) -> None:
         raise AssertionError("the work was begun")
 
-    monkeypatch.setattr("tirelog.runs.ingest.open_recording", opened)
+    for name in ("temporary_folder", "open_run"):
+        monkeypatch.setattr(f"tirelog.runs.ingest.{name}", opened)
 
 
 @pytest.mark.parametrize(
