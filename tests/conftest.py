@@ -14,6 +14,10 @@ from typing import Any
 
 import pytest
 
+from tirelog.runtime import one_thread
+
+one_thread()  # before a test imports numpy: numbers and times are then those of a command
+
 if threading.current_thread() is threading.main_thread():
     for number, usual in (
         (signal.SIGINT, signal.default_int_handler),
