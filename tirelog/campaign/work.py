@@ -61,7 +61,7 @@ def make_tables(task: LogTask) -> Entry:
     The tables go to `output/table=NAME/log=NAME/part.parquet`.
     """
     entry = Entry(task.log, task.name, task.key)
-    begun = time.perf_counter()
+    begun, folder_before = time.perf_counter(), tempfile.tempdir
     try:
         if task.problem:
             raise UsageError(task.problem, file=task.log)
@@ -108,6 +108,9 @@ def make_tables(task: LogTask) -> Entry:
         entry.fault = "machine" if is_outside_log(problem) else "log"
         whose = "the machine refuses" if entry.fault == "machine" else "a defect of tirelog's own"
         entry.error, entry.exit_status = f"{task.log}: {whose} {what}", int(ExitStatus.DEFECT)
+    finally:
+        # the next log's folder may be another, or gone
+        tempfile.tempdir = folder_before
     entry.seconds = round(time.perf_counter() - begun, 3)
     entry.peak_memory_MB = round(_peak_memory_MB(), 1)
     return entry
