@@ -360,3 +360,11 @@ def test_a_floor_that_is_mostly_rounding_is_said():
     )
     assert not rounding_sentences("strain", held=1.0e-12, floor=1.0e-12, rounding=0.3e-12)
     assert not rounding_sentences("strain", held=-1.0e-14, floor=1.0e-12, rounding=0.0)
+
+
+def test_an_unknown_points_to_the_effect_that_no_search_tries():
+    log = case(("standing_wave",), seed=311, how=Case(plan="short", logs=2))
+    found = diagnosed(fitted(log, angles=96, model=MODEL.with_nuisance("form", "off")))
+    assert found.verdict == "unknown"
+    assert list(found.not_tested) == ["standing_wave"]
+    assert "would remove" in found.not_tested["standing_wave"]

@@ -32,7 +32,7 @@ from tirelog.diagnosis.candidates.beside import (
     with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.drive_next import drive_next
-from tirelog.diagnosis.candidates.naming import removed_by
+from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisance_sizes import (
     NuisanceFound,
     alike_sentences,
@@ -309,6 +309,8 @@ def conclude(
         notes += [f"{said}." for said in out_of_range(after) if said not in left_before]
     ranked = {c.effect for c in ranking}
     reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
+    if verdict in ("unknown", "partial"):
+        reasons |= not_among_candidates(result)
     scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
     shares = {c.effect: c.excess_removed for c in ranking}
     facts = {

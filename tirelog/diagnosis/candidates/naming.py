@@ -140,6 +140,20 @@ def assess_all(base: Base, extra: Iterable[Effect]) -> tuple[list[Assessed], dic
     return assessed, {**idle_candidates(base.model, extra), **reasons, **invisible}
 
 
+def not_among_candidates(base: Base) -> dict[str, str]:
+    """What each effect that a search does not try would remove of what is left, as a reason.
+
+    Only of those that repeat, gain and are large enough, as a candidate has to be.
+    """
+    found, _ = all_signatures(base, candidate_effects(base.model, tried=False))
+    return {
+        a.id: f"would remove {min(a.removed / base.excess, 1.0):.0%} of what is left (linear "
+        "estimate); a diagnosis does not try it, `tirelog model add` adds it"
+        for a in (assess(base, found)[0] if found else ())
+        if a.alarms(base) and a.removed > NUISANCE_SHARE * base.excess > 0.0
+    }
+
+
 def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
     """The leading candidates refitted, by rising held-out loss; failed ones go to `reasons`."""
     if not assessed:

@@ -20,6 +20,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, change_to
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import lacking, rows_by_observable
+from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
 from tirelog.physics.model.entry import ModelEffect
@@ -52,10 +53,13 @@ class Signature:
     one_sided: bool
 
 
-def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect]:
+def candidate_effects(
+    model: Model, extra: Iterable[Effect] = (), *, tried: bool = True
+) -> list[Effect]:
     """The catalogue and the user's own effects, for this observable and carcass.
 
-    Without what the model holds already, what acts on nothing in it, and what is not tried.
+    Without what the model holds already, and what acts on nothing in it. Those that a search does
+    not try, if `tried` is False.
     """
     beside = [held.effect for held in model.effects]
     held = {effect.id for effect in beside}
@@ -63,8 +67,8 @@ def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect
     return [
         effect
         for effect in known.values()
-        if effect.id not in held
-        and effect.tried
+        if effect.id not in {*held, FORM}
+        and effect.tried == tried
         and model.acted_on_by(effect, beside)
         and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
     ]
