@@ -95,6 +95,19 @@ def assess(
     }
 
 
+def least_left(base: Base, assessed: Sequence[Assessed]) -> float:
+    """Held-out mean square [unit^2] above the floor, with one or all of the candidates.
+
+    Linear fits, whichever leaves less: of all at once, columns may be too many for the manoeuvres.
+    """
+    if not assessed:
+        return base.excess
+    columns = [[a.signature.columns for a in assessed]]
+    ((_, held),) = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    by_all = float((base.held_plain - held).sum()) / base.plain.weight
+    return base.excess - max(by_all, *(a.removed for a in assessed))
+
+
 def best_variants(kept: Sequence[Signature], statistic: FloatArray) -> dict[str, int]:
     """The variant of each effect that has the largest statistic, by the effect's name."""
     best: dict[str, int] = {}

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from tirelog.diagnosis.candidates.assessment import Assessed
+import numpy as np
+
+from tirelog.diagnosis.candidates.assessment import Assessed, least_left
 from tirelog.diagnosis.candidates.beside import (
     RefittedNuisance,
     allowed_nuisances,
@@ -52,6 +54,9 @@ Progress = Callable[[str], None]
 #: this share of what is left without it: an unknown effect is no form, though so many numbers fit
 #: some of it. Of a ringing they leave 0.18; half the share asks more of a form with sharp edges
 _FORM_LEAVES = 0.05
+#: and the search with it ends if all candidates at once, in a linear fit, leave more than this share
+#: beside it: of an unknown wave they left 0.5, of known effects nothing
+_MAY_BE_LEFT = 0.25
 
 
 @dataclass(frozen=True)
@@ -128,9 +133,17 @@ def _formed(
     allowed: tuple[str, ...],
     without: Base,
 ) -> Found | None:
-    """The search with the tire's form; None if it does not explain what is left `without` it."""
+    """The search with the tire's form; None if it does not explain what is left `without` it.
+
+    Where nothing is left without it, the steps to the floor are all that is of use.
+    """
     progress("once more with a form of the tire's own")
-    found = _search(base, extra, progress, allowed)
+    at_floor = quiet_waveforms(without)
+    most = np.inf if at_floor else _MAY_BE_LEFT * without.excess
+    climb = _climb(base, extra, progress, allowed, most)
+    if not climb.steps or (at_floor and not quiet_waveforms(climb.after)):
+        return None
+    found = _search(base, extra, progress, allowed, climb)
     enough = found.after.excess < _FORM_LEAVES * without.excess
     explains = FORM in groups_of(found.after) and (enough or quiet_waveforms(found.after))
     return found if explains else None
@@ -257,9 +270,16 @@ class _Climb:
 
 
 def _climb(
-    base: Base, extra: tuple[Effect, ...], progress: Progress, nuisances: Sequence[str]
+    base: Base,
+    extra: tuple[Effect, ...],
+    progress: Progress,
+    nuisances: Sequence[str],
+    most_left: float = np.inf,
 ) -> _Climb:
     """The search from a base upwards.
+
+    It ends without a step where the tire's form came in and all candidates at once would leave more
+    than `most_left` [unit^2] beside it.
 
     Before each step the best of the `nuisances` that earns its place comes in if it leaves less
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
@@ -274,6 +294,8 @@ def _climb(
         if after is base:
             climb.rivals = rivals
         step, known = None, assess_all(after, extra)
+        if FORM in groups_of(after) and least_left(after, known[0]) > most_left:
+            return _Climb(after, None)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
             step = (
                 next_step(after, named, excess, extra, known)
