@@ -54,8 +54,8 @@ Progress = Callable[[str], None]
 #: this share of what is left without it: an unknown effect is no form, though so many numbers fit
 #: some of it. Of a ringing they leave 0.18; half the share asks more of a form with sharp edges
 _FORM_LEAVES = 0.05
-#: and the search with it ends if all candidates at once, in a linear fit, leave more than this share
-#: beside it: of an unknown wave they left 0.5, of known effects nothing
+#: and the search with it ends if all candidates at once, in a linear fit, leave more of it than
+#: this share beside it: of an unknown wave they left 0.5, of known effects nothing
 _MAY_BE_LEFT = 0.25
 
 
