@@ -571,7 +571,8 @@ The first rule that holds is the verdict of `tirelog diagnose`:
 
 ## Nuisances
 What every wheel, road and day does stands beside the model if it earns its place by the same rules
-as an effect, or if the model file's `[nuisances]` says `"on"`; never if it says `"off"`. A size is
+as an effect, or if the model file's `[nuisances]` says `"on"`; never if it says `"off"`. `form` has
+a table of its own there, `[form]`, with the same words. A size is
 the standard deviation of an amplitude before anything is measured, and can be given:
 `wheel = {{ use = "auto", force = 0.02 }}`.
 

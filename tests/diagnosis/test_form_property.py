@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,6 +104,47 @@ def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path
     q = 2.0 * np.pi / waves["wavelength_m"]
     truth = STIFFNESS["EJ"] * q**4 + STIFFNESS["k"]
     assert np.abs(waves["stiffness_N_m2"] / truth - 1.0).max() < 0.1
+
+
+def answer_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    """What a command answers as JSON."""
+    capsys.readouterr()
+    assert run([*arguments, "--format", "json", "--quiet"]) == 0
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return answer
+
+
+@pytest.mark.slow
+def test_a_fit_has_the_form_that_compare_reports(
+    bare: tuple[list[str], str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logs, model = bare
+    fitted = str(tmp_path / "fitted.toml")
+    before = answer_json(capsys, "compare", *logs, "--model", model)
+    formed = before["with_nuisances"]
+    assert formed["nuisances"] == ["form"]
+    assert formed["rmse_heldout"] < 1.05 * formed["noise_floor"] < 0.5 * before["rmse_heldout"]
+    assert run(["model", "fit", *logs, "--model", model, "-o", fitted]) == 0
+    text = Path(fitted).read_text(encoding="utf-8")
+    assert "[[effects]]" not in text
+    assert '[form]\nuse = "auto"\npressure_2 = {value' in text
+    after = answer_json(capsys, "compare", *logs, "--model", fitted)
+    assert after["with_nuisances"] is None
+    assert after["rmse_heldout"] == pytest.approx(formed["rmse_heldout"], rel=0.01)
+    assert run(["model", "nuisance", fitted, "form", "off", "-o", fitted]) == 0
+    assert Path(fitted).read_text(encoding="utf-8").endswith('[form]\nuse = "off"\n')
+    assert run(["model", "fit", *logs, "--model", fitted, "-o", fitted]) == 0
+    assert "pressure_2" not in Path(fitted).read_text(encoding="utf-8")
+
+
+def test_a_form_that_is_on_is_fitted(bare: tuple[list[str], str], tmp_path: Path) -> None:
+    logs, model = bare
+    asked = str(tmp_path / "on.toml")
+    assert run(["model", "nuisance", model, "form", "on", "-o", asked]) == 0
+    assert run(["model", "fit", *logs, "--model", asked, "-o", asked]) == 0
+    shape = tirelog.load_model(asked).parameters["form.pressure_3"]
+    assert shape.se is not None
+    assert shape.value > 10.0 * shape.se
 
 
 @pytest.mark.slow

@@ -451,6 +451,38 @@ def test_a_wrong_nuisance_is_refused_at_its_line(line: str, said: str) -> None:
     assert f"model:{text.count(chr(10))}" in str(refused.value)
 
 
+FORMS = {
+    '[nuisances]\nform = "off"': "form stands in nuisances; a table [form]",
+    '[[effects]]\nname = "form"': "form stands in effects; a table [form]",
+    '[form]\nuse = "of"': "nuisance form: 'of' is no use of it; allowed are auto, on, off",
+    "[form]\npresure = 0.5": "unknown key 'presure' in nuisance form (nearest: pressure)",
+    "[form]\npressure_2 = 4.0": "pressure_2 = 4 1 lies outside its bounds",
+    '[form]\nuse = "off"\npressure_2 = 0.1': '[form] has use = "off" and numbers',
+}
+
+
+@pytest.mark.parametrize(("lines", "said"), FORMS.items())
+def test_a_wrong_form_is_refused_at_its_line(lines: str, said: str) -> None:
+    text = as_toml(Model.new("beam")) + f"\n{lines}\n"
+    with pytest.raises(ModelError) as refused:
+        parse_model(text)
+    assert said in str(refused.value)
+    last = text.count("\n")
+    assert any(f"model:{line}" in str(refused.value) for line in range(last - 2, last + 1))
+
+
+def test_a_form_is_kept_as_it_is_written() -> None:
+    written = '[form]\nuse = "on" # flat\npressure = 0.5\npressure_3 = 0.4\n'
+    model = parse_model(as_toml(Model.new("beam")) + "\n" + written)
+    assert model.nuisances[-1].use == "on"
+    assert model.nuisances[-1].size("pressure") == 0.5
+    assert model.values["form.pressure_3"] == 0.4
+    assert written in as_toml(model)
+    bare = parse_model(as_toml(model.with_nuisance("form", "off")))
+    assert "form.pressure_3" not in bare.values
+    assert bare.nuisances[-1].use == "off"
+
+
 def test_nuisances_are_kept_as_they_are_written() -> None:
     written = 'wheel = "off" # bad rig\ndrift = { use = "on", relative = 0.05 }\n'
     model = parse_model(as_toml(Model.new("beam")) + "\n[nuisances]\n" + written)

@@ -11,16 +11,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.diagnosis.compare import Measured, measured_pieces, other_observable, remarks_of
+from tirelog.diagnosis.candidates.beside import form_explains, groups_of, with_best_nuisances
+from tirelog.diagnosis.candidates.nuisance_sizes import observed
+from tirelog.diagnosis.compare import (
+    Measured,
+    measured_pieces,
+    observables_of,
+    other_observable,
+    remarks_of,
+    start_from,
+)
+from tirelog.diagnosis.results import in_unit
 from tirelog.errors import ModelError
-from tirelog.inference.base import fit_together
+from tirelog.inference.base import FittedChannel, TogetherBase, fit_together
 from tirelog.inference.cells.cells import Cells, cells_of, with_nuisances
+from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether, model_of
 from tirelog.inference.fit.result import FitResult, result_of
 from tirelog.inference.motion import without_motion_parameters
+from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.observables import WAVEFORMS
+from tirelog.vocabulary.observables import WAVEFORMS, shown
 
 #: what a fit takes out of each mean of like revolutions unless asked otherwise, as `compare` does
 AS_COMPARE = ("shift",)
@@ -41,18 +53,56 @@ def fit_channels_measured(
     """
     pieces = [part for channel in channels for part in measured_parts(measured_pieces(channel))]
     _refuse(pieces, model)
-    cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
+    said = _remarks(len(pieces), nuisances)
     start = without_motion_parameters(model)
-    if "amplitude" in nuisances:
-        cells, start = _amplitudes_of_model(cells, start)
-    fitted = fit_together(cells, start, several="amplitude" not in nuisances)
-    said = _remarks(len(cells), nuisances)
+    fitted: Sequence[FittedChannel] | None = None
+    if set(nuisances) == set(AS_COMPARE):
+        start, fitted, of_form = _with_form(channels, start)
+        said += of_form
+    if fitted is None:
+        cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
+        if "amplitude" in nuisances:
+            cells, start = _amplitudes_of_model(cells, start)
+        fitted = fit_together(cells, start, several="amplitude" not in nuisances)
     for channel in fitted:
         said += remarks_of(channel)
     result = result_of(fitted)
-    parameters = result.model.parameters
-    free = {n: replace(parameters[n], free=model.parameters[n].free) for n in parameters}
+    own = {name: p.free for name, p in model.parameters.items()}
+    free = {
+        name: replace(p, free=own.get(name, p.free)) for name, p in result.model.parameters.items()
+    }
     return replace(result, model=result.model.with_parameters(free)), tuple(dict.fromkeys(said))
+
+
+def _with_form(
+    channels: Sequence[Measured], model: Model
+) -> tuple[Model, Sequence[FittedChannel] | None, list[str]]:
+    """The model, with the tire's form if that earns its place, and what to say of it.
+
+    Also the fit, where `compare` made the same.
+    """
+    of_model = [
+        pieces
+        for pieces in map(measured_pieces, channels)
+        if observables_of(pieces) == model.observables
+    ]
+    auto = any(n.name == FORM and n.use == "auto" for n in model.nuisances)
+    if not (of_model and auto and frees(model, FORM)):
+        return model, None, []
+    base = start_from(of_model[0], model)
+    best = with_best_nuisances(base)
+    names = [name for name in groups_of(best) if name not in groups_of(base)]
+    alone = len(channels) == 1 and not isinstance(base, TogetherBase)
+    if FORM not in names:
+        return model, [base] if alone else None, []
+    factor, unit = shown(*observed(base))
+    with_it, without = (in_unit(own.rmse_held, factor) for own in (best, base))
+    errors = f"held-out error {with_it} {unit} with it, {without} without"
+    if not form_explains(best, base):
+        leaves = f"a form of the tire's own is not in the fit: {errors}, more than the noise floor"
+        return model, [base] if alone else None, [f"{leaves}; `tirelog diagnose` tells why"]
+    said = f'the fit includes a form of the tire\'s own: {errors}; [form] use = "off" leaves it out'
+    return without_ratios(best.model), None, [said]
 
 
 def _refuse(channels: Sequence[Pieces], model: Model) -> None:

@@ -39,6 +39,7 @@ from tirelog.inference.fit.cells import Fit
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.nuisances import FORM as FORM
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
@@ -47,8 +48,6 @@ from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
 #: the model's parameter that the patch law is, if it has one: bent too much for a linear effect
 PATCH_LAW_PARAMETER = "patch_load_exponent"
 PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
-#: the tire's own form, an effect that a nuisance puts into the model
-FORM = "form"
 _FREES = {"patch_law": PATCH_LAW_PARAMETER, "pressure_law": PRESSURE_LAW_PARAMETER}
 #: standard deviation of the zero of a log's phase shift: a tenth of a degree, several times what
 #: the mean of thirty passages at 10 m/s is off by, and what the estimator tells otherwise of tires
@@ -387,7 +386,7 @@ def _with_prior(model: Model, parameter: Parameter, name: str) -> Parameter:
 def bound(model: Model, given: Model, name: str) -> Model:
     """The model with the parameters that a nuisance made free as they were given."""
     own = frees(model, name)
-    if name == FORM and own and own[0] not in given.parameters:
+    if name == FORM and own:
         model, own = model.without_effect(FORM), own[len(BY_ID[FORM].parameters) :]
     return model.with_parameters({n: given.parameters[n] for n in own})
 
@@ -443,13 +442,17 @@ def _varied(values: FloatArray) -> float | None:
 
 
 def asked_for(model: Model, conditions: Conditions) -> list[str]:
-    """The nuisances that the model always has beside it.
+    """The nuisances that the model has beside it from the start.
 
-    The law of the pressure only if pressures differ: of one pressure nothing tells it.
+    The law of the pressure only if pressures differ: of one pressure nothing tells it. The form
+    also where the model has its numbers.
     """
     one = _varied(conditions.inflation_pressure_Pa) is None
+    effects = [effect.id for effect in model.effects]
     return [
-        n.name for n in model.nuisances if n.use == "on" and not (n.name == "pressure_law" and one)
+        n.name
+        for n in model.nuisances
+        if (n.use == "on" or n.name in effects) and not (n.name == "pressure_law" and one)
     ]
 
 

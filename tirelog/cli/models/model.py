@@ -209,7 +209,7 @@ def nuisance(
     name: Annotated[
         str,
         typer.Argument(
-            help="wheel, drift, rolling, patch_law or pressure_law.",
+            help="wheel, drift, rolling, patch_law, pressure_law or form.",
             autocompletion=completion.nuisances,
         ),
     ],
@@ -217,7 +217,7 @@ def nuisance(
     new_model: options.EditedModel,
     quiet: options.Quiet = False,
 ) -> None:
-    """Say whether a nuisance of wheel, road or day stands beside the model."""
+    """Say whether a nuisance of wheel, road or day, or the tire's form, stands beside the model."""
     from tirelog.api.models import load_model, save_model
 
     save_model(load_model(model).with_nuisance(name, use), new_model)

@@ -27,6 +27,7 @@ from tirelog.inference.base import Base, refit, settled
 from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
+from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.metric.projection import per_group
 from tirelog.inference.nuisances import (
     FORM,
@@ -43,6 +44,10 @@ from tirelog.physics.model.model import Model
 #: alarming nuisances that are fitted in full, the best first; twice as many take twice as many
 #: fits of the whole model
 _MOST_REFITTED = 2
+#: a form of the tire's own that does not end the search at the floor counts if it leaves less than
+#: this share of what is left without it: an unknown effect is no form, though so many numbers fit
+#: some of it. Of a ringing they leave 0.18; half the share asks more of a form with sharp edges
+_FORM_LEAVES = 0.05
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,7 @@ def groups_of(base: Base) -> tuple[str, ...]:
         for n in base.model.nuisances
         if (names := frees(base.model, n.name))
         and _all_free(base.model, names)
-        and (n.use == "on" or not _all_free(given, names))
+        and (n.use == "on" or n.name == FORM or not _all_free(given, names))
     ]
     if FORM in made_free and "patch_law" in made_free:
         made_free.remove("patch_law")  # a part of the form
@@ -89,8 +94,9 @@ def _all_free(model: Model, names: Sequence[str]) -> bool:
 
 
 def allowed_nuisances(base: Base) -> tuple[str, ...]:
-    """The nuisances that may come in if they earn their place."""
-    return tuple(n.name for n in base.model.nuisances if n.use == "auto")
+    """The nuisances that may come in if they earn their place; not the form if it is there."""
+    own = [effect.id for effect in base.model.effects]
+    return tuple(n.name for n in base.model.nuisances if n.use == "auto" and n.name not in own)
 
 
 def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisance]:
@@ -132,10 +138,20 @@ class RefittedNuisance:
     base: Base
 
 
-def rival_nuisances(base: Base, allowed: Iterable[str]) -> tuple[RefittedNuisance, ...]:
-    """The base with each of the nuisances that may earn a place beside it."""
+def rival_nuisances(
+    base: Base, allowed: Iterable[str], least: float = 0.0
+) -> tuple[RefittedNuisance, ...]:
+    """The base with each of the nuisances that may earn a place beside it.
+
+    Those that would remove less than the `least` share of the excess by a linear step are not
+    fitted.
+    """
     found = []
-    alarming = [a for a in assess_nuisances(base, allowed) if a.alarms]
+    alarming = [
+        a
+        for a in assess_nuisances(base, allowed)
+        if a.alarms and (least <= 0.0 or _linear_share(base, a.effects) >= least)
+    ]
     for a in alarming[:_MOST_REFITTED]:
         refitted = with_nuisance(base, a.effects)
         if isinstance(refitted, ModelError) or (a.group == "drift" and not _drifts(refitted)):
@@ -172,15 +188,51 @@ def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
 def with_best_nuisances(base: Base) -> Base:
     """The base with every nuisance that earns its place, the best first; itself if none does.
 
-    The tire's form is not among them: whether it is the form or an effect, the search says.
+    The tire's form is tried where the others leave more than the floor. Others come in beside it
+    only if they end there, since they may stand for a missing effect.
     """
-    allowed = tuple(name for name in allowed_nuisances(base) if name != FORM)
+    allowed = allowed_nuisances(base)
+    bare = tuple(name for name in allowed if name != FORM)
+    plain = _with_best(base, bare)
+    if bare == allowed or base.cells.manoeuvres < FEWEST_MANOEUVRES or quiet_waveforms(plain):
+        return plain
+    formed = _with_best(base, (FORM,) if plain is base else allowed, NUISANCE_SHARE)
+    if FORM not in groups_of(formed) or formed.square_held >= plain.square_held:
+        return plain
+    more = _with_best(formed, bare, NUISANCE_SHARE)
+    return more if quiet_waveforms(more) else formed
+
+
+def form_explains(formed: Base, without: Base) -> bool:
+    """Does the tire's form explain what is left without it?"""
+    enough = formed.excess < _FORM_LEAVES * without.excess
+    return FORM in groups_of(formed) and (enough or quiet_waveforms(formed))
+
+
+def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
+    """The base with the best of the allowed nuisances, one after the other, up to the form."""
     while base.cells.manoeuvres >= FEWEST_MANOEUVRES and not quiet_waveforms(base):
-        more = best_nuisance(base, allowed)
+        more = best_of(base, rival_nuisances(base, allowed, least))
         if more is None:
             break
         base = settled(more)
+        if groups_of(more)[-1] == FORM:
+            break
     return base
+
+
+def _linear_share(base: Base, effects: SharedEffects) -> float:
+    """The share of chi-square's excess that a nuisance removes by one linear step."""
+    noise = base.noise
+    other = ProjectedOut.of(Offsets.of(base.cells, noise), noise(base.fit.moving))
+    columns = other.without(noise(effects.columns * effects.sd)).reshape(-1, len(effects))
+    residual = base.cells.values - base.fit.prediction - base.fit.beside
+    left = other.without(noise(np.nan_to_num(residual))).ravel()
+    excess = float(left @ left) - base.fit.freedom
+    slopes = columns.T @ left
+    step = np.linalg.solve(np.eye(len(effects)) + columns.T @ columns, slopes)
+    removed = float((2.0 * slopes - columns.T @ (columns @ step)) @ step)
+    return removed / excess if excess > 0.0 else 0.0
 
 
 def _drifts(base: Base) -> bool:

@@ -17,6 +17,7 @@ from tirelog.diagnosis.candidates.beside import (
     allowed_nuisances,
     assess_nuisances,
     best_of,
+    form_explains,
     groups_of,
     needed_nuisances,
     rival_nuisances,
@@ -50,12 +51,9 @@ from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
 Progress = Callable[[str], None]
-#: a form of the tire's own that does not end the search at the floor counts if it leaves less than
-#: this share of what is left without it: an unknown effect is no form, though so many numbers fit
-#: some of it. Of a ringing they leave 0.18; half the share asks more of a form with sharp edges
-_FORM_LEAVES = 0.05
-#: and the search with it ends if all candidates at once, in a linear fit, leave more of it than
-#: this share beside it: of an unknown wave they left 0.5, of known effects nothing
+#: a search with a form of the tire's own ends if all candidates at once, in a linear fit, leave
+#: more than this share of what is left without it: of an unknown wave they left 0.5, of known
+#: effects nothing
 _MAY_BE_LEFT = 0.25
 
 
@@ -144,9 +142,7 @@ def _formed(
     if not climb.steps or (at_floor and not quiet_waveforms(climb.after)):
         return None
     found = _search(base, extra, progress, allowed, climb)
-    enough = found.after.excess < _FORM_LEAVES * without.excess
-    explains = FORM in groups_of(found.after) and (enough or quiet_waveforms(found.after))
-    return found if explains else None
+    return found if form_explains(found.after, without) else None
 
 
 def _or_form(plain: Found) -> Found:

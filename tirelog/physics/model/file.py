@@ -3,6 +3,8 @@
 Unknown keys are refused with the nearest allowed ones and the line. A plain number is a fixed
 parameter; a table { value, min, max } is free, and carries `se` after a fit (and `fixed = true` if
 it is held although it has bounds).
+
+The file is longer than others: it reads every table of a model file.
 """
 
 from __future__ import annotations
@@ -19,10 +21,10 @@ from tomlkit.exceptions import TOMLKitError
 
 from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
-from tirelog.physics.effects import Effect
+from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model, observables_known
-from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
+from tirelog.physics.model.nuisances import FORM, NUISANCES, USES, Nuisance
 from tirelog.physics.model.own import empirical
 from tirelog.physics.model.own.dimensions import BASE, dimension_of, unit_disagreements
 from tirelog.physics.model.own.user_effects import (
@@ -52,7 +54,7 @@ class _Text:
         after: int = 0,
         *,
         allowed: str | Iterable[str] = "",
-        do: str = "",
+        do: str = "correct it",
     ) -> ModelError:
         return self.here(ModelError(what, allowed=allowed, do=do), key, after)
 
@@ -113,20 +115,17 @@ def parse_model(
             file=path or "model",
             line=getattr(problem, "line", None),
         ) from None
-    _only(document, ("model", "parameters", "effects", "nuisances"), source, "a model file")
-    head, numbers, effects, beside = (
-        document.get("model", {}),
-        document.get("parameters", {}),
-        document.get("effects", []),
-        document.get("nuisances", {}),
-    )
-    tables = all(isinstance(table, dict) for table in (head, numbers, beside))
+    named = ("model", "parameters", "nuisances", FORM)
+    _only(document, (*named, "effects"), source, "a model file")
+    head, numbers, beside, form = (document.get(name, {}) for name in named)
+    effects = document.get("effects", [])
+    tables = all(isinstance(table, dict) for table in (head, numbers, beside, form))
     if not (tables and isinstance(effects, list)):
         raise source.error(
-            "[model], [parameters] and [nuisances] are tables, [[effects]] a list of tables",
+            "[model], [parameters], [nuisances], [form] are tables, [[effects]] a list of tables",
             allowed="no other form is allowed",
-            do="correct it",
         )
+    beside, effects = _with_form(form, beside, effects, source)
     _only(head, ("observable", "carcass", "contact", EFFECTS_FILE), source, "[model]")
     carcass = _word(head, "carcass", CARCASSES, None, source)
     observables = _observables(head, source)
@@ -180,7 +179,6 @@ def _effects_file(head: Mapping[str, Any], source: _Text) -> Path | None:
             f"{EFFECTS_FILE} = {name!r}",
             EFFECTS_FILE,
             allowed="a path that starts from the model file's folder is allowed",
-            do="correct it",
         )
     return (source.path.parent if source.path is not None else Path()) / name
 
@@ -200,6 +198,26 @@ def _catalogue(own: Path | None, source: _Text, *, asked: bool) -> Mapping[str, 
         ) from None
 
 
+def _with_form(
+    form: Mapping[str, Any], beside: Mapping[str, Any], effects: list[Any], source: _Text
+) -> tuple[dict[str, Any], list[Any]]:
+    """The nuisances and the effects with what [form] says: use and sizes, and numbers."""
+    named = [e.get("name") for e in effects if isinstance(e, dict)]
+    for table, names in (("nuisances", beside), ("effects", named)):
+        if FORM in names:
+            raise source.error(
+                f"{FORM} stands in {table}",
+                FORM,
+                (source.line(table) or 1) - 1,
+                allowed='a table [form] with use = "...", sizes and numbers is allowed',
+                do="write it there",
+            )
+    own = [p.name for p in BY_ID[FORM].parameters]
+    numbers = {name: value for name, value in form.items() if name in own}
+    said = {name: value for name, value in form.items() if name not in own}
+    return {**beside, FORM: said}, effects + [{"name": FORM, **numbers}] * bool(numbers)
+
+
 def _nuisances(table: Mapping[str, Any], source: _Text) -> tuple[Nuisance, ...]:
     """All nuisances, with what the file says of them: a use, or a table of use and sizes."""
     _only(table, (nuisance.name for nuisance in NUISANCES), source, "[nuisances]")
@@ -212,6 +230,7 @@ def _nuisances(table: Mapping[str, Any], source: _Text) -> tuple[Nuisance, ...]:
 
 def _nuisance(given: Any, known: Nuisance, source: _Text, after: int) -> Nuisance:
     own = given if isinstance(given, dict) else {"use": given}
+    after = (source.line(FORM) or 1) - 1 if known.name == FORM else after
     _only(own, ("use", *(p.name for p in known.sizes)), source, f"nuisance {known.name}", after)
     sizes = tuple(
         replace(_number(own[p.name], p, source, p.name, after), free=False) if p.name in own else p
@@ -262,7 +281,6 @@ def _contact(
             'contact = "flat_road" needs a ring',
             "contact",
             allowed='"prescribed" and "point" are allowed for a beam',
-            do="correct it",
         )
     if carcass == "coupled_ring" and contact != "flat_road":
         raise source.error(
@@ -303,7 +321,6 @@ def _only(
                 key,
                 after,
                 allowed=allowed,
-                do="correct it",
             )
 
 
@@ -346,7 +363,6 @@ def _number(value: Any, known: Parameter, source: _Text, label: str, after: int 
                 label,
                 after,
                 allowed=f"a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed",
-                do="correct it",
             )
     free = isinstance(value, dict) and not table.get("fixed", False)
     low, high = (float(table.get(key, getattr(known, key))) for key in ("min", "max"))
@@ -413,15 +429,7 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
         f"effect {table['name']!r}",
         after - 1,
     )
-    given = table.get("parameters", {})
-    if not isinstance(table["expression"], str) or not isinstance(given, dict):
-        raise source.error(
-            "expression is a text and parameters a table",
-            "expression",
-            after - 1,
-            allowed="no other form is allowed",
-            do="correct it",
-        )
+    given = _own_numbers(table, "expression", source, after)
     parameters = tuple(
         _number(_unitless(value), _unknown(key, value, source, after), source, key, after - 1)
         for key, value in given.items()
@@ -436,23 +444,30 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
         raise source.here(problem, table["name"], after - 1) from None
 
 
+def _own_numbers(
+    table: Mapping[str, Any], text: str, source: _Text, after: int
+) -> Mapping[str, Any]:
+    """The [parameters] of an effect of the user's own; an error if its `text` is none."""
+    given = table.get("parameters", {})
+    if not isinstance(table.get(text, ""), str) or not isinstance(given, dict):
+        raise source.error(
+            f"{text} is a text and parameters a table",
+            text,
+            after - 1,
+            allowed="no other form is allowed",
+        )
+    return given
+
+
 def _by_shape(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
     """The effect of a measured shape: numbers along a frame's coordinate, times a law."""
     what = f"effect {table['name']!r}"
     _only(table, ("name", *empirical.KEYS, "parameters"), source, what, after - 1)
     _word(table, "shape", ("empirical",), None, source, after - 1)
-    given = table.get("parameters", {})
+    _own_numbers(table, "law", source, after)
     frame = _word(table, "frame", tuple(empirical.FRAMES), None, source, after - 1)
     place = _word(table, "acts_on", empirical.ACTS_ON, "strain", source, after - 1)
     law = table.get("law", "1")
-    if not isinstance(law, str) or not isinstance(given, dict):
-        raise source.error(
-            "law is a text and parameters a table",
-            "law",
-            after - 1,
-            allowed="no other form is allowed",
-            do="correct it",
-        )
     try:
         return empirical.effect_by_shape(
             table["name"], place, frame, law, table.get("nodes"), table.get("values")

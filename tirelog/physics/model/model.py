@@ -180,7 +180,8 @@ class Model(Predicting):
         _one_of("nuisance", name, known)
         _one_of(f"use of the nuisance {name}:", use, USES)
         changed = tuple(n.used(use) if n.name == name else n for n in self.nuisances)
-        return replace(self, nuisances=changed)
+        kept = tuple(e for e in self.effects if use != "off" or e.id != name)
+        return replace(self, nuisances=changed, effects=kept)
 
     def with_entry(self, added: ModelEffect, beside: Sequence[ModelEffect] = ()) -> Model:
         """The model with one effect more.
@@ -226,6 +227,12 @@ class Model(Predicting):
             )
         if not self.acted_on_by(added.effect, beside):
             raise idle_effect(added.effect, self.observable)
+        if any(n.name == added.id and n.use == "off" for n in self.nuisances):
+            raise ModelError(
+                f'[{added.id}] has use = "off" and numbers',
+                allowed='numbers are allowed with "auto" and "on"',
+                do="remove the numbers, or take another use",
+            )
         if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
             raise ModelError(
                 "the carcass is a ring already",

@@ -2,7 +2,8 @@
 
 A model file's [nuisances] says of each whether it stands beside the model ("on"), never does
 ("off"), or does if it earns its place ("auto", the default), and how large it ordinarily is. A size
-is the standard deviation of an amplitude before anything is measured, not a bound.
+is the standard deviation of an amplitude before anything is measured, not a bound. The tire's form
+has a table of its own, [form], with its numbers once they are fitted.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from tirelog.physics.parameters import Parameter
 
 #: what a model file may say of a nuisance
 USES = ("auto", "on", "off")
+#: the nuisance that puts an effect of its name into the model
+FORM = "form"
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ NUISANCES = (
         (_size("exponent", "1", "error of the exponent", 0.3, 2.0),),
     ),
     Nuisance(
-        "form",
+        FORM,
         "contact pressure and stiffness of the tire that no formula describes",
         (
             _size("pressure", "1", "a shape of the pressure over the mean pressure", 0.3, 3.0),

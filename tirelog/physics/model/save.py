@@ -17,7 +17,7 @@ from tirelog.errors import ModelError
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.file import EFFECTS_FILE
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.nuisances import BY_NAME, USES
+from tirelog.physics.model.nuisances import BY_NAME, FORM, USES
 from tirelog.physics.model.own.user_effects import installed_effects
 from tirelog.physics.parameters import Parameter
 from tirelog.storage.documents import LARGEST_BYTES, toml_tables
@@ -79,6 +79,7 @@ def as_toml(model: Model, folder: Path | None = None) -> str:
             _put(numbers, parameter)
     _put_effects(document, model)
     _put_nuisances(document, model)
+    _put_form(document, model)
     return tomlkit.dumps(document)
 
 
@@ -108,7 +109,7 @@ def _put_effects(document: Any, model: Model) -> None:
     """Removes, changes and adds [[effects]], leaving what stays in place with its comments."""
     tables = document.get("effects")
     held = {table["name"]: table for table in tables} if tables is not None else {}
-    wanted = {e.id: e for e in model.effects}
+    wanted = {e.id: e for e in model.effects if e.id != FORM}
     if tables is not None:
         for index in reversed(range(len(tables))):
             if tables[index]["name"] not in wanted:
@@ -141,6 +142,8 @@ def _put_effects(document: Any, model: Model) -> None:
 def _put_nuisances(document: Any, model: Model) -> None:
     """Writes the nuisances that are used otherwise than they are by default, or stand there."""
     for nuisance in model.nuisances:
+        if nuisance.name == FORM:
+            continue
         held = document.get("nuisances", {}).get(nuisance.name)
         if held is None and nuisance == BY_NAME[nuisance.name]:
             continue
@@ -155,6 +158,22 @@ def _put_nuisances(document: Any, model: Model) -> None:
             if held is None:
                 item.comment(nuisance.description)
             table[nuisance.name] = item
+
+
+def _put_form(document: Any, model: Model) -> None:
+    """Writes [form]: its use, and its numbers if the model has them."""
+    use = next(n.use for n in model.nuisances if n.name == FORM)
+    numbers = [p for e in model.effects if e.id == FORM for p in e.parameters]
+    if FORM not in document and use == USES[0] and not numbers:
+        return
+    table = document.setdefault(FORM, tomlkit.table())
+    if table.get("use", USES[0]) != use or not len(table):
+        table["use"] = use
+    for parameter in BY_ID[FORM].parameters:
+        if not numbers:
+            table.pop(parameter.name, None)
+    for parameter in numbers:
+        _put(table, parameter)
 
 
 def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
