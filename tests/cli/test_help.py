@@ -47,6 +47,16 @@ def test_what_is_no_command_is_looked_for_among_all(asked):
     assert list(command(asked).commands) == list(command().commands)
 
 
+def test_an_error_of_options_points_to_the_help_of_its_command(tirelog):
+    """Whatever option of whatever command has no value, or is unknown."""
+    for path, one in ALL.items():
+        options = {p.opts[0] for p in one.params if p.param_type_name == "option" and not p.is_flag}
+        for option in ("--bogus", *sorted(options)):
+            done = tirelog(*path.split(), "x", option)
+            assert done.status == 2
+            assert f"; see tirelog {path} --help" in done.err, done.err
+
+
 def help_of(tirelog, *path):
     return tirelog(*path, "-h").out
 

@@ -28,8 +28,8 @@ from tirelog.errors import (
 _INTERRUPTED = 130
 
 
-def _status_of(problem: BaseException) -> int:
-    """Say what went wrong; the exit status for it."""
+def _status_of(problem: BaseException, command: str) -> int:
+    """Say what went wrong in a `command`; the exit status for it."""
     if isinstance(problem, TirelogError):
         text, status = str(problem), int(problem.exit_status)
     elif isinstance(problem, KeyboardInterrupt) or type(problem).__name__ == "Abort":
@@ -42,7 +42,6 @@ def _status_of(problem: BaseException) -> int:
     elif hasattr(problem, "format_message") and hasattr(
         problem, "exit_code"
     ):  # a usage error of typer's own parser
-        command = getattr(getattr(problem, "ctx", None), "command_path", "tirelog")
         text = f"{problem.format_message().rstrip('.')}; see {command} --help"
         if text.startswith("Missing option '--model'"):
             text += "; `tirelog model new --setup SETUP.toml -o MODEL.toml` makes a model"
@@ -59,6 +58,18 @@ def _status_of(problem: BaseException) -> int:
         status = int(ExitStatus.DEFECT)
     _on_stderr(f"tirelog: error: {printable(text)}")
     return status
+
+
+def _command_of(parsed: Any, arguments: list[str]) -> str:
+    """The command whose help has the options of a command line, as it is typed."""
+    command = "tirelog"
+    for word in arguments:
+        below = getattr(parsed, "commands", {})
+        if word in below:
+            command, parsed = f"{command} {word}", below[word]
+        elif not word.startswith("-"):
+            break
+    return command
 
 
 def _on_stderr(line: str) -> None:
@@ -80,12 +91,13 @@ def run(arguments: list[str] | None = None) -> int:
 
     arguments = sys.argv[1:] if arguments is None else arguments
     completes = "_TIRELOG_COMPLETE" in os.environ
+    parsed: Any = None
     debug = "--debug" in arguments or bool(os.environ.get("TIRELOG_DEBUG"))
     try:
         from tirelog.cli.app import command  # in here, so that an interrupt meanwhile is one too
         from tirelog.storage.whole import inputs_kept
 
-        parsed: Any = command(arguments[0] if arguments and not completes else "")
+        parsed = command(arguments[0] if arguments and not completes else "")
         if completes:  # the shell asks for completions
             parsed.main(prog_name="tirelog")
         # not main(): it would turn a reader that leaves (`| head`) into status 1
@@ -111,7 +123,7 @@ def run(arguments: list[str] | None = None) -> int:
             import traceback
 
             traceback.print_exc()
-        return _status_of(problem)
+        return _status_of(problem, _command_of(parsed, arguments))
 
 
 def main() -> None:
