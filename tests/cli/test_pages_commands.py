@@ -193,6 +193,5 @@ def test_the_pages_run_from_top_to_bottom(
 def standard_input(line: str) -> io.TextIOWrapper:
     """What the line's pipe brings: a file unpacked by gzip, or nothing."""
     packed = re.match(r"gzip -dc (\S+) \|", line)
-    return io.TextIOWrapper(
-        io.BytesIO(gzip.decompress(Path(packed[1]).read_bytes()) if packed else b"")
-    )
+    piped = io.BytesIO(gzip.decompress(Path(packed[1]).read_bytes()) if packed else b"")
+    return io.TextIOWrapper(io.BufferedReader(piped))

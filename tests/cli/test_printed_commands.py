@@ -14,7 +14,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator
-from io import BytesIO, TextIOWrapper
+from io import BufferedReader, BytesIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
 
@@ -136,7 +136,7 @@ def test_examples_in_help_run(
         assert line in shown
         if line.startswith("zstd -dc log.csv.zst"):
             plain = BytesIO((folder / "log.csv").read_bytes())
-            monkeypatch.setattr(sys, "stdin", TextIOWrapper(plain))
+            monkeypatch.setattr(sys, "stdin", TextIOWrapper(BufferedReader(plain)))
         run_all(tirelog, line)
 
 

@@ -78,6 +78,28 @@ def test_a_pipe_whose_writer_is_silent_is_noticed(work, capfd, words, file):
     assert capfd.readouterr().err.count(NOTICE) == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        ("speed - --setup drive.toml", "drive.csv.gz"),
+        ("check - --against speed.csv", "speed.csv"),
+        ("info -", "drive.csv.gz"),
+    ],
+)
+def test_a_silent_standard_input_is_noticed_and_waited_for(work, capfd, monkeypatch, words, file):
+    read, write = os.pipe()
+    monkeypatch.setattr(sys, "stdin", open(read, encoding="utf-8"))  # noqa: SIM115
+
+    def late() -> None:
+        with open(write, "wb") as pipe:
+            time.sleep(1.0)
+            pipe.write(Path(file).read_bytes())
+
+    threading.Thread(target=late, daemon=True).start()
+    assert run(words.split()) == 0
+    assert capfd.readouterr().err.count("standard input: is silent; waiting for what writes") == 1
+
+
 def test_a_quiet_command_waits_without_a_notice(work, capfd):
     assert run_on_pipe("speed pipe.csv --setup drive.toml --quiet", "drive.csv.gz") == 0
     assert capfd.readouterr().err == ""

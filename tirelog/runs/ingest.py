@@ -14,7 +14,6 @@ import hashlib
 import io
 import os
 import stat
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -124,8 +123,6 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
 
 
 def open_log_bytes(log: str) -> BinaryIO:
-    if log == "-":
-        return sys.stdin.buffer
     try:
         if log.endswith(".toml") and is_file(log):
             with open_input(log) as stream:

@@ -12,9 +12,10 @@ from __future__ import annotations
 import errno
 import posixpath
 import re
-import select
+import sys
 import threading
 from collections.abc import Callable, Sequence
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
 from urllib.parse import unquote
@@ -173,18 +174,20 @@ def open_remote(url: str) -> BinaryIO:
 def open_input(path: Path | str) -> BinaryIO:
     """The bytes of a file here or at an address, opened to be read.
 
-    A pipe is waited for until something writes to it, with a notice after two seconds.
+    "-" is standard input. It and a pipe are waited for until something writes to them, with a
+    notice after two seconds.
     OSError, ValueError: there is none. ReadError: nothing is there, or no credentials.
     """
     url = address(path)
     if url is not None:
         return open_remote(url)
     named = Path(path)
-    if not named.is_fifo():
+    if path != "-" and not named.is_fifo():
         return named.open("rb")
-    with noticed_wait(f"{path}: is a pipe; waiting for what writes to it"):
-        stream = named.open("rb")
-        select.select([stream], [], [])  # until there are bytes, or whoever opened it has left
+    pipe = "standard input: is silent" if path == "-" else f"{path}: is a pipe"
+    with noticed_wait(f"{pipe}; waiting for what writes to it"):
+        stream = cast(BufferedReader, sys.stdin.buffer) if path == "-" else named.open("rb")
+        stream.peek(1)  # until there are bytes, or whoever opened it has left
         return stream
 
 

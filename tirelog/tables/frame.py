@@ -7,9 +7,7 @@ is not of its column's kind, or bytes that are no table, are a ReadError of the 
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +101,7 @@ def _parts(path: str, format: str, unused: Collection[str], words: bool) -> Iter
         return
     if format == "csv":
         known = COLUMNS.values()
-        with nullcontext(sys.stdin.buffer) if path == "-" else open_input(path) as stream:
+        with open_input(path) as stream:
             table = pd.read_csv(
                 stream,
                 dtype="str" if words else {c.name: "str" for c in known if c.kind == "text"},
