@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.kernel_inputs import inputs
+from tirelog import cli
 from tirelog.kernels import built
 from tirelog.kernels.build import CALLS
 from tirelog.kernels.kinds import examples, kind_of, spelled
@@ -118,9 +119,15 @@ def test_calls_that_are_compiled_ahead_are_those_of_the_commands(tmp_path):
 
 
 @pytest.mark.skipif(not built.at_hand(), reason="kernels are not compiled ahead here")
-def test_tables_need_no_numba_once_kernels_are_built(tmp_path):
-    record = tmp_path / "missed"
-    asked = ["tables", str(SAMPLES / "drive.csv.gz"), "-o", str(tmp_path / "out")]
+@pytest.mark.parametrize("words", ["tables {drive}", "speed {run}", "tables {run}"])
+def test_tables_need_no_numba_once_kernels_are_built(tmp_path, words):
+    """`run` holds counts of a grating without a twin, which stay counts in memory."""
+    record, setup, run = tmp_path / "missed", tmp_path / "setup.toml", tmp_path / "run.h5"
+    text = (SAMPLES / "drive.toml").read_text().replace('temperature_channel = "temp_1"\n', "")
+    setup.write_text(text)
+    drive = str(SAMPLES / "drive.csv.gz")
+    assert cli.run(["ingest", drive, "--setup", str(setup), "-o", str(run), "--quiet"]) == 0
+    asked = [*words.format(drive=drive, run=run).split(), "-o", str(tmp_path / "out.csv")]
     program = (
         f"import sys; from tirelog.cli import run\nprint(run({asked!r}), 'numba' in sys.modules)"
     )
