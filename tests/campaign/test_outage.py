@@ -18,7 +18,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_a
 from tests.campaign.conftest import dataset, make_campaign
 from tests.cli.conftest import pulse_rows
 from tirelog.campaign import runner, work
-from tirelog.campaign.ledger import Entry
+from tirelog.campaign.ledger import Entry, Ledger
 from tirelog.cli import run
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -63,7 +63,32 @@ def test_five_in_a_row_end_the_run_with_one_sentence(
     said = capfd.readouterr().err
     assert said.count("\n") == 1
     assert "5 logs in a row failed for a reason outside of them" in said
+    assert states(manifest) == ["open"] * 6
     assert campaign(manifest) == 0
+
+
+def test_an_early_end_is_summed_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What was done before stands in it; no log that stays open is called failed."""
+    manifest, usual, asked = make_campaign(tmp_path, logs=7, seconds=0.5), work.open_recording, 0
+
+    def first_alone(*given: Any, **more: Any) -> Any:
+        nonlocal asked
+        asked += 1
+        return usual(*given, **more) if asked == 1 else refusing(errno.ETIMEDOUT)()
+
+    with monkeypatch.context() as broken:
+        broken.setattr(work, "open_recording", first_alone)
+        assert run(["campaign", "run", str(manifest)]) == 2
+    said = capfd.readouterr().err
+    assert said.count(": stays open; ") == 5
+    assert ": failed" not in said
+    assert states(manifest) == ["done"] + ["open"] * 6
+    monkeypatch.setattr(Ledger, "sha256", refusing(errno.ETIMEDOUT))
+    (tmp_path / "results" / "summary.csv").unlink()
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
+    assert states(manifest) == ["done"] + ["open"] * 6
 
 
 class Disturbed(RuleBasedStateMachine):

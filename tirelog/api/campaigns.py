@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path as File
 from typing import Any
@@ -14,6 +14,7 @@ from tirelog.campaign.ledger import Entry, Ledger
 from tirelog.campaign.manifest import Campaign, load_manifest
 from tirelog.campaign.runner import plan_tasks, run_tasks, strangers, to_do, write_summary
 from tirelog.campaign.work import LogTask
+from tirelog.errors import OutputError, UsageError, is_outside_log
 
 __all__ = [
     "CampaignOutcome",
@@ -111,6 +112,18 @@ def _campaign(manifest: Path) -> tuple[Campaign, Ledger]:
     return campaign, Ledger(folder_at(campaign.output))
 
 
+@contextmanager
+def _summed_up(campaign: Campaign, ledger: Ledger) -> Iterator[None]:
+    """Writes the summary too if what is done while open ends for a reason outside of the logs."""
+    try:
+        yield
+    except UsageError as problem:
+        if is_outside_log(problem):
+            with suppress(OutputError):  # as gone as what the problem is of
+                write_summary(campaign, ledger)
+        raise
+
+
 def run_campaign(
     manifest: Path,
     *,
@@ -156,7 +169,7 @@ def run_campaign(
     """
     campaign, ledger = _campaign(manifest)
     failed: list[str] = []
-    with ledger.folder.held():
+    with ledger.folder.held(), _summed_up(campaign, ledger):
         tasks = plan_tasks(campaign, ledger, only=only)
         ledger.save_hashes()
         left = to_do(tasks, ledger, retry_failed=retry_failed)

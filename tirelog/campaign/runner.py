@@ -185,7 +185,7 @@ def _in_a_row(before: int, error: str) -> int:
             f"{_MOST_IN_A_ROW} logs in a row failed for a reason outside of them ({error})",
             allowed="what is done is kept",
             do="see to it and run it again",
-        )
+        ) from ConnectionError()
     return before + 1 if error else 0
 
 

@@ -115,7 +115,7 @@ class CampaignProgress:
         left = (time.monotonic() - self.begun) / finished * (of - finished)
         made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
         outcome = (
-            "failed"
+            ("stays open" if entry.fault == "machine" else "failed")
             if entry.error
             else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
         )
