@@ -6,13 +6,15 @@ import os
 import subprocess
 import sys
 import threading
-import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 
 from tests.test_compiled import copied
 from tirelog.cli import run
+from tirelog.runtime import hearing
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 NOTICE = "is a pipe; waiting for what writes to it"
@@ -32,14 +34,32 @@ def work(tmp_path, monkeypatch):
     return tmp_path
 
 
-def run_on_pipe(words: str, file: str) -> int:
-    """The status of a command; what `file` holds is written to its `pipe.csv` after a second."""
+def run_on(words: str, file: str, opened: Callable[[], BinaryIO], *, before: bool) -> int:
+    """The status of a command; what `file` holds is written once a notice is given.
+
+    What it is written to is `opened` then, or `before`.
+    """
+    heard, data = threading.Event(), Path(file).read_bytes()
+
+    def write() -> None:
+        if before:
+            with opened() as pipe:
+                heard.wait(30.0)
+                pipe.write(data)
+        else:
+            heard.wait(30.0)
+            with opened() as pipe:
+                pipe.write(data)
+
+    threading.Thread(target=write, daemon=True).start()
+    with hearing(lambda text: heard.set()):
+        return run(words.split())
+
+
+def run_on_pipe(words: str, file: str, *, before: bool = False) -> int:
+    """As `run_on`, of `pipe.csv`."""
     os.mkfifo("pipe.csv")
-    data = Path(file).read_bytes()
-    writer = threading.Timer(1.0, lambda: Path("pipe.csv").write_bytes(data))
-    writer.daemon = True
-    writer.start()
-    return run(words.split())
+    return run_on(words, file, lambda: open("pipe.csv", "wb"), before=before)
 
 
 @pytest.mark.parametrize(
@@ -66,15 +86,7 @@ def test_a_pipe_without_a_writer_is_noticed_and_waited_for(work, capfd, words, f
     ],
 )
 def test_a_pipe_whose_writer_is_silent_is_noticed(work, capfd, words, file):
-    os.mkfifo("pipe.csv")
-
-    def write() -> None:
-        with open("pipe.csv", "wb") as pipe:
-            time.sleep(1.0)
-            pipe.write(Path(file).read_bytes())
-
-    threading.Thread(target=write, daemon=True).start()
-    assert run(words.split()) == 0
+    assert run_on_pipe(words, file, before=True) == 0
     assert capfd.readouterr().err.count(NOTICE) == 1
 
 
@@ -89,14 +101,7 @@ def test_a_pipe_whose_writer_is_silent_is_noticed(work, capfd, words, file):
 def test_a_silent_standard_input_is_noticed_and_waited_for(work, capfd, monkeypatch, words, file):
     read, write = os.pipe()
     monkeypatch.setattr(sys, "stdin", open(read, encoding="utf-8"))  # noqa: SIM115
-
-    def late() -> None:
-        with open(write, "wb") as pipe:
-            time.sleep(1.0)
-            pipe.write(Path(file).read_bytes())
-
-    threading.Thread(target=late, daemon=True).start()
-    assert run(words.split()) == 0
+    assert run_on(words, file, lambda: os.fdopen(write, "wb"), before=True) == 0
     assert capfd.readouterr().err.count("standard input: is silent; waiting for what writes") == 1
 
 
