@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.counts import si_of_counts
 from tirelog.data.setup import Setup
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.quality import Doubt
 
@@ -249,7 +249,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Conditions(ConditionValues):
+class Conditions(ConditionValues, ColumnSet):
     """What revolutions were driven under: of each condition of the register an array (n,)."""
 
     @classmethod
@@ -265,22 +265,9 @@ class Conditions(ConditionValues):
     def __len__(self) -> int:
         return int(self.speed_m_s.size)
 
-    def take(self, which: Any) -> Conditions:
-        """The revolutions `which` (mask, slice or indices)."""
-        return Conditions(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
-
     def known(self, name: str) -> bool:
         """True if every revolution has a finite value of the field `name`."""
         return bool(np.isfinite(getattr(self, name)).all())
-
-    @classmethod
-    def concatenate(cls, parts: list[Conditions]) -> Conditions:
-        return cls(
-            **{
-                f.name: np.concatenate([getattr(part, f.name) for part in parts])
-                for f in fields(cls)
-            }
-        )
 
 
 @dataclass(frozen=True)

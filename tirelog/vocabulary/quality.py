@@ -90,7 +90,7 @@ class Quality(IntFlag):
     EDGE_UNCLEAR = "the second derivative has no clear extremum at an edge", _FOOTPRINT
     FORM_UNCLEAR = "of no tire's form: the length may be wrong by half", _FOOTPRINT, Use.COMPARISON
     TRACTION_UNRESOLVED = (
-        "speeds up or slows down, and noise hides what the traction does to the length",
+        "speeds up or slows down, and what the traction does to the length is not resolved",
         _FOOTPRINT,
         Use.COMPARISON,
     )

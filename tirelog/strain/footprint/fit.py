@@ -13,16 +13,15 @@ errors are those of Cramer and Rao.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.strain.footprint.family import ComplexArray
 from tirelog.strain.footprint.kernels import FIT, GRID, OWN, fit_rows
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Record, Records
 
 #: points of the form's table over a revolution: every half a millimetre, straight lines between
 #: them
@@ -134,7 +133,7 @@ class FormTables:
 
 
 @dataclass(frozen=True)
-class PassageFits:
+class PassageFits(ColumnSet):
     """One row per passage, shape (n,): the parameters of its fit.
 
     `height` and `offset` (patch downward), `shift_m` of the patch's middle behind the passage's
@@ -151,19 +150,6 @@ class PassageFits:
     length_se_m: FloatArray
     chi2: FloatArray
     used: FloatArray
-
-    @classmethod
-    def empty(cls, n: int) -> PassageFits:
-        return cls(**{f.name: np.full(n, np.nan) for f in fields(cls)})
-
-    def take(self, which: NDArray[np.bool_] | IntArray) -> PassageFits:
-        """The rows `which` (mask or ordinals)."""
-        return PassageFits(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
-
-    def put(self, rows: IntArray, other: PassageFits) -> None:
-        """Write the rows of `other` at the ordinals `rows`."""
-        for f in fields(self):
-            getattr(self, f.name)[rows] = getattr(other, f.name)
 
 
 def fit_edges(

@@ -22,13 +22,13 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.fit import PassageFits
 from tirelog.strain.footprint.kernels import FITTED
-from tirelog.strain.footprint.learn import FREE_ROLLING_M_S2, Learnt
+from tirelog.strain.footprint.learn import Learnt
 from tirelog.strain.footprint.measure import Look, Measured, find_onsets, measure_windows
 from tirelog.strain.footprint.settle import Settled, settle
-from tirelog.strain.footprint.slip_onset import SPEED_UNKNOWN, TOO_WIDE, FrictionRatio, SlipOnset
+from tirelog.strain.footprint.slip_onset import TOO_WIDE, FrictionRatio, SlipOnset
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray, IntArray
-from tirelog.vocabulary.quality import Quality, QualityFlags, marked
+from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
 #: of what the traction has moved it; the error is proportional to it
@@ -40,11 +40,9 @@ MOST_MOVED = 0.2
 #: fewer samples between the edges than this cannot tell a length; twice as many leave fast
 #: passages of slow loggers without a length
 LEAST_SAMPLES = 4
-
-
-#: a traction that the gain of noise hides moves a length by so many of its own errors per square
-#: root of that gain; from joint fits of tractions that are seen, and proportional to it
-HIDDEN = 5.0
+#: below this acceleration no row is called driven: beside a manoeuvre that of a steady row is up to
+#: 0.15 off; at twice as much a tenth of the driven rows has its error without the word
+STEADY_M_S2 = 0.2
 
 
 @dataclass(frozen=True)
@@ -183,26 +181,26 @@ def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArr
         )
 
 
-def _hidden(
-    work: Measured, slipping: NDArray[np.bool_], acceleration_m_s2: FloatArray
-) -> FloatArray:
-    """Error of a length by the largest traction that may be hidden in it [m], (n,).
+def _hidden(work: Measured, passages: Passages, slipping: NDArray[np.bool_]) -> FloatArray:
+    """Error of a length by a traction that is not resolved [m], (n,).
 
-    Of passages that speed up or slow down, and whose joint fit with a traction does not tell it. A
-    log none of whose passages shows a traction is one of a wheel that rolls.
+    A traction goes with the acceleration, and so do the lengths of fits without one: how far, over
+    the whole log, speeding up and slowing down apart, says what one does that no row by itself
+    shows. The larger, the less it does per acceleration; so it is at most what the smallest does.
+    A log none of whose passages shows a traction is one of a wheel that rolls.
     """
-    if work.usual is None or not work.driven.any():
-        return np.zeros(acceleration_m_s2.size)
+    length, speed = work.fits.length_m, passages.speed_m_s
+    acceleration = np.nan_to_num(passages.acceleration_m_s2)
+    if not work.driven.any():
+        return np.zeros(speed.size)
+    used = np.isfinite(length) & (good(passages.quality) | work.driven)
+    sides = np.maximum([acceleration, -acceleration], 0.0)
+    follows = np.column_stack([*sides, *sides**2, speed, speed**2])[used]
+    by_side = np.linalg.lstsq(
+        follows - follows.mean(axis=0), length[used] - length[used].mean(), rcond=None
+    )[0][:2]
     resolved = slipping & np.isin(work.slip.reason.astype(str), ("", TOO_WIDE))
-    hiding = ~resolved & (np.abs(acceleration_m_s2) > FREE_ROLLING_M_S2)
-    by_noise = HIDDEN * work.fits.length_se_m * np.sqrt(work.usual.gain)
-    moved = np.abs(work.slip.length_m - work.fits.length_m)
-    seen = moved[resolved & np.isfinite(moved)]
-    # a traction is not looked for where the speed is vague: it may be as large as the log's others
-    unsought = work.slip.reason == SPEED_UNKNOWN
-    most = np.where(unsought, np.median(seen) if seen.size else 0.0, np.where(slipping, moved, 0.0))
-    error_m: FloatArray = np.fmax(by_noise, most)
-    return np.where(hiding, np.nan_to_num(error_m), 0.0)
+    return np.where(resolved, 0.0, np.abs(np.where(acceleration > 0.0, *by_side) * acceleration))
 
 
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
@@ -243,39 +241,39 @@ def _assembled(
         + reference_se**2
         + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
     )
-    hidden = _hidden(work, slipping, acceleration)
-    unresolved = hidden > np.hypot(noise_se, form_se)
+    hidden = _hidden(work, passages, slipping)
+    driven = np.abs(acceleration) > STEADY_M_S2
+    unresolved = driven & (hidden > np.hypot(noise_se, form_se))
     length, noise_se = _told(length, np.hypot(noise_se, hidden))
-    edges = dict(edges)
-    for name in ("length_d2", "length_d1"):
-        edges[f"{name}_m"], edges[f"{name}_se_m"] = _told(edges[f"{name}_m"], edges[f"{name}_se_m"])
+    d2, d2_se = _told(edges.length_d2_m, edges.length_d2_se_m)
+    d1, d1_se = _told(edges.length_d1_m, edges.length_d1_se_m)
     half = 0.5 * length
     with np.errstate(invalid="ignore"):
         entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)
         leave = passages.time_s + _time_at(fits.shift_m + half, speed, acceleration)
-        asymmetry = (edges["exit_height"] - edges["entry_height"]) / (
-            edges["exit_height"] + edges["entry_height"]
+        asymmetry = (edges.exit_height - edges.entry_height) / (
+            edges.exit_height + edges.entry_height
         )
     known = np.where(np.isfinite(length), 1.0, np.nan)
     return Footprint(
         length,
         noise_se,
         form_se * known,
-        edges["length_d2_m"],
-        edges["length_d2_se_m"],
-        edges["length_d1_m"],
-        edges["length_d1_se_m"],
+        d2,
+        d2_se,
+        d1,
+        d1_se,
         entry,
         leave,
         asymmetry,
-        edges["entry_m"] + fits.shift_m,
-        edges["exit_m"] + fits.shift_m,
+        edges.entry_m + fits.shift_m,
+        edges.exit_m + fits.shift_m,
         fits,
         work.slip,
         asked_Hz,
         learnt,
         friction,
-        _quality(passages, work, learnt, length, edges["length_d2_m"], asked_Hz, nyquist)
+        _quality(passages, work, learnt, length, d2, asked_Hz, nyquist)
         | marked(unresolved & np.isfinite(length), Quality.TRACTION_UNRESOLVED),
     )
 

@@ -8,7 +8,7 @@ Channel + Passages + Learnt
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ class Measured:
     """
 
     inside: FloatArray
-    edges: dict[str, FloatArray]
+    edges: Edges
     fits: PassageFits
     slip: SlipOnset
     driven: NDArray[np.bool_]
@@ -78,17 +78,19 @@ class Measured:
     @classmethod
     def empty(cls, n: int) -> Measured:
         """`n` rows, nothing known."""
-        edges = {f.name: np.full(n, np.nan) for f in fields(Edges)}
         return cls(
-            np.full(n, np.nan), edges, PassageFits.empty(n), SlipOnset.none(n), np.zeros(n, bool)
+            np.full(n, np.nan),
+            Edges.empty(n),
+            PassageFits.empty(n),
+            SlipOnset.none(n),
+            np.zeros(n, bool),
         )
 
     def take(self, rows: IntArray) -> Measured:
         """The passages `rows` alone."""
-        edges = {name: column[rows] for name, column in self.edges.items()}
         return Measured(
             self.inside[rows],
-            edges,
+            self.edges.take(rows),
             self.fits.take(rows),
             self.slip.take(rows),
             self.driven[rows],
@@ -98,8 +100,7 @@ class Measured:
     def put(self, rows: IntArray, other: Measured) -> None:
         """Write the passages of `other` at the ordinals `rows`."""
         self.inside[rows], self.driven[rows] = other.inside, other.driven
-        for name, column in self.edges.items():
-            column[rows] = other.edges[name]
+        self.edges.put(rows, other.edges)
         self.fits.put(rows, other.fits)
         self.slip.put(rows, other.slip)
 
@@ -355,14 +356,14 @@ def _searched(
 
     Their rows (k,), and the starts, (k,) of FOLLOWED.
     """
-    further, parts = look.roughly // look.averaged, []
+    further, parts = look.roughly // look.averaged, [FoundOnsets.none()]
     for windows, _, sigma, knot in look.alike(rows):
         tractions = look.forms.traction(knot, ratio=friction.value)
         for times, part in _alike(windows, further):
             shift, motion = _form_shift(look, work, part, knot), part.motion(*look.motions)
             found = tractions.onsets(part, motion, part.reduced(times), shift, sigma, scatter)
             parts.append(FoundOnsets(part.row, found, tractions.half_lengths_m(part), shift))
-    onsets = FoundOnsets.joined(parts)
+    onsets = FoundOnsets.concatenate(parts)
     told = onsets.told(look.forms.form_error, friction, scatter)
     work.slip.put(onsets.row, told)
     worth, starts = onsets.starts(told, scatter)
@@ -379,14 +380,14 @@ def _followed(
     scatter: float,
 ) -> IntArray:
     """Fill the onsets of `rows` that are like those of the rows `known`; the other rows."""
-    length, parts = work.fits.length_m, []
+    length, parts = work.fits.length_m, [FoundOnsets.none()]
     for windows, motion, sigma, knot in look.alike(rows):
         tractions = look.forms.traction(knot, ratio=friction.value)
         nearest = np.argmin(np.abs(length[windows.row][:, None] - length[known]), axis=1)
         shift = _form_shift(look, work, windows, knot)
         found = tractions.followed(windows, motion, shift, starts[nearest], sigma, scatter)
         parts.append(FoundOnsets(windows.row, found, tractions.half_lengths_m(windows), shift))
-    onsets = FoundOnsets.joined(parts)
+    onsets = FoundOnsets.concatenate(parts)
     alike = np.isfinite(onsets.found["best"])
     kept = onsets.take(alike)
     work.slip.put(kept.row, kept.told(look.forms.form_error, friction, scatter))
@@ -461,5 +462,4 @@ def _edges_alike(
         sigma,
         upsample,
     )
-    for name, column in work.edges.items():
-        column[row] = getattr(found, name)
+    work.edges.put(row, found)

@@ -20,7 +20,7 @@ import numpy as np
 from tirelog.dsp.derivatives import derivatives, window_spectra
 from tirelog.kernels import compiled
 from tirelog.strain.footprint.kernels import motion_of
-from tirelog.vocabulary.arrays import FloatArray, Records
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, Records
 
 #: the fields of `Edges` of one row
 EDGES = np.dtype(
@@ -40,7 +40,7 @@ DENSE = 8.0
 
 
 @dataclass(frozen=True)
-class Edges:
+class Edges(ColumnSet):
     """One row per passage, shape (n,); NaN if an extremum was not found.
 
     Lengths and abscissae in m, heights in 1/m^2 of strain.

@@ -17,7 +17,7 @@ for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ from tirelog.strain.footprint.onset_kernels import (
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.windows import PatchWindows
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Record, Records
 
 #: steps of the waves that are moved per step of the form's table; what straight lines between them
 #: take off is a quarter of what they do there, and twice as many take off a quarter of that
@@ -119,7 +119,7 @@ SPEED_UNKNOWN, WORST_SPEED = "speed_uncertain", 0.002
 
 
 @dataclass(frozen=True)
-class SlipOnset:
+class SlipOnset(ColumnSet):
     """One row per passage, shape (n,): the onset or the reason why there is none.
 
     `onset_m` (entry -L .. exit +L) and `onset_se_m`, NaN without one; `reason` why not, '' if there
@@ -138,15 +138,6 @@ class SlipOnset:
     def none(cls, n: int, reason: str = NO_FORM) -> SlipOnset:
         nan = [np.full(n, np.nan) for _ in range(5)]
         return cls(nan[0], nan[1], nan[2], nan[3], nan[4], np.full(n, reason, object))
-
-    def take(self, rows: IntArray) -> SlipOnset:
-        """The passages `rows` alone."""
-        return SlipOnset(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-    def put(self, rows: IntArray, other: SlipOnset) -> None:
-        """Write the rows of `other` at the ordinals `rows`."""
-        for f in fields(self):
-            getattr(self, f.name)[rows] = getattr(other, f.name)
 
 
 def onset_grid(half_length_m: float) -> FloatArray:
@@ -386,7 +377,7 @@ class Tractions:
 
 
 @dataclass(frozen=True)
-class FoundOnsets:
+class FoundOnsets(ColumnSet):
     """What was found of the onsets of some rows, (n,) each.
 
     `row`: ordinals of the passages; `found` of ONSET; `half_length_m` of each one's form;
@@ -399,17 +390,9 @@ class FoundOnsets:
     shift_m: FloatArray
 
     @classmethod
-    def joined(cls, parts: list[FoundOnsets]) -> FoundOnsets:
-        """Those of all `parts`, one after the other."""
-        empty = cls(np.empty(0, np.int64), np.empty(0, ONSET), np.empty(0), np.empty(0))
-        columns = (
-            np.concatenate([getattr(part, f.name) for part in (empty, *parts)]) for f in fields(cls)
-        )
-        return cls(*columns)
-
-    def take(self, which: NDArray[np.bool_]) -> FoundOnsets:
-        """The rows `which` (mask)."""
-        return FoundOnsets(*(getattr(self, f.name)[which] for f in fields(self)))
+    def none(cls) -> FoundOnsets:
+        """No row."""
+        return cls(np.empty(0, np.int64), np.empty(0, ONSET), np.empty(0), np.empty(0))
 
     def starts(self, told: SlipOnset, scatter: float) -> tuple[NDArray[np.bool_], Records]:
         """Which of the onsets, as `told`, others may start from, (n,), and the starts.

@@ -31,7 +31,7 @@ from tirelog.strain.passages.fit_kernels import (
     spline_sums,
 )
 from tirelog.strain.passages.template import CurveSums, Template
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Records
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Start:
+class Start(ColumnSet):
     """Where a row's fit starts, shape (n,).
 
     `time_s`, `index` [samples], `omega` [rad/s], `alpha` [rad/s^2], `stretch`: how far the speed
@@ -61,9 +61,6 @@ class Start:
     omega: FloatArray
     alpha: FloatArray
     stretch: FloatArray
-
-    def take(self, which: slice | IntArray | NDArray[np.bool_]) -> Start:
-        return Start(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,14 @@ signal may have either sign; the level tells.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.sliding import sliding_mean
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray
 
 #: radians of a degree
 DEGREE = np.pi / 180
@@ -43,7 +43,7 @@ SLOWEST_rad_s = 6.0
 
 
 @dataclass(frozen=True)
-class Dips:
+class Dips(ColumnSet):
     """One row per dip, shape (n,): coarse fronts, the level beside it and gravity.
 
     Fronts `entry_rad`, `exit_rad`; `level` the mean of a / Omega^2 beside it [m] (its sign is the
@@ -62,15 +62,6 @@ class Dips:
     level_share: FloatArray
     noise_m_s2: FloatArray
     normal: FloatArray
-
-    def take(self, which: np.ndarray) -> Dips:
-        return Dips(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
-
-    @classmethod
-    def concatenate(cls, parts: list[Dips]) -> Dips:
-        return cls(
-            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
-        )
 
 
 @dataclass(frozen=True)
