@@ -110,7 +110,11 @@ def search_effects(
     climb = _climb(base, extra, progress, bare)
     tried = bare != allowed and not quiet_waveforms(climb.after)
     formed = _formed(base, extra, progress, allowed, climb.after) if tried else None
-    if formed is not None and quiet_waveforms(formed.after):
+    if (
+        formed is not None
+        and quiet_waveforms(formed.after)
+        and not _one_may_do(formed.after, extra)
+    ):
         return formed
     plain = _search(base, extra, progress, bare, climb)
     at_floor = quiet_waveforms(plain.after)
@@ -120,8 +124,22 @@ def search_effects(
         return _or_form(plain)
     if not tried:
         formed = _formed(base, extra, progress, allowed, plain.after)
-    fewer = formed is not None and len(formed.named) < len(plain.named)
-    return formed if formed is not None and (fewer or not at_floor) else plain
+    if formed is None:
+        return plain
+    beyond = [s.named.assessed.signature.effect for s in plain.steps if s.named is not None]
+    beyond = [e for e in beyond if e.id in plain.named and e.id not in formed.named]
+    one_does = len(beyond) == 1 and not beyond[0].followed
+    fewer = len(formed.named) < len(plain.named) and not one_does
+    return formed if fewer or not at_floor else plain
+
+
+def _one_may_do(formed: Base, extra: tuple[Effect, ...]) -> bool:
+    """Could one effect that is the same throughout do most of what the form does?"""
+    without = with_nuisances(formed, [name for name in groups_of(formed) if name != FORM])
+    if isinstance(without, ModelError):
+        return False
+    same = [a for a in assess_all(without, extra)[0] if not a.signature.effect.followed]
+    return max((a.removed for a in same), default=0.0) > MOST * without.excess
 
 
 def _formed(
