@@ -123,7 +123,7 @@ def search_effects(
     if at_floor and len(plain.named) == 1:
         return _or_form(plain)
     if not tried:
-        formed = _formed(base, extra, progress, allowed, plain.after)
+        formed = _formed(base, extra, progress, allowed, plain.after, len(plain.named) - 1)
     if formed is None:
         return plain
     beyond = [s.named.assessed.signature.effect for s in plain.steps if s.named is not None]
@@ -148,15 +148,16 @@ def _formed(
     progress: Progress,
     allowed: tuple[str, ...],
     without: Base,
+    most_effects: int = MOST_EFFECTS,
 ) -> Found | None:
     """The search with the tire's form; None if it does not explain what is left `without` it.
 
-    Where nothing is left without it, the steps to the floor are all that is of use.
+    Where nothing is left without it, only steps to the floor by at most `most_effects` are of use.
     """
     progress("once more with a form of the tire's own")
     at_floor = quiet_waveforms(without)
-    most = np.inf if at_floor else _MAY_BE_LEFT * without.excess
-    climb = _climb(base, extra, progress, allowed, most)
+    most_left = np.inf if at_floor else _MAY_BE_LEFT * without.excess
+    climb = _climb(base, extra, progress, allowed, most_left, most_effects)
     if not climb.steps or (at_floor and not quiet_waveforms(climb.after)):
         return None
     found = _search(base, extra, progress, allowed, climb)
@@ -289,8 +290,9 @@ def _climb(
     progress: Progress,
     nuisances: Sequence[str],
     most_left: float = np.inf,
+    most_effects: int = MOST_EFFECTS,
 ) -> _Climb:
-    """The search from a base upwards.
+    """The search from a base upwards, to `most_effects` names.
 
     It ends without a step where the tire's form came in and all candidates at once would leave more
     than `most_left` [unit^2] beside it.
@@ -335,7 +337,7 @@ def _climb(
             return climb
         progress(f"named {step.named.id}; looking for another")
         climb.after = settled(step.named.base)
-        if len(climb.steps) == MOST_EFFECTS:
+        if len(climb.steps) == most_effects:
             return climb
 
 
