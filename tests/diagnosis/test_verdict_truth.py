@@ -368,3 +368,10 @@ def test_an_unknown_points_to_the_effect_that_no_search_tries():
     assert found.verdict == "unknown"
     assert list(found.not_tested) == ["standing_wave"]
     assert "would remove" in found.not_tested["standing_wave"]
+
+
+@pytest.mark.slow
+def test_a_constant_effect_beside_another_is_not_given_to_the_form():
+    effects = {"pressure_offset": {"offset": 0.3}, "aero_load": {}}
+    found = diagnosed(fitted(case(effects, seed=313, how=Case(plan="short", logs=2)), angles=96))
+    assert set(found.selected) == {"pressure_offset", "aero_load"}
