@@ -64,6 +64,20 @@ def test_rows_of_few_speeds_are_what_they_are_alone(name, computed):
     assert np.abs(many - one).max() < 1e-8 * np.abs(one).max()
 
 
+@pytest.mark.parametrize("name", ["tread_pitch", "standing_wave", "cavity_resonance"])
+def test_so_are_those_that_a_strain_is_added_to_angle_by_angle(name):
+    model, given = Model.new("beam").with_effect(name), conditions()
+    strengths = {f"{name}.{p}": q.probe for p, q in _parameters(model, name).items()}
+    model = model.with_values(strengths)
+    one = alone(model, given)
+    assert np.abs(model.predict(given, PHI, phi_variance=SPREAD) - one).max() < 1e-8
+
+
+def _parameters(model, name):
+    (entry,) = [e for e in model.effects if e.id == name]
+    return {p.name: p for p in entry.parameters if p.name in entry.effect.strength}
+
+
 def test_so_are_their_derivatives(monkeypatch):
     model = MODELS["hardened"]
     names = ("foundation_stiffness_N_m2", "patch_half_length_m", "stiffening.cubic_1_m2")

@@ -42,7 +42,8 @@ def few_speeds(
         return None
     read = {"inflation_pressure_Pa"}
     for effect in effects:
-        if BY_ID.get(effect.id) is not effect:  # of one of the user's own nobody knows
+        # what one of the user's own reads nobody knows, and a strain is added angle by angle
+        if BY_ID.get(effect.id) is not effect or effect.strain is not None:
             return None
         read |= {*dict(effect.followed), *effect.needs, *effect.instead.values()}
     if any(columns[name].shape[0] > 1 for name in read - {"speed_m_s"}):
