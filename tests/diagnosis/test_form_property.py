@@ -155,8 +155,13 @@ def test_a_form_is_no_missing_effect(bare: tuple[list[str], str]) -> None:
     result = tirelog.diagnose(found, model)
     assert result.verdict == "nothing_missing"
     assert [n.nuisance for n in result.nuisances if n.stayed] == ["form"]
+    # a pressure that leans is P1 - P3 of the series at any load; hysteresis is no stiffness
+    held = result.to_json()["form_may_hold"]
+    assert held["pressure_offset"] == []
+    assert "hysteresis" not in held
     without = tirelog.diagnose(found, model.with_nuisance("form", "off"))
     assert without.verdict == "unknown"
+    assert without.to_json()["form_may_hold"] == {}
 
 
 @pytest.mark.slow

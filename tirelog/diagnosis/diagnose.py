@@ -36,6 +36,7 @@ from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisance_sizes import (
     NuisanceFound,
     alike_sentences,
+    held_by_form,
     nuisance_sentences,
     nuisances_found,
     observed,
@@ -130,6 +131,11 @@ class Diagnosis:
         return with_nuisances_on(self.found.after if self.selected else self.found.before)
 
     @cached_property
+    def form_may_hold(self) -> dict[str, list[str]]:
+        """Effects that a form may hold though nothing is missing, and in what logs part them."""
+        return held_by_form(self.found.before) if self.verdict == "nothing_missing" else {}
+
+    @cached_property
     def before(self) -> Comparison:
         return comparison_of(self.found.before, self.stacks)
 
@@ -177,6 +183,7 @@ class Diagnosis:
             | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
             | {"rmse_heldout_without_nuisances": (self.found.given or self.found.before).rmse_held}
             | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
+            | {"form_may_hold": self.form_may_hold}
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
             | {"suspects": [asdict(s) for s in self.suspects]}
             | ({} if self.gratings is None else {"gratings": self.gratings.to_json()})

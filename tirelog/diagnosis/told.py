@@ -11,6 +11,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from tirelog.diagnosis.candidates.drive_next import drive_sentences
+from tirelog.diagnosis.candidates.nuisance_sizes import held_sentences
 from tirelog.diagnosis.candidates.ranking import removed_errors
 from tirelog.diagnosis.results import ERRORS, Comparison, in_unit
 from tirelog.diagnosis.wording import NUISANCES_SAID, percent, probability
@@ -217,6 +218,7 @@ def further_sentences(result: Diagnosis) -> list[str]:
         *map(separation_sentence, result.separating_manoeuvres),
         *drive_sentences(result.drive_next),
         *result.notes,
+        *held_sentences(result.form_may_hold),
         str(result.unexplained["sentence"]),
         *([result.after.agreement] if result.after.agreement else []),
         *(f"not tested: {effect}: {reason}" for effect, reason in result.not_tested.items()),

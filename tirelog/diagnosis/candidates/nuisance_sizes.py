@@ -6,21 +6,27 @@ Base -> amplitudes of the nuisances beside its model (all that stayed together, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from tirelog.data.recording import Conditions
 from tirelog.diagnosis.candidates.beside import groups_of
+from tirelog.diagnosis.candidates.signatures import candidate_effects, signatures_of
 from tirelog.diagnosis.wording import NUISANCES_SAID
+from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.metric.offsets import Offsets, ProjectedOut
 from tirelog.inference.nuisances import FORM, ZERO, frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
+from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.nuisances import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown
 
 #: parts below so many of their standard errors are not spoken of; nor those below this share of
@@ -32,6 +38,20 @@ _SPOKEN_SHARE = 0.2
 #: what is ordinary at one harmonic, and 100 microstrain
 _MUCH_FORCE = 0.02
 _MUCH_RUN_OUT = 1e-4
+#: an effect may be in the form if that leaves less than this share of its waveforms' square: of
+#: what the series cannot follow a half is left; twice the share adds none
+_HELD = 0.05
+#: below this share of its square an effect is what the other parameters do already; a hundred times
+#: as much would leave out ring_curvature
+_SEEN = 1e-3
+#: factors on a condition in every other manoeuvre, as other logs may have them: they part an effect
+#: from the form if twice the share is left
+_OTHER_LOGS: Mapping[str, tuple[str, float, float]] = {
+    "speed": ("speed_m_s", 0.8, 1.1),
+    "load": ("load_N", 0.6, 1.4),
+    "inflation pressure": ("inflation_pressure_Pa", 0.7, 1.3),
+    "tread age": ("distance_km", 0.3, 3.0),
+}
 #: ordinary sizes beyond which a nuisance may be misfit: one in 370 is larger by chance; twice as
 #: many leave a wheel of 6 % to be balanced for a wrong carcass
 _ORDINARY = 3.0
@@ -215,8 +235,74 @@ def scatter_sentences(base: Base) -> list[str]:
     ]
 
 
-def _parted_by(nuisance: str, base: Base) -> str:
+def held_by_form(base: Base) -> dict[str, list[str]]:
+    """Effects that the form of a base may hold, and in what other logs would differ to part them.
+
+    Of several observables as the first waveform shows it.
+    """
+    base = max(apart(base), key=lambda part: part.cells.phi.shape[1])
+    if FORM not in groups_of(base):
+        return {}
+    found = _left_by_form(base, base.cells.conditions)
+    held: dict[str, list[str]] = {name: [] for name, left in found.items() if left < _HELD}
+    every_other = base.cells.manoeuvre % 2 == 0
+    for word, (field, low, high) in _OTHER_LOGS.items() if held else ():
+        values = getattr(base.cells.conditions, field) * np.where(every_other, low, high)
+        there = _left_by_form(base, replace(base.cells.conditions, **{field: values}), list(held))
+        for name, left in there.items():
+            held[name] += [word] * (left > 2.0 * _HELD)
+    return held
+
+
+def _left_by_form(
+    base: Base, conditions: Conditions, names: Sequence[str] | None = None
+) -> dict[str, float]:
+    """Share of each effect's square that the form leaves of what the other parameters leave."""
+    cells = replace(base.cells, conditions=conditions)
+    moved = or_refusal(partial(base.model.linearised, names=base.fit.names))(
+        conditions, surface=cells.surface, observable=cells.observable, **cells.angles
+    )
+    if isinstance(moved, ModelError):
+        return {}
+    slopes = base.white(np.moveaxis(moved[1], 0, -1))
+    of_form = frees(base.model, FORM)
+    others = [i for i, name in enumerate(base.fit.names) if name not in of_form]
+    offsets = Offsets.of(cells, base.white)
+    without, with_it = (ProjectedOut.of(offsets, x) for x in (slopes[..., others], slopes))
+    shares = {}
+    there = replace(base, cells=cells, fit=replace(base.fit, prediction=moved[0]))
+    for effect in candidate_effects(base.model):
+        if names is not None and effect.id not in names:
+            continue
+        signatures = signatures_of(there, effect)
+        if isinstance(signatures, ModelError):
+            continue
+        columns = base.white(signatures[0].columns)
+        seen = float((without.without(columns) ** 2).sum())
+        if seen > _SEEN * float((columns**2).sum()):
+            shares[effect.id] = float((with_it.without(columns) ** 2).sum()) / seen
+    return shares
+
+
+def held_sentences(held: Mapping[str, Sequence[str]]) -> list[str]:
+    """What the form may hold beside the tire's own, and what would part it; none if nothing."""
+    alone = [name for name, by in held.items() if not by]
+    said = [
+        f"The tire's own form may hold {name}: logs that differ more in {' or '.join(by)} part "
+        "them."
+        for name, by in held.items()
+        if by
+    ]
+    return said + [
+        f"The tire's own form may hold {', '.join(alone)}: logs of no other drive part them. Add "
+        "to the model what is known of them."
+    ] * bool(alone)
+
+
+def _parted_by(nuisance: str, base: Base, effect: str = "") -> str:
     """What parts a nuisance from an effect that looks like it."""
+    followed = BY_ID[effect].followed if effect in BY_ID else ()
+    varied = [CONDITIONS[name].name for name, _ in followed] or ["speed", "load"]
     measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
     several = isinstance(base, TogetherBase) and any(c.cells.member for c in base.channels)
     another = "a further" if several else "a second"
@@ -227,7 +313,7 @@ def _parted_by(nuisance: str, base: Base) -> str:
         "rolling": "a measured way, which gives the rolling radius",
         "patch_law": "a log at a third load",
         "pressure_law": "a log at a third pressure",
-        FORM: "logs at more speeds and loads",
+        FORM: f"a log that differs more in {' and '.join(varied)}",
     }[nuisance]
 
 
@@ -237,7 +323,7 @@ def alike_sentences(
     """Where a nuisance and an effect do nearly the same: the one not taken, and what parts them."""
     said = []
     for nuisance, effect in alike:
-        name, parts = NUISANCES_SAID[nuisance], f"{_parted_by(nuisance, base)} parts them"
+        name, parts = NUISANCES_SAID[nuisance], f"{_parted_by(nuisance, base, effect)} parts them"
         if nuisance in stayed and effect not in selected:
             said.append(f"In place of {name}, {effect} would do nearly as well: {parts}.")
         elif effect in selected and nuisance not in stayed:
