@@ -103,6 +103,7 @@ BEAM = Model.new("beam", radius_m=0.3)
         (BEAM, ("wear",), False, ""),
         (BEAM, (), True, "the cases had one grating"),
         (BEAM.with_effect("wear"), (), False, "this one holds effects already"),
+        (BEAM.with_effect("form"), (), False, "no form of the tire's own came in"),
         (Model.new("beam", "patch_length"), (), False, "these logs have patch_length"),
         (BEAM, ("my_own",), False, "my_own is not of it"),
         (BEAM.with_nuisance("wheel", "off"), (), False, "this model says which"),

@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli import options
-from tirelog.cli.models.question import answered, write_answer
-from tirelog.cli.session import Session
+from tirelog.cli.models.question import Question, with_question, write_answer
 from tirelog.errors import refuse_unknown
 from tirelog.vocabulary.pictures import COMPARE, ERRORS_BY
 
@@ -22,32 +21,23 @@ By = Annotated[
 ]
 
 
+@with_question
 def compare(
-    logs: options.Logs,
-    model: options.ModelFile,
-    setup: options.SetupFile = None,
-    output: options.Output = None,
-    format: options.Format = None,
-    quiet: options.Quiet = False,
+    asked: Question,
     by: By = None,
-    channel: options.ChannelName = None,
-    effects: options.EffectsFile = None,
-    plot: options.Plot = None,
     kind: Annotated[str, options.plot_kind(COMPARE)] = "page",
 ) -> None:
     """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
     from tirelog.api import answers
     from tirelog.cli.models.answers_page import comparison_page
 
-    options.refuse_kind_alone(kind, plot)
+    options.refuse_kind_alone(kind, asked.plot)
     if by is not None:
         refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
-    with Session(setup, quiet, output, format) as session:
-        result = answered(
-            session, logs, model, effects, channel, "fitting the model", answers.compare
-        )
+    with asked.session as session:
+        result = asked.answered(session, "fitting the model", answers.compare)
         parts = None if by is None else result.by(by)
         session.notes(result.notes)
-        if plot is not None:
-            session.notes(f"more is drawn in {beside}" for beside in result.draw(plot, kind))
+        if asked.plot is not None:
+            session.notes(f"more is drawn in {beside}" for beside in result.draw(asked.plot, kind))
         write_answer(session, "compare", result, lambda: comparison_page(result), parts)

@@ -8,22 +8,13 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli import options
-from tirelog.cli.models.question import answered, write_answer
-from tirelog.cli.session import Session
+from tirelog.cli.models.question import Question, with_question, write_answer
 from tirelog.errors import UsageError
 
 
+@with_question
 def diagnose(
-    logs: options.Logs,
-    model: options.ModelFile,
-    setup: options.SetupFile = None,
-    output: options.Output = None,
-    format: options.Format = None,
-    quiet: options.Quiet = False,
-    channel: options.ChannelName = None,
-    effects: options.EffectsFile = None,
-    plot: options.Plot = None,
+    asked: Question,
     bootstrap: Annotated[
         int,
         typer.Option(
@@ -49,17 +40,23 @@ def diagnose(
         raise UsageError(
             f"--leave-one-out {leave_one_out}", allowed="allowed are log, tire", do="choose one"
         )
-    with Session(setup, quiet, output, format) as session:
+    with asked.session as session:
         ask = partial(
             answers.diagnose,
             bootstrap=bootstrap,
             leave_one_out=session.tires if leave_one_out == "tire" else bool(leave_one_out),
             progress=session.say,
         )
-        result = answered(session, logs, model, effects, channel, "diagnosing", ask)
-        asked = answers.Asked(tuple(logs), setup, model, channel=channel, effects=effects)
-        result = replace(result, next_command=asked.with_options(result.next_command))
+        result = asked.answered(session, "diagnosing", ask)
+        to_repeat = answers.Asked(
+            tuple(asked.logs),
+            asked.setup,
+            asked.model,
+            channel=asked.channel,
+            effects=asked.effects,
+        )
+        result = replace(result, next_command=to_repeat.with_options(result.next_command))
         session.notes(result.before.remarks)
-        if plot is not None:
-            session.notes(f"more is drawn in {beside}" for beside in result.draw(plot))
+        if asked.plot is not None:
+            session.notes(f"more is drawn in {beside}" for beside in result.draw(asked.plot))
         write_answer(session, "diagnose", result, lambda: diagnosis_page(result))

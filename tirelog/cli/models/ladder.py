@@ -8,25 +8,17 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli import options
-from tirelog.cli.models.question import answered
-from tirelog.cli.session import Session, write_json
+from tirelog.cli.models.question import Question, with_question
+from tirelog.cli.session import write_json
 from tirelog.cli.targets import in_a_folder
 
 #: columns of --by-log
 _BY_LOG = ("log", "parameter", "unit", "value", "se", "distance_km", "load_N")
 
 
+@with_question
 def ladder(
-    logs: options.Logs,
-    model: options.ModelFile,
-    setup: options.SetupFile = None,
-    output: options.Output = None,
-    format: options.Format = None,
-    quiet: options.Quiet = False,
-    channel: options.ChannelName = None,
-    effects: options.EffectsFile = None,
-    plot: options.Plot = None,
+    asked: Question,
     save: Annotated[
         Path | None,
         typer.Option(
@@ -51,18 +43,18 @@ def ladder(
 
     if save is not None:
         refuse_another(save)
-    with Session(setup, quiet, output, format) as session:
-        ask = partial(answers.ladder, propose=propose, keep=model, progress=session.say)
-        result = answered(session, logs, model, effects, channel, "climbing", ask)
-        if not quiet:
+    with asked.session as session:
+        ask = partial(answers.ladder, propose=propose, keep=asked.model, progress=session.say)
+        result = asked.answered(session, "climbing", ask)
+        if not asked.quiet:
             ladder_bars(result)
         session.notes(result.remarks)
-        if plot is not None:
-            result.plot(plot)
+        if asked.plot is not None:
+            result.plot(asked.plot)
         if save is not None:
             save_model(result.model, save)
         if session.json:
-            write_json(result.to_json(), output)
+            write_json(result.to_json(), asked.output)
         else:
             rows = result.strengths_by_log if by_log else result.rows()
             session.write_rows("ladder", [rows], empty=_BY_LOG)

@@ -31,7 +31,7 @@ from tirelog.diagnosis.candidates.sign_flips import gain_and_error
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.nuisances import BY_NAME
+from tirelog.physics.model.nuisances import BY_NAME, FORM
 from tirelog.vocabulary.observables import STRAIN
 
 TABLE = "calibration.toml"
@@ -244,7 +244,10 @@ def unlike(model: Model, selected: Iterable[str], gratings: bool) -> str:
         return "the cases had one grating"
     if model.observables != (STRAIN,):
         return f"the cases had {STRAIN}, these logs have {' and '.join(model.observables)}"
-    if model.effects:
+    own = [effect.id for effect in model.effects]
+    if FORM in own:
+        return "in the cases no form of the tire's own came in"
+    if own:
         return "the cases began with a bare model, this one holds effects already"
     if any(nuisance.use != BY_NAME[nuisance.name].use for nuisance in model.nuisances):
         return "in the cases every nuisance might come in, this model says which"
