@@ -328,6 +328,7 @@ class FitOfLogs:
                     name: {
                         "value": parameters[name].value,
                         "se": errors.get(name, parameters[name].se),
+                        "se_with_form": parameters[name].se_with_form,
                         "unit": parameters[name].unit,
                     }
                     for name in names

@@ -47,8 +47,10 @@ from tirelog.inference.cells.gathering import MOST_PIECES, pieces_of_logs
 from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
+from tirelog.inference.fit.result import with_form_errors
 from tirelog.inference.floor import Plain
 from tirelog.inference.motion import without_motion_parameters
+from tirelog.inference.nuisances import FORM
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
@@ -134,6 +136,8 @@ def compare(measured: Measured, model: Model) -> Comparison:
     """
     base = start(measured, model)
     result, beside = comparison_of(base, single_revolutions(measured)), with_best_nuisances(base)
+    formed = beside if FORM in groups_of(beside) else None
+    result = replace(result, parameters=parameters_of(with_form_errors(base, formed)))
     if beside is base:
         return result
     names = [name for name in groups_of(beside) if name not in groups_of(base)]
@@ -275,7 +279,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
 def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
     """Value, standard error, unit, free or fixed, of every parameter."""
     return {
-        name: {"value": p.value, "se": p.se, "unit": p.unit, "free": p.free}
+        name: {k: getattr(p, k) for k in ("value", "se", "se_with_form", "unit", "free")}
         for name, p in model.parameters.items()
     }
 

@@ -86,6 +86,7 @@ from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
+from tirelog.inference.fit.result import with_form_errors
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
@@ -286,6 +287,9 @@ def conclude(
         if max(excess_before, removed if sure else 0.0) <= LEAST_SHARE_OF_FLOOR * floor.square:
             # what alarmed is gone, once less is taken for scatter, or too small to be missing
             verdict = verdict_of(replace(evidence, named=0, repeats=False))
+    if selected:
+        with_errors = replace(after.fit, model=with_form_errors(after))
+        found = replace(found, after=replace(after, fit=with_errors))
     ranking = ranking_of(found, selected, counted, floor.square, share)
     unexplained = _unexplained(
         left, found, ranking, excess_after, excess_before, floor.square, bool(selected)

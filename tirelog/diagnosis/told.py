@@ -98,6 +98,7 @@ def parameters_table(result: Comparison, fixed: bool = False) -> ToldTable:
             name,
             p["value"],
             p["se"] if p["free"] else "fixed",
+            p["se_with_form"],
             p["unit"],
             *(error(k.error_without.get(name)) for k in known),
         ]
@@ -108,7 +109,7 @@ def parameters_table(result: Comparison, fixed: bool = False) -> ToldTable:
     caption = "Parameters as fitted"
     if known:
         caption += "; without an observable: the error that the others alone would leave"
-    return ToldTable(caption, ["parameter", "value", "error", "unit", *without], rows)
+    return ToldTable(caption, ["parameter", "value", "error", "with form", "unit", *without], rows)
 
 
 def together_table(result: Comparison) -> ToldTable:
@@ -166,6 +167,8 @@ def strengths(found: Mapping[str, Mapping[str, Any]], most: int | None = None) -
         if s["se"] is None:
             return "-"
         error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
+        if (with_form := s.get("se_with_form")) is not None:
+            error += f" (with form {with_form:.2g})"
         unit = f" {s['unit']}" if s["unit"] != "1" else ""
         parts.append(f"{name} {s['value']:.4g} {error}{unit}")
     return ", ".join(parts) or "-"

@@ -14,7 +14,8 @@ class Parameter:
 
     `value` in `unit`, allowed within [min, max]; `free` says whether a fit moves it; `probe` is a
     typical size (not zero), used for steps, for plots and as a second start; `se` the standard
-    error of the last fit; `prior` mean and standard deviation before any data, if it has them.
+    error of the last fit, and `se_with_form` what it may be off by if the tire has a form of its
+    own; `prior` mean and standard deviation before any data, if it has them.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Parameter:
     probe: float
     free: bool = True
     se: float | None = None
+    se_with_form: float | None = None
     prior: tuple[float, float] | None = None
 
     def at(self, value: float | str, *, se: float | None = None) -> Parameter:
@@ -35,7 +37,7 @@ class Parameter:
         """
         if isinstance(value, str):
             raise ModelError(f"{self.name} = {value}", allowed="a number is allowed", do="give one")
-        return replace(self, value=float(value), se=se).checked()
+        return replace(self, value=float(value), se=se, se_with_form=None).checked()
 
     def within(self, minimum: float, maximum: float) -> Parameter:
         """The same parameter with other bounds."""

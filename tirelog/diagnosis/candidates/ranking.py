@@ -69,7 +69,7 @@ def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[s
         own = {n.split(".")[1]: q for n, q in model.parameters.items() if n.startswith(f"{a.id}.")}
         if own:
             return {
-                name: {"value": q.value, "se": q.se, "unit": q.unit}
+                name: {"value": q.value, "se": q.se, "se_with_form": q.se_with_form, "unit": q.unit}
                 for name, q in own.items()
                 if q.free
             }

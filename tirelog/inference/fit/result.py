@@ -10,9 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.inference.base import FittedChannel
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base, FittedChannel, refit
 from tirelog.inference.cells.levers import LEVER
 from tirelog.inference.fit.errors import Errors
+from tirelog.inference.nuisances import FORM, freed, frees
 from tirelog.physics.model.model import Model
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
@@ -27,8 +29,8 @@ CORRELATED = 0.9
 class FitResult:
     """A fitted model and how well it is known.
 
-    model           with values and standard errors;  names (p,) what was fitted;  values, se (p,);
-                    se is inf if the data are blind and at a bound
+    model           with values and both standard errors;  names (p,) what was fitted;  values,
+                    se (p,); se is inf if the data are blind and at a bound
     covariance      (p, p); scaled by the reduced chi-square if that is above 1
     correlations    (name, name, r) with |r| > 0.9;  at_bound, the parameters that stand at a bound
     degenerate      sentences on combinations that share one scale or that the data do not determine
@@ -58,6 +60,7 @@ def result_of(channels: Sequence[FittedChannel]) -> FitResult:
         sum(c.fit.freedom for c in channels),
     )
     errors = dict(zip(fit.names, known.se.tolist(), strict=True))
+    with_form = with_form_errors(channels[0])
     at_bound = tuple(n for n in fit.names if n in fit.held or _at_bound(parameters[n]))
     shared = (
         _shared_scale(fit.model, fit.names)
@@ -65,8 +68,11 @@ def result_of(channels: Sequence[FittedChannel]) -> FitResult:
         else []
     )
     return FitResult(
-        model=fit.model.with_parameters(
-            {n: replace(parameters[n], se=s if np.isfinite(s) else None) for n, s in errors.items()}
+        model=with_form.with_parameters(
+            {
+                n: replace(with_form.parameters[n], se=s if np.isfinite(s) else None)
+                for n, s in errors.items()
+            }
         ),
         names=fit.names,
         values=np.array([parameters[name].value for name in fit.names]),
@@ -79,6 +85,31 @@ def result_of(channels: Sequence[FittedChannel]) -> FitResult:
         freedom=int(freedom),
         revolutions=sum(int(c.cells.revolutions.sum()) for c in channels),
     )
+
+
+def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -> Model:
+    """The fitted model with the error of each parameter if the tire has a form of its own.
+
+    With the numbers of the form free within their prior (`formed`, if that was fitted already) the
+    same log leads to other values: an error is the root mean square of those, with their own
+    errors, about what was fitted. None if the model shows no form, or is not to have one.
+    """
+    model, own = base.model, frees(base.model, FORM)
+    if not own or any(n.name == FORM and n.use == "off" for n in model.nuisances):
+        return model
+    if own[0] in base.fit.names:
+        formed = base
+    elif formed is None and isinstance(base, Base):
+        found = refit(base, freed(model, [FORM]), several=True)
+        formed = None if isinstance(found, ModelError) else found.settled
+    if formed is None:
+        return model
+    errors = {}
+    for name, se in zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True):
+        if (parameter := model.parameters.get(name)) is not None:
+            moved = formed.model.values[name] - parameter.value
+            errors[name] = replace(parameter, se_with_form=float(np.hypot(se, moved)))
+    return model.with_parameters(errors)
 
 
 def _at_bound(p: Parameter) -> bool:
