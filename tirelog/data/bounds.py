@@ -145,3 +145,22 @@ def doubt_of_key(key: str, value: float, bounds: Bounds) -> tuple[str, str]:
 def override(name: str) -> str:
     """How a setup says that a number is right though it is not plausible."""
     return f'if it is right, write unusual = ["{name}"] under [log]'
+
+
+#: ordinary sizes of a tire's own form: a shape of its contact pressure over the mean pressure, and
+#: the change of its stiffness at a wavelength; twice as large, forms take more of an effect
+FORM_PRESSURE, FORM_STIFFNESS = 0.3, 0.2
+#: highest degree of the Legendre polynomials of a form's pressure: with 8 the kinks of a trapezoid
+#: move stiffnesses of short waves by a third; twice as many take longer to fit
+FORM_DEGREES = 14
+#: waves in a turn between which a form's stiffness bends, and how many numbers it has: one for each
+#: factor of 1.7 in wavelength
+FORM_WAVES, FORM_BELLS = (2.0, 120.0), 9
+#: degree from which on a shape of the pressure is ordinarily smaller, as one over its degree; from
+#: twice that on none would be
+_FINE = 7.0
+
+
+def share_of_degree(n: int) -> float:
+    """The ordinary size of a form's shape of degree n, over that of coarse ones."""
+    return min(1.0, _FINE / n)

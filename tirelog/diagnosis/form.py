@@ -1,15 +1,14 @@
 """The tire's form as a log shows it: contact pressure over the patch, stiffness over wavelength.
 
-    pieces, Model -> the model with its form free, fitted -> values, and by the covariance of the
-    fitted numbers a standard error each, beside what the model's formulas give
+    pieces, Model -> the model with its form free, fitted -> values, and by models that are drawn
+    with the covariance of its numbers a standard error each, beside what the formulas give
 
-What a series of eight pressures cannot follow (a step beside the edge, tread blocks) is in no
-error.
+What a series of fourteen pressures cannot follow (tread blocks) is in no error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,17 +19,23 @@ from tirelog.diagnosis.compare import Measured, measured_pieces, start_from
 from tirelog.diagnosis.results import plain_values
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import UsageError
-from tirelog.inference.fit.errors import Errors
+from tirelog.inference.fit.cells import Fit, bounds, inequalities
 from tirelog.inference.nuisances import FORM, bound, frees
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality, marked, quality_text
 
 #: places on the patch in half lengths, and waves in a turn, at which the form is written; an edge
-#: is never sharper than a twentieth of the half length in a series of eight
+#: is never sharper than a twentieth of the half length in a series of fourteen
 _PLACES = np.linspace(-1.2, 1.2, 97)
 _WAVES = np.unique(np.geomspace(2.0, 120.0, 30).round())
-#: relative step of a derivative; the error of a central difference is its square
-_STEP = 1e-4
+#: a pressure below zero by more of its errors, or of this share of the highest, is said to pull;
+#: twice as many leave a pull of a tenth without a word
+_PULLS, _LEAST = 2.0, 0.01
+#: models that are drawn for an error: with 200 of them it is known to a twentieth
+_DRAWS = 200
+#: rounds at most until a drawn model keeps what it must; more only matter if many places pull
+_ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -67,11 +72,16 @@ class TireForm:
     model: Model
 
     @property
+    def doubtful(self) -> bool:
+        """Does the fit leave more than noise?"""
+        return self.reduced_chi2 > QUIET_CHI2
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Half length, and whether the form holds more than the tire's own."""
         length = 1e3 * np.array([self.half_length_m, self.half_length_se_m])
         said = f"half length of the patch {length[0]:.2f} ± {length[1]:.2f} mm"
-        if self.reduced_chi2 <= QUIET_CHI2:
+        if not self.doubtful:
             return (said,)
         return (
             f"the fit leaves more than noise (reduced chi-square {self.reduced_chi2:.3g}, noise "
@@ -89,8 +99,11 @@ class TireForm:
             own = (f"{quantity}_{unit}", f"{quantity}_se_{unit}", f"{quantity}_formula_{unit}")
             names = (place, *own)
             columns = (profile.at, profile.value, profile.se, profile.formula)
-            for numbers in zip(*columns, strict=True):
-                rows.append({"quantity": quantity, **dict(zip(names, numbers, strict=True))})
+            pulls = profile.value < -_PULLS * np.maximum(profile.se, _LEAST * profile.value.max())
+            words = marked(pulls | self.doubtful, Quality.FORM_UNCLEAR)
+            for *numbers, word in zip(*columns, words, strict=True):
+                row = {"quantity": quantity, **dict(zip(names, numbers, strict=True))}
+                rows.append(row | {"quality": quality_text(int(word))})
         return rows
 
     def to_json(self) -> dict[str, Any]:
@@ -114,8 +127,7 @@ def tire_form(measured: Measured, model: Model) -> TireForm:
         )
     given = model.with_nuisance(FORM, "on")
     base = start_from(measured_pieces(measured), given)
-    fitted, known = base.model, base.fit.known
-    conditions = base.cells.conditions
+    fitted, conditions = base.model, base.cells.conditions
     load = conditions.load_N if np.isfinite(conditions.load_N).all() else np.zeros(0)
     at = Conditions.of(
         1,
@@ -135,13 +147,16 @@ def tire_form(measured: Measured, model: Model) -> TireForm:
     def stiffness(of: Model) -> FloatArray:
         return np.asarray(of.static_stiffness(at)[_WAVES.astype(int)])
 
-    names, radius = base.fit.names, fitted.values["radius_m"]
-    half_se = _profile(np.zeros(1), lambda m: m.half_length_m(at), fitted, plain, names, known).se
+    def half_length(of: Model) -> FloatArray:
+        return of.half_length_m(at)
+
+    radius, drawn = fitted.values["radius_m"], draws(base.fit)
+    places, lengths = _PLACES * half, 2.0 * np.pi * radius / _WAVES
     return TireForm(
-        _profile(_PLACES * half, pressure, fitted, plain, names, known),
-        _profile(2.0 * np.pi * radius / _WAVES, stiffness, fitted, plain, names, known),
+        _profile(places, pressure, fitted, plain, drawn),
+        _profile(lengths, stiffness, fitted, plain, drawn),
         half,
-        float(half_se[0]),
+        float(_profile(np.zeros(1), half_length, fitted, plain, drawn).se[0]),
         load_N,
         float(at.speed_m_s[0]),
         base.reduced_chi2,
@@ -160,24 +175,35 @@ def _profile(
     quantity: Callable[[Model], FloatArray],
     fitted: Model,
     plain: Model,
-    names: tuple[str, ...],
-    known: Errors,
+    drawn: Sequence[Model],
 ) -> FormProfile:
-    """A quantity of the fitted model with its error, by its derivatives (p, n)."""
-    slopes = np.zeros((len(names), quantity(fitted).size))
-    for row, name in enumerate(names):
-        own = fitted.parameters[name]
-        step = _STEP * max(abs(own.value), abs(own.probe) * 0.1)
-        up, down = (
-            quantity(fitted.with_parameters({name: _moved(own, sign * step)})) for sign in (1, -1)
-        )
-        slopes[row] = (up - down) / (2.0 * step)
-    variance = np.einsum("in,ij,jn->n", slopes, known.covariance, slopes)
-    return FormProfile(at, quantity(fitted), np.sqrt(np.maximum(variance, 0.0)), quantity(plain))
+    """A quantity of the fitted model, and its error by models that the log allows as well."""
+    value = quantity(fitted)
+    square = np.mean([(quantity(model) - value) ** 2 for model in drawn], axis=0)
+    return FormProfile(at, value, np.sqrt(square), quantity(plain))
 
 
-def _moved(parameter: Any, step: float) -> Any:
-    """A parameter moved by a step, with bounds that allow it."""
-    value = parameter.value + step
-    low, high = min(parameter.min, value), max(parameter.max, value)
-    return parameter.within(low, high).at(value)
+def draws(fit: Fit) -> list[Model]:
+    """Models that a log allows as well as the fitted one, by its covariance.
+
+    Each is moved to where its numbers keep what their effects do, as the fit itself is. A patch
+    that is longer moves the steps at its edges, which no derivative of a pressure shows.
+    """
+    names, covariance = fit.names, fit.known.covariance
+    low, high = bounds(fit.model, names)
+    rows, floor = inequalities(fit.model, names)
+    mean = np.array([fit.model.values[name] for name in names])
+    models = []
+    for theta in np.random.default_rng(0).multivariate_normal(mean, covariance, _DRAWS):
+        moved, below = theta, np.zeros(floor.size, bool)
+        for _ in range(_ROUNDS):
+            before, below = below, rows @ moved + floor < 0.0
+            if np.array_equal(before, below):
+                break
+            kept = rows[below]
+            spread = kept @ covariance
+            gain = np.linalg.solve(spread @ kept.T + np.eye(len(kept)), kept @ theta + floor[below])
+            moved = theta - spread.T @ gain
+        values = np.clip(moved, low, high).tolist()
+        models.append(fit.model.with_values(dict(zip(names, values, strict=True))))
+    return models

@@ -74,6 +74,8 @@ _SAME_LOAD = 0.004
 #: mean square by which the bends move from round to round, over the floor's: settled below it;
 #: twice as much ends a round earlier, with bends off by up to a thirteenth of the floor
 _SAME_BEND = 0.003
+#: step of an angle's derivative [rad]; its error is the square of it over that of a pulse's width
+_STEP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -466,7 +468,7 @@ def _in_scatter(
     Random effects are linear, a waveform is not quite: of the measured `values` (C, m) goes what
     its load and its nuisances bend. The columns of these are of the fitted model.
     """
-    cells = _with_columns_of(fit, cells)
+    cells = _with_columns_of(fit, _with_shift_of(fit, cells))
     slope, bend = load_slopes(cells, fit)
     columns = np.stack([slope, np.ones_like(slope)], axis=-1)
     scatter = measure_scatter(cells, fit, used, columns, missed)
@@ -476,6 +478,20 @@ def _in_scatter(
     discrepancy = _discrepancy(cells, plain, fit, floor)
     white = _metric(cells, discrepancy, columns, scatter)
     return FittedChannel(cells, white, plain, floor, fit, discrepancy)
+
+
+def _with_shift_of(fit: Fit, cells: Cells) -> Cells:
+    """The cells with the shift of the fitted model's own waveform as what is free in them.
+
+    The measured one's differs by noise and by what the model misses: a form would shift its patch
+    by the difference.
+    """
+    if cells.phi.shape[1] == 1 or cells.together is not None:
+        return cells
+    up, down = (
+        predicted(fit.model, replace(cells, phi=cells.phi + step)) for step in (_STEP, -_STEP)
+    )
+    return replace(cells, shift=np.nan_to_num((down - up) / (2.0 * _STEP)))
 
 
 def _with_columns_of(fit: Fit, cells: Cells) -> Cells:

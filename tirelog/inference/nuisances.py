@@ -39,8 +39,8 @@ from tirelog.inference.fit.cells import Fit
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
+from tirelog.physics.model.nuisances import BY_NAME, Nuisance
 from tirelog.physics.model.nuisances import FORM as FORM
-from tirelog.physics.model.nuisances import Nuisance
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
@@ -380,7 +380,10 @@ def _with_prior(model: Model, parameter: Parameter, name: str) -> Parameter:
     if name == PATCH_LAW_PARAMETER:
         return replace(parameter, prior=(parameter.value, known["patch_law"].size("exponent")))
     size = "stiffness" if ".stiffness" in name else "pressure"
-    return replace(parameter, prior=(0.0, known[FORM].size(size)))
+    by_size = known[FORM].size(size) / BY_NAME[FORM].size(size)
+    ordinary = next(p.prior for p in BY_ID[FORM].parameters if name == f"{FORM}.{p.name}")
+    assert ordinary is not None
+    return replace(parameter, prior=(0.0, ordinary[1] * by_size))
 
 
 def bound(model: Model, given: Model, name: str) -> Model:

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from scipy.special import spherical_jn
 
+from tirelog.data.bounds import FORM_DEGREES
 from tirelog.physics.spectral import MODES, ComplexArray, powers
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -59,7 +60,7 @@ def saddled_parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: fl
 
 
 def legendre_modes(half_length_m: FloatArray, radius_m: float) -> FloatArray:
-    """Spherical Bessel functions j_n(q L), n = 1 ... 8, (8, n, K).
+    """Spherical Bessel functions j_n(q L), n = 1 ... 14, (14, n, K).
 
     (-i)^n j_n are the modes of the Legendre polynomial P_n(xi / L) on the patch, times C / (2 L).
     Beyond x = q L = 10 they follow from each other, j_(n+1) = (2 n + 1) / x j_n - j_(n-1), in a
@@ -67,12 +68,13 @@ def legendre_modes(half_length_m: FloatArray, radius_m: float) -> FloatArray:
     """
     x = half_length_m / radius_m * np.arange(MODES)
     near = min(int(np.ceil(10.0 * radius_m / half_length_m.min())) + 1, MODES)
-    waves = np.empty((8, *x.shape))
-    waves[..., :near] = spherical_jn(np.arange(1, 9)[:, None, None], x[:, :near])
+    degrees = np.arange(1, FORM_DEGREES + 1)
+    waves = np.empty((FORM_DEGREES, *x.shape))
+    waves[..., :near] = spherical_jn(degrees[:, None, None], x[:, :near])
     per_x, turn = 1.0 / x[:, near:], powers(half_length_m / radius_m)[:, near:]
     before = turn.imag * per_x
     own = before * per_x - turn.real * per_x
-    for n in range(1, 9):
+    for n in degrees:
         waves[n - 1, :, near:] = own
         before, own = own, (2 * n + 1) * per_x * own - before
     return waves

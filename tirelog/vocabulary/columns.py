@@ -756,7 +756,7 @@ TABLES: dict[str, tuple[str, ...]] = {
     "form": (
         "quantity", "xi_m", "contact_pressure_N_m", "contact_pressure_se_N_m",
         "contact_pressure_formula_N_m", "wavelength_m", "stiffness_N_m2", "stiffness_se_N_m2",
-        "stiffness_formula_N_m2",
+        "stiffness_formula_N_m2", "quality",
     ),
     "modes": (
         "support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction",

@@ -88,7 +88,11 @@ class Quality(IntFlag):
     PATCH_SHORT = "too few samples between the edges for a length", _FOOTPRINT
     NO_LENGTH = "no contact length could be told", _FOOTPRINT
     EDGE_UNCLEAR = "the second derivative has no clear extremum at an edge", _FOOTPRINT
-    FORM_UNCLEAR = "of no tire's form: the length may be wrong by half", _FOOTPRINT, Use.COMPARISON
+    FORM_UNCLEAR = (
+        "of no tire's form: the length may be wrong by half, a form holds other physics",
+        (*_FOOTPRINT, "form"),
+        Use.COMPARISON,
+    )
     TRACTION_UNRESOLVED = (
         "speeds up or slows down, and what the traction does to the length is not resolved",
         _FOOTPRINT,

@@ -215,7 +215,7 @@ def _sizes(model: Model, names: Sequence[str]) -> FloatArray:
     return np.array([max(abs(p.value), size, 1e-12) for p, size in zip(own, usual, strict=True)])
 
 
-def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+def bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     parameters: list[Parameter] = [model.parameters[n] for n in names]
     return np.array([p.min for p in parameters]), np.array([p.max for p in parameters])
 
@@ -232,13 +232,48 @@ def priors(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     )
 
 
+def expected(
+    model: Model, names: Sequence[str], theta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What is known of parameters without data, as measured values: residuals (q,), slopes (q, p).
+
+    Priors, and the inequalities that an effect's numbers keep, as far as they are broken.
+    """
+    mean, precision = priors(model, names)
+    root = np.sqrt(precision)
+    rows, floor = inequalities(model, names)
+    above = rows @ theta + floor
+    return (
+        np.concatenate([root * (mean - theta), np.maximum(-above, 0.0)]),
+        np.concatenate([np.diag(root), np.where(above[:, None] < 0.0, rows, 0.0)]),
+    )
+
+
+def inequalities(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Rows (q, p) and floor (q,) of what the effects' numbers keep, in standard deviations.
+
+    rows @ theta + floor is not negative but by chance; numbers that are not asked for are in the
+    floor.
+    """
+    rows, floor = np.zeros((0, len(names))), np.zeros(0)
+    for effect in (e.effect for e in model.effects):
+        if effect.keeps is None:
+            continue
+        own, least = effect.keeps
+        of = [f"{effect.id}.{p.name}" for p in effect.parameters]
+        asked = np.array([[n == name for name in names] for n in of], np.float64)
+        fixed = np.array([0.0 if n in names else model.values[n] for n in of])
+        rows = np.concatenate([rows, own @ asked])
+        floor = np.concatenate([floor, least + own @ fixed])
+    return rows, floor
+
+
 class _Together:
     """The least squares of several channels in the parameters `names` of one model."""
 
     def __init__(self, problems: Sequence[Problem], model: Model, names: Sequence[str]) -> None:
         self.problems, self.model, self.names = problems, model, tuple(names)
-        self.mean, precision = priors(model, names)
-        self.root = np.sqrt(precision)
+        self.known = priors(model, names)[1] > 0.0
         self._kept: FloatArray | None = None
         self._stale = False
 
@@ -256,7 +291,7 @@ class _Together:
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         """Those of numbers with a prior, which are many, are kept from point to point."""
-        values, many = self.values(theta), self.root > 0.0
+        values, many = self.values(theta), self.known
         asked = np.full(many.size, self._kept is None) | ~many
         names = [name for name, wanted in zip(self.names, asked, strict=True) if wanted]
         found = [
@@ -269,7 +304,7 @@ class _Together:
         if self._kept is not None:
             slopes[:, many] = self._kept
         self._kept = slopes[:, many]
-        return np.concatenate([slopes * size, np.diag(self.root * size)])
+        return np.concatenate([slopes, expected(self.model, self.names, theta)[1]]) * size
 
     def renewed(self) -> bool:
         """Drops what is kept if the last slopes held some of it, and says so."""
@@ -285,7 +320,7 @@ class _Together:
         """What is left of the cells, and how far each parameter is from its prior's mean."""
         values = self.values(theta)
         left = [p.measured_less(p.predict(self.model, values)).ravel() for p in self.problems]
-        return np.concatenate([*left, self.root * (self.mean - theta)])
+        return np.concatenate([*left, expected(self.model, self.names, theta)[0]])
 
 
 def descend_together(
@@ -298,7 +333,7 @@ def descend_together(
     """
     together = _Together(problems, model, names)
     theta = np.array([model.values[n] for n in names])
-    low, high = _bounds(model, names)
+    low, high = bounds(model, names)
     reached = descend(
         together, theta, low, high, together.sizes, steps=steps, renewed=together.renewed
     )
@@ -453,13 +488,13 @@ def finish(
     """Everything about the fitted point, channel by channel."""
     points = [problem.linearised(model, names, {}) for problem in problems]
     residuals = [p.measured_less(point[0]) for p, point in zip(problems, points, strict=True)]
-    theta, (mean, precision) = np.array([model.values[n] for n in names]), priors(model, names)
-    root = np.sqrt(precision)
+    theta, precision = np.array([model.values[n] for n in names]), priors(model, names)[1]
+    beside, of_beside = expected(model, names, theta)
     slopes = [p.whitened(jacobian) for p, (_, jacobian) in zip(problems, points, strict=True)]
-    slope = np.concatenate([*slopes, np.diag(root)])
-    left = np.concatenate([*(residual.ravel() for residual in residuals), root * (mean - theta)])
+    slope = np.concatenate([*slopes, of_beside])
+    left = np.concatenate([*(residual.ravel() for residual in residuals), beside])
     chi2 = [float((residual**2).sum()) for residual in residuals]
-    low, high = _bounds(model, names)
+    low, high = bounds(model, names)
     out = leaving(
         theta,
         low + AT_BOUND * np.abs(low),
@@ -471,7 +506,7 @@ def finish(
     # a number with a prior takes a freedom only as far as the data and not the prior decide it
     decided = 1.0 - precision * np.where(precision > 0.0, known.se, 0.0) ** 2
     moved = float(decided[~out].sum()) / len(problems)
-    chi2[0] += float((left[-len(names) :] ** 2).sum()) if names else 0.0
+    chi2[0] += float((beside**2).sum())
     freedom = [
         float(max(p.white.values - p.white.removed - p.offsets.taken - moved, 1.0))
         for p in problems
@@ -512,7 +547,7 @@ def _stuck(model: Model, names: Sequence[str], slope: FloatArray, left: FloatArr
     step = np.linalg.lstsq(scaled, left, rcond=RANK)[0]
     if left @ (scaled @ step) < _STUCK * (left @ left):
         return False
-    low, high = (bound[moving] for bound in _bounds(model, names))
+    low, high = (bound[moving] for bound in bounds(model, names))
     there = np.array([model.values[n] for n in names])[moving]
     there = there + step / np.linalg.norm(slope[:, moving], axis=0)
     return bool(((there < low) | (there > high)).any())

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from tirelog.data.bounds import FORM_PRESSURE, FORM_STIFFNESS
 from tirelog.physics.parameters import Parameter
 
 #: what a model file may say of a nuisance
@@ -79,8 +80,14 @@ NUISANCES = (
         FORM,
         "contact pressure and stiffness of the tire that no formula describes",
         (
-            _size("pressure", "1", "a shape of the pressure over the mean pressure", 0.3, 3.0),
-            _size("stiffness", "1", "change of the stiffness at a wavelength", 0.2, 2.0),
+            _size(
+                "pressure",
+                "1",
+                "a shape of the pressure over the mean pressure",
+                FORM_PRESSURE,
+                3.0,
+            ),
+            _size("stiffness", "1", "change of the stiffness at a wavelength", FORM_STIFFNESS, 2.0),
         ),
     ),
 )

@@ -26,6 +26,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.bounds import FORM_BELLS, FORM_WAVES
 from tirelog.strain.footprint.family_kernels import SHAPES, TERMS, form_spectra
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -69,7 +70,7 @@ HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 
 
 #: logarithm of the waves in a turn about which a tire's own stiffness bends; numbers of its form
-BELLS = np.linspace(np.log(2.0), np.log(120.0), 9)
+BELLS = np.linspace(np.log(FORM_WAVES[0]), np.log(FORM_WAVES[1]), FORM_BELLS)
 OWN_FORM = SHAPES + BELLS.size
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.strain.footprint.family import HIGHEST, LOWEST, OWN_FORM, EdgeFamily, EdgeShape
+from tirelog.data.bounds import FORM_PRESSURE, FORM_STIFFNESS, share_of_degree
+from tirelog.strain.footprint.family import BELLS, HIGHEST, LOWEST, OWN_FORM, EdgeFamily, EdgeShape
 from tirelog.strain.footprint.family_kernels import SHAPES
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -40,10 +41,11 @@ _MEAN, _SD = np.array([-0.36, 1.0, 0.0, 1.0]), np.array([2.0, 30.0, 1e-3, 30.0])
 _SHARED, TREAD = 4 + OWN_FORM, 3
 #: the same about a reference, without a form and beside one that takes what they would
 _WIDE_SD, _NEAR_SD = np.array([2.0, 30.0, 1.0, 30.0]), np.array([0.1, 0.3, 1.0, 30.0])
-#: ordinary sizes of a tire's own form, as in `physics.effects.form`: 0.3 of the mean pressure (or
-#: less, as one over the degree, for shapes finer than it has), 0.2 of the stiffness
-_DEGREES = np.array([3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 2.0, 4.0, 1.0])
-_OWN_SD = np.r_[0.3 * np.minimum(1.0, 7.0 / _DEGREES), np.full(OWN_FORM - SHAPES, 0.2)]
+#: ordinary sizes of a tire's own form, as the models have them: shapes of these degrees, then bells
+_DEGREES = (3, 5, 7, 9, 11, 13, 2, 4, 1)
+_OWN_SD = np.array(
+    [FORM_PRESSURE * share_of_degree(n) for n in _DEGREES] + [FORM_STIFFNESS] * BELLS.size
+)
 #: then for each average logarithm of the half length, damping, tilt, shift, height, offset; and
 #: what is weakly known of damping and tilt
 _APIECE = 6
