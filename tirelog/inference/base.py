@@ -47,7 +47,7 @@ from tirelog.inference.floor import (
     measure_floor,
 )
 from tirelog.inference.metric.whitening import Whitener, whitener
-from tirelog.inference.nuisances import asked_for, freed, shared_by
+from tirelog.inference.nuisances import FORM, asked_for, freed, shared_by
 from tirelog.inference.scatter import Scatter, load_slopes, measure_scatter, scatter_columns
 from tirelog.physics.model.model import Model
 from tirelog.runtime import keep_freed
@@ -483,10 +483,11 @@ def _in_scatter(
 def _with_shift_of(fit: Fit, cells: Cells) -> Cells:
     """The cells with the shift of the fitted model's own waveform as what is free in them.
 
-    The measured one's differs by noise and by what the model misses: a form would shift its patch
-    by the difference.
+    Only of a model with a form: the measured waveform's differs by noise and by what the model
+    misses, and a form would shift its patch by the difference.
     """
-    if cells.phi.shape[1] == 1 or cells.together is not None:
+    formed = any(effect.id == FORM for effect in fit.model.effects)
+    if not formed or cells.phi.shape[1] == 1 or cells.together is not None:
         return cells
     up, down = (
         predicted(fit.model, replace(cells, phi=cells.phi + step)) for step in (_STEP, -_STEP)

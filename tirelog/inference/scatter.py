@@ -335,4 +335,5 @@ def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
         np.swapaxes(columns, 1, 2) @ columns, np.einsum("cmk,cm->ck", columns, slope)
     )
     along = np.einsum("ck,ckl,cl->c", made_of, cells.random_cov, made_of)
-    return np.asarray(along / np.maximum((made_of**2).sum(axis=1), 1e-300) ** 2, dtype=np.float64)
+    square = (made_of**2).sum(axis=1) ** 2  # zero where a load changes nothing
+    return np.asarray(along / np.maximum(square, 1e-300), dtype=np.float64)

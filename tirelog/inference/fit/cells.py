@@ -259,7 +259,7 @@ def inequalities(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatA
     for effect in (e.effect for e in model.effects):
         if effect.keeps is None:
             continue
-        own, least = effect.keeps
+        own, least = effect.keeps()
         of = [f"{effect.id}.{p.name}" for p in effect.parameters]
         asked = np.array([[n == name for name in names] for n in of], np.float64)
         fixed = np.array([0.0 if n in names else model.values[n] for n in of])

@@ -10,6 +10,8 @@ Each number has a prior of mean zero: a form is learnt only as far as a log show
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from scipy.special import eval_legendre
 
@@ -86,6 +88,7 @@ def _structure(v: Values, drive: Drive) -> Structure:
 _PULL, _PLACES = 0.02, 24
 
 
+@cache
 def _no_pull() -> tuple[FloatArray, FloatArray]:
     """Pressure at places of the patch per number (q, p), and that of the parabola, in _PULL."""
     u = np.cos(np.pi * (np.arange(_PLACES) + 0.5) / _PLACES)
@@ -123,7 +126,7 @@ EFFECT = Effect(
     source="Legendre series of a pressure on a strip; a factor by wavelength",
     valid="what is the same at all speeds, loads and accelerations",
     signature="anything within the patch and beside it that does not change with the drive",
-    keeps=_no_pull(),
+    keeps=_no_pull,
     tried=False,
     pressure=_pressure,
     structure=_structure,
