@@ -168,7 +168,12 @@ def strengths(found: Mapping[str, Mapping[str, Any]], most: int | None = None) -
             return "-"
         error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
         if (with_form := s.get("se_with_form")) is not None:
-            error += f" (with form {with_form:.2g})"
+            beside = (
+                f"with form {with_form:.2g}"
+                if isfinite(with_form)
+                else "not determined with a form"
+            )
+            error += f" ({beside})"
         unit = f" {s['unit']}" if s["unit"] != "1" else ""
         parts.append(f"{name} {s['value']:.4g} {error}{unit}")
     return ", ".join(parts) or "-"

@@ -77,7 +77,11 @@ def fit_page(fitted: FitOfLogs) -> str:
             else "no error"
             if full in result.at_bound
             else "not determined",
-            "" if p.se_with_form is None else f"with form +- {p.se_with_form:.2g}",
+            ""
+            if p.se_with_form is None
+            else f"with form +- {p.se_with_form:.2g}"
+            if p.se_with_form < float("inf")
+            else "not determined with a form",
             _unit(p.unit),
         )
         for full, value, se, p in zip(result.names, result.values, result.se, parameters)
