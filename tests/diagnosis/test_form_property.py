@@ -110,6 +110,26 @@ def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path
     assert np.abs(waves["stiffness_N_m2"] / truth - 1.0).max() < 0.1
 
 
+@pytest.mark.slow
+def test_a_parabola_stays_in_its_place_and_does_not_pull(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def parabola(xi_m: FloatArray, half_m: float) -> FloatArray:
+        return 1.5 * np.maximum(1.0 - (xi_m / half_m) ** 2, 0.0)
+
+    monkeypatch.setattr(f"{__name__}.pressure", parabola)
+    logs, model = measured(tmp_path, 0.0)
+    table = tmp_path / "form.csv"
+    assert run(["form", *logs, "--model", model, "-o", str(table)]) == 0
+    rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    own = rows[rows["quantity"] == "contact_pressure"]
+    xi, read, mean = own["xi_m"], own["contact_pressure_N_m"], LOAD_N / (2.0 * HALF_M)
+    off = np.abs(read - mean * parabola(xi, HALF_M))
+    assert (off <= 2.0 * own["contact_pressure_se_N_m"])[np.abs(xi) < HALF_M].mean() > 0.9
+    assert abs((xi * read).sum() / read.sum()) < 0.02 * HALF_M
+    assert read.min() > -0.01 * mean
+
+
 def answer_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     """What a command answers as JSON."""
     capsys.readouterr()
@@ -155,7 +175,7 @@ def test_a_form_that_is_on_is_fitted(bare: tuple[list[str], str], tmp_path: Path
     assert run(["model", "fit", *logs, "--model", asked, "-o", asked]) == 0
     shape = tirelog.load_model(asked).parameters["form.pressure_3"]
     assert shape.se is not None
-    assert shape.value > 3.0 * shape.se  # others of the series can stand for half of it
+    assert shape.value > 3.0 * shape.se  # fitted, and not by chance
 
 
 @pytest.mark.slow

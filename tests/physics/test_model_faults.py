@@ -452,8 +452,8 @@ def test_a_wrong_nuisance_is_refused_at_its_line(line: str, said: str) -> None:
 
 
 FORMS = {
-    '[nuisances]\nform = "off"': "form stands in nuisances; a table [form]",
-    '[[effects]]\nname = "form"': "form stands in effects; a table [form]",
+    '[nuisances]\nform = "off"': "form is under nuisances; a table [form]",
+    '[[effects]]\nname = "form"': "form is under effects; a table [form]",
     '[form]\nuse = "of"': "nuisance form: 'of' is no use of it; allowed are auto, on, off",
     "[form]\npresure = 0.5": "unknown key 'presure' in nuisance form (nearest: pressure)",
     "[form]\npressure_2 = 4.0": "pressure_2 = 4 1 lies outside its bounds",

@@ -113,8 +113,8 @@ def _campaign(manifest: Path) -> tuple[Campaign, Ledger]:
 
 
 @contextmanager
-def _summed_up(campaign: Campaign, ledger: Ledger) -> Iterator[None]:
-    """Writes the summary too if what is done while open ends for a reason outside of the logs."""
+def _with_summary(campaign: Campaign, ledger: Ledger) -> Iterator[None]:
+    """Write the summary also if the run ends for a reason outside of the logs."""
     try:
         yield
     except UsageError as problem:
@@ -169,7 +169,7 @@ def run_campaign(
     """
     campaign, ledger = _campaign(manifest)
     failed: list[str] = []
-    with ledger.folder.held(), _summed_up(campaign, ledger):
+    with ledger.folder.held(), _with_summary(campaign, ledger):
         tasks = plan_tasks(campaign, ledger, only=only)
         ledger.save_hashes()
         left = to_do(tasks, ledger, retry_failed=retry_failed)

@@ -180,9 +180,9 @@ def best_of(
     return min(alike, key=lambda rival: (rival.amplitudes, -rival.removed)).base
 
 
-def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
-    """`best_of` all nuisances that may earn a place."""
-    return best_of(base, rival_nuisances(base, allowed))
+def best_nuisance(base: Base, allowed: Iterable[str], least: float = 0.0) -> Base | None:
+    """`best_of` all nuisances that may earn a place; `least` as in `rival_nuisances`."""
+    return best_of(base, rival_nuisances(base, allowed, least))
 
 
 def with_best_nuisances(base: Base) -> Base:
@@ -212,7 +212,7 @@ def form_explains(formed: Base, without: Base) -> bool:
 def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
     """The base with the best of the allowed nuisances, one after the other, up to the form."""
     while base.cells.manoeuvres >= FEWEST_MANOEUVRES and not quiet_waveforms(base):
-        more = best_of(base, rival_nuisances(base, allowed, least))
+        more = best_nuisance(base, allowed, least)
         if more is None:
             break
         base = settled(more)

@@ -294,8 +294,8 @@ def held_sentences(held: Mapping[str, Sequence[str]]) -> list[str]:
         if by
     ]
     return said + [
-        f"The tire's own form may hold {', '.join(alone)}: logs of no other drive part them. Add "
-        "to the model what is known of them."
+        f"The tire's own form may hold {', '.join(alone)}: no drive parts them. Add what is "
+        "known of them to the model."
     ] * bool(alone)
 
 

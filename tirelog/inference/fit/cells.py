@@ -232,12 +232,12 @@ def priors(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def expected(
+def prior_rows(
     model: Model, names: Sequence[str], theta: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What is known of parameters without data, as measured values: residuals (q,), slopes (q, p).
+    """Residuals (q,) and slopes (q, p) of what is known of parameters without data.
 
-    Priors, and the inequalities that an effect's numbers keep, as far as they are broken.
+    In standard deviations: priors, and the inequalities of effects as far as they are broken.
     """
     mean, precision = priors(model, names)
     root = np.sqrt(precision)
@@ -250,16 +250,15 @@ def expected(
 
 
 def inequalities(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """Rows (q, p) and floor (q,) of what the effects' numbers keep, in standard deviations.
+    """Rows (q, p) and floor (q,) of the effects' inequalities, in standard deviations.
 
-    rows @ theta + floor is not negative but by chance; numbers that are not asked for are in the
-    floor.
+    rows @ theta + floor is negative by chance only. Numbers outside of `names` are in the floor.
     """
     rows, floor = np.zeros((0, len(names))), np.zeros(0)
     for effect in (e.effect for e in model.effects):
-        if effect.keeps is None:
+        if effect.constraints is None:
             continue
-        own, least = effect.keeps()
+        own, least = effect.constraints()
         of = [f"{effect.id}.{p.name}" for p in effect.parameters]
         asked = np.array([[n == name for name in names] for n in of], np.float64)
         fixed = np.array([0.0 if n in names else model.values[n] for n in of])
@@ -304,7 +303,7 @@ class _Together:
         if self._kept is not None:
             slopes[:, many] = self._kept
         self._kept = slopes[:, many]
-        return np.concatenate([slopes, expected(self.model, self.names, theta)[1]]) * size
+        return np.concatenate([slopes, prior_rows(self.model, self.names, theta)[1]]) * size
 
     def renewed(self) -> bool:
         """Drops what is kept if the last slopes held some of it, and says so."""
@@ -320,7 +319,7 @@ class _Together:
         """What is left of the cells, and how far each parameter is from its prior's mean."""
         values = self.values(theta)
         left = [p.measured_less(p.predict(self.model, values)).ravel() for p in self.problems]
-        return np.concatenate([*left, expected(self.model, self.names, theta)[0]])
+        return np.concatenate([*left, prior_rows(self.model, self.names, theta)[0]])
 
 
 def descend_together(
@@ -489,7 +488,7 @@ def finish(
     points = [problem.linearised(model, names, {}) for problem in problems]
     residuals = [p.measured_less(point[0]) for p, point in zip(problems, points, strict=True)]
     theta, precision = np.array([model.values[n] for n in names]), priors(model, names)[1]
-    beside, of_beside = expected(model, names, theta)
+    beside, of_beside = prior_rows(model, names, theta)
     slopes = [p.whitened(jacobian) for p, (_, jacobian) in zip(problems, points, strict=True)]
     slope = np.concatenate([*slopes, of_beside])
     left = np.concatenate([*(residual.ravel() for residual in residuals), beside])

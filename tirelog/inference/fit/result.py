@@ -88,11 +88,11 @@ def result_of(channels: Sequence[FittedChannel]) -> FitResult:
 
 
 def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -> Model:
-    """The fitted model with the error of each parameter if the tire has a form of its own.
+    """The fitted model; its parameters have `se_with_form`, each in its own unit.
 
-    With the numbers of the form free within their prior (`formed`, if that was fitted already) the
-    same log leads to other values: an error is the root mean square of those, with their own
-    errors, about what was fitted. None if the model shows no form, or is not to have one.
+    With the form's numbers free within their prior (`formed`, if that was fitted already) the same
+    log gives other values. The error is the root of their distance squared and their own variance.
+    Parameters have none if the observable shows no form, or the model's form is off.
     """
     model, own = base.model, frees(base.model, FORM)
     if not own or any(n.name == FORM and n.use == "off" for n in model.nuisances):

@@ -192,7 +192,7 @@ class Effect:
     tried                      False if a diagnosis does not try it by itself, since its shape is
                                nearly another's: whoever knows of it adds it to the model
     source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
-    keeps                      gives rows (q, p), floor (q,): rows @ numbers + floor, in standard
+    constraints                gives rows (q, p), floor (q,): rows @ numbers + floor, in standard
                                deviations, is negative by chance only
     valid_range                what of `valid` is a number: condition's field or parameter ->
                                (lowest, highest), in its unit; comparisons remark when it is left
@@ -215,7 +215,7 @@ class Effect:
     valid: str
     signature: str
     valid_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    keeps: Callable[[], tuple[FloatArray, FloatArray]] | None = None
+    constraints: Callable[[], tuple[FloatArray, FloatArray]] | None = None
     reads: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     also_at_zero: tuple[str, ...] = ()

@@ -206,7 +206,7 @@ def _with_form(
     for table, names in (("nuisances", beside), ("effects", named)):
         if FORM in names:
             raise source.error(
-                f"{FORM} stands in {table}",
+                f"{FORM} is under {table}",
                 FORM,
                 (source.line(table) or 1) - 1,
                 allowed='a table [form] with use = "...", sizes and numbers is allowed',
