@@ -191,9 +191,9 @@ def _hidden(work: Measured, passages: Passages, slipping: NDArray[np.bool_]) -> 
     """
     length, speed = work.fits.length_m, passages.speed_m_s
     acceleration = np.nan_to_num(passages.acceleration_m_s2)
-    if not work.driven.any():
-        return np.zeros(speed.size)
     used = np.isfinite(length) & (good(passages.quality) | work.driven)
+    if not (used & work.driven).any():
+        return np.zeros(speed.size)
     sides = np.maximum([acceleration, -acceleration], 0.0)
     follows = np.column_stack([*sides, *sides**2, speed, speed**2])[used]
     by_side = np.linalg.lstsq(
