@@ -1,4 +1,7 @@
-"""The catalogue: one mechanism per file, here only listed."""
+"""The catalogue of effects, in chapters by the stage that they enter.
+
+An effect is a function with `@effect` in one of them (`definition`).
+"""
 
 from __future__ import annotations
 
@@ -6,84 +9,15 @@ import copyreg
 import pickle
 from typing import Any
 
-from tirelog.physics.effects import (
-    aero_load,
-    belt_extension,
-    belt_shear,
-    belt_tension,
-    belt_viscosity,
-    cavity_resonance,
-    edge_impact,
-    form,
-    gauge_length,
-    hysteresis,
-    imbalance,
-    inflated_sidewalls,
-    load_transfer,
-    pressure_offset,
-    pressure_saddle,
-    ring_curvature,
-    rough_contact,
-    sensor_lag,
-    sensor_tilt,
-    standing_wave,
-    stiffening,
-    thermal_drift,
-    traction,
-    tread_pitch,
-    viscous_damping,
-    warm_gain,
-    warm_hysteresis,
-    water_film,
-    wear,
-)
+from tirelog.physics.effects import contact, form, regressors, structure, waveform
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure
-from tirelog.physics.effects.regressors import (
-    INFLATION,
-    LOAD_CROSSTALK,
-    SPEED_TREND,
-    TELEMETRY_DELAY,
-    TOOTH_PITCH,
-    WIND_UP,
-)
 
-#: Every effect of the catalogue, in the contract's order.
-CATALOGUE: tuple[Effect, ...] = (
-    viscous_damping.EFFECT,
-    hysteresis.EFFECT,
-    warm_hysteresis.EFFECT,
-    belt_viscosity.EFFECT,
-    belt_shear.EFFECT,
-    belt_extension.EFFECT,
-    belt_tension.EFFECT,
-    inflated_sidewalls.EFFECT,
-    stiffening.EFFECT,
-    ring_curvature.EFFECT,
-    pressure_offset.EFFECT,
-    pressure_saddle.EFFECT,
-    traction.EFFECT,
-    edge_impact.EFFECT,
-    rough_contact.EFFECT,
-    water_film.EFFECT,
-    wear.EFFECT,
-    tread_pitch.EFFECT,
-    load_transfer.EFFECT,
-    aero_load.EFFECT,
-    imbalance.EFFECT,
-    thermal_drift.EFFECT,
-    gauge_length.EFFECT,
-    sensor_lag.EFFECT,
-    sensor_tilt.EFFECT,
-    warm_gain.EFFECT,
-    standing_wave.EFFECT,
-    cavity_resonance.EFFECT,
-    SPEED_TREND,
-    LOAD_CROSSTALK,
-    TELEMETRY_DELAY,
-    TOOTH_PITCH,
-    INFLATION,
-    WIND_UP,
-    form.EFFECT,
+#: Every effect of the catalogue, in the contract's order: that of the chapters and of their lines.
+CATALOGUE: tuple[Effect, ...] = tuple(
+    found
+    for chapter in (structure, contact, waveform, regressors, form)
+    for found in vars(chapter).values()
+    if isinstance(found, Effect)
 )
 BY_ID = {effect.id: effect for effect in CATALOGUE}
 

@@ -27,6 +27,8 @@ Values = Mapping[str, float]
 #: The 9.81 in the forms "a acceleration/9.81" of the catalogue: a scale by convention, not gravity
 #: (that is `units.STANDARD_GRAVITY_M_S2`); coefficients in model files are per this.
 CATALOGUE_G_M_S2 = 9.81
+#: absolute temperature at which a rise of temperature counts as none [K]
+ROOM_K = 293.0
 
 #: Stages an effect can act on, in the contract's words.
 ACTS_ON = (

@@ -11,6 +11,7 @@ Each number has a prior of mean zero: a form is learnt only as far as a log show
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 from scipy.special import eval_legendre
@@ -23,8 +24,8 @@ from tirelog.data.bounds import (
     FORM_WAVES,
     share_of_degree,
 )
-from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.effects.base import Drive, Site, Structure
+from tirelog.physics.effects.definition import effect, number
 from tirelog.physics.spectral import MODES, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -71,16 +72,9 @@ def stiffness_factor(numbers: FloatArray, waves: FloatArray) -> FloatArray:
     return np.asarray(np.exp(_by_waves(waves) @ numbers), dtype=np.float64)
 
 
-def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
-    numbers = np.array([v[name] for name in PRESSURE]) @ _SHARES * _TURNS
-    waves = np.empty(site.legendre.shape[1:], np.complex128)
-    waves.imag = np.tensordot(numbers[::2].imag, site.legendre[::2], 1)
-    waves.real = np.tensordot(numbers[1::2].real, site.legendre[1::2], 1)
-    return site.load_N / (2.0 * np.pi * site.radius_m) * waves
-
-
-def _structure(v: Values, drive: Drive) -> Structure:
-    return Structure(by_waves=_BELLS @ np.array([v[name] for name in STIFFNESS]))
+def _structure(drive: Drive, **numbers: float) -> Structure:
+    """The factor on the stiffness by wavelength."""
+    return Structure(by_waves=_BELLS @ np.array([numbers[name] for name in STIFFNESS]))
 
 
 #: the road does not pull: standard deviation of a pressure below zero, in mean pressures, and at
@@ -97,37 +91,45 @@ def _no_pull() -> tuple[FloatArray, FloatArray]:
     return rows / _PULL, 1.5 * (1.0 - u**2) / _PULL
 
 
-def _numbers() -> tuple[Parameter, ...]:
-    degrees = (*SMOOTH, *STEPS)
-    pressure = [
-        Parameter(
-            name, "1", f"pressure of the shape {name} over the mean", 0.0, -3.0, 3.0, 0.1,
+def _numbers() -> dict[str, Any]:
+    """A number with a prior for each shape of the pressure, and for each bell of the stiffness."""
+    pressure = {
+        name: number(
+            0.0,
+            -3.0,
+            3.0,
+            "1",
+            f"pressure of the shape {name} over the mean",
+            probe=0.1,
             prior=(0.0, FORM_PRESSURE * share_of_degree(n)),
         )
-        for name, n in zip(PRESSURE, degrees, strict=True)
-    ]  # fmt: skip
-    stiffness = [
-        Parameter(
-            name, "1", "logarithm of the stiffness over the model's", 0.0, -2.0, 2.0, 0.1,
+        for name, n in zip(PRESSURE, (*SMOOTH, *STEPS), strict=True)
+    }
+    stiffness = {
+        name: number(
+            0.0,
+            -2.0,
+            2.0,
+            "1",
+            "logarithm of the stiffness over the model's",
+            probe=0.1,
             prior=(0.0, FORM_STIFFNESS),
         )
         for name in STIFFNESS
-    ]  # fmt: skip
-    return (*pressure, *stiffness)
+    }
+    return pressure | stiffness
 
 
-EFFECT = Effect(
-    id="form",
-    mechanism="the tire's own contact pressure over the patch, and stiffness over wavelength",
-    follows=(),
-    acts_on=("contact_pressure", "structure"),
-    parameters=_numbers(),
-    strength=(*PRESSURE, *STIFFNESS),
-    source="Legendre series of a pressure on a strip; a factor by wavelength",
-    valid="what is the same at all speeds, loads and accelerations",
-    signature="anything within the patch and beside it that does not change with the drive",
-    constraints=_no_pull,
-    tried=False,
-    pressure=_pressure,
-    structure=_structure,
-)
+@effect("pressure", structure=_structure, constraints=_no_pull, tried=False, **_numbers())
+def form(drive: Drive, site: Site, **numbers: float) -> ComplexArray:
+    """The tire's own contact pressure over the patch, and stiffness over wavelength.
+
+    Signature: anything within the patch and beside it that does not change with the drive
+    Valid: what is the same at all speeds, loads and accelerations
+    Source: Legendre series of a pressure on a strip; a factor by wavelength
+    """
+    shares = np.array([numbers[name] for name in PRESSURE]) @ _SHARES * _TURNS
+    waves = np.empty(site.legendre.shape[1:], np.complex128)
+    waves.imag = np.tensordot(shares[::2].imag, site.legendre[::2], 1)
+    waves.real = np.tensordot(shares[1::2].real, site.legendre[1::2], 1)
+    return site.load_N / (2.0 * np.pi * site.radius_m) * waves

@@ -44,7 +44,8 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import brush
 from tirelog.physics.carcass import beam
-from tirelog.physics.effects import BY_ID, traction
+from tirelog.physics.effects import BY_ID
+from tirelog.physics.effects.contact import slip as brush_slip
 from tirelog.physics.model.stages import (
     Active,
     Task,
@@ -270,7 +271,7 @@ def _grip(task: Task) -> brush.Grip:
 def _slip(task: Task) -> FloatArray:
     """The slip that the brush has: the measured one, else that of the effect `traction`, else 0."""
     if any(active.effect.id == "traction" for active in task.active):
-        return traction.slip(_traction(task), task.drive)
+        return brush_slip(task.drive, _traction(task)["slip_per_g"])
     return np.nan_to_num(task.drive.slip)
 
 

@@ -1,0 +1,254 @@
+"""Effects on the waveform: the warming of the tire, the sensor, and waves beside the patch.
+
+Their order here is that of the catalogue.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tirelog.physics.effects.base import ROOM_K, Drive, Site, Structure
+from tirelog.physics.effects.definition import effect, number
+from tirelog.physics.spectral import MODES, ComplexArray
+from tirelog.vocabulary.arrays import FloatArray
+
+#: slower than this the time since the entry counts as at this speed [m/s]
+_SLOWEST_M_S = 0.2
+
+
+def warmth(drive: Drive, time_constant_s: float, driver: str) -> FloatArray:
+    """T - T_0 [K] if the option `driver` is temperature, else 1 - exp(-t / tau)."""
+    if driver == "temperature":
+        return drive.temperature_K
+    return -np.expm1(-drive.time_s / time_constant_s)
+
+
+def _warm_foundation(
+    drive: Drive, *, stiffness: float, time_constant_s: float, driver: str
+) -> Structure:
+    """The foundation's relative change as the tire warms."""
+    return Structure(stiffening=stiffness * warmth(drive, time_constant_s, driver))
+
+
+@effect(
+    "baseline",
+    follows=(("time_s", 1), ("temperature_K", 1)),
+    needs=("time_s",),
+    instead={"time_s": "temperature_K"},
+    options={"driver": ("auto", "time", "temperature")},
+    structure=_warm_foundation,
+    drift=number(
+        0.0,
+        -1e-2,
+        1e-2,
+        "1 or 1/K",
+        "a in baseline a (1 - exp(-t/tau)), or a (T - T_0)",
+        probe=2e-5,
+    ),
+    stiffness=number(
+        0.0,
+        -0.9,
+        0.9,
+        "1 or 1/K",
+        "b in k (1 + b (1 - exp(-t/tau))), or k (1 + b (T - T_0))",
+        probe=-0.03,
+    ),
+    time_constant_s=number(30.0, 1.0, 1e5, "s", "tau"),
+)
+def thermal_drift(drive: Drive, *, drift: float, time_constant_s: float, driver: str) -> FloatArray:
+    """Warming, first order in time or by a temperature channel: baseline strain and stiffness.
+
+    Signature: the baseline moves once in time or with temperature, whatever the speed
+    Valid: one warming from the start of the log; driver = "time" or "temperature" (auto:
+        temperature where it varies)
+    Source: P1 4
+    """
+    return drift * warmth(drive, time_constant_s, driver)
+
+
+@effect(
+    "transfer",
+    strength=("length_m",),
+    length_m=number(0.01, 0.0, 0.2, "m", "length of the grating (fixed if it is known)"),
+)
+def gauge_length(drive: Drive, site: Site, *, length_m: float) -> FloatArray:
+    """A grating averages over its length.
+
+    Signature: even; rounds the waveform; hardly to be told from rough_contact
+    Valid: lengths below the patch length
+    Source: fibre Bragg gratings of finite length
+
+    The response is even in the length: a fit must start away from zero.
+    """
+    return np.sinc(site.q * (length_m / (2.0 * np.pi)))[None, :]
+
+
+@effect(
+    "transfer",
+    follows=(("speed_m_s", 1),),
+    lag_s=number(0.0, 0.0, 0.05, "s", "tau in 1/(1 + i omega tau)", probe=2e-4),
+)
+def sensor_lag(drive: Drive, site: Site, *, lag_s: float) -> ComplexArray:
+    """First-order lag or delay of interrogator or telemetry.
+
+    Signature: the waveform comes later and its exit side is drawn out, in proportion to speed
+    Valid: lags shorter than a revolution
+    Source: P2 2
+    """
+    x = (lag_s * drive.speed_m_s) * site.q
+    weight = 1.0 / (1.0 + x * x)
+    transfer = np.empty(x.shape, dtype=np.complex128)
+    transfer.real = weight
+    np.multiply(x, -weight, out=transfer.imag)
+    return transfer
+
+
+@effect(
+    "transfer",
+    follows=(("acceleration_m_s2", 1),),
+    valid_range={"tilt_rad": (-0.2, 0.2)},
+    observables=("radial_acceleration",),
+    tried=False,
+    tilt_rad=number(
+        0.0, -0.5, 0.5, "rad", "tilt of its axis towards the direction of rolling on", probe=0.05
+    ),
+)
+def sensor_tilt(drive: Drive, site: Site, *, tilt_rad: float) -> ComplexArray:
+    """An accelerometer askew in the wheel's plane: a_r + tilt a_t.
+
+    Signature: odd about the patch centre, and gravity turned by the tilt
+    Valid: tilts of some degrees; without the mean, which AC coupling takes
+    Source: kinematics of a turning belt of constant length (P3 w = -dv/dtheta)
+
+    It reads a share of the tangential acceleration. In a steadily turning belt that keeps its
+    length the tangential acceleration's modes are -i / n of the radial ones (position R + u_r
+    outwards, u_r = -u_t': a_r = omega^2 (1 - n^2) U and a_t = i omega^2 (n^2 - 1) / n U); of
+    gravity and the vehicle's acceleration, which alone have n = 1, they are +i.
+
+    A diagnosis does not try it: sensor_lag and pressure_offset are odd about the patch too, and
+    what a name more costs is not counted.
+    """
+    n = np.arange(MODES)
+    along = np.zeros((1, MODES), dtype=np.complex128)
+    along[0, 1:] = -1j / n[1:]
+    along[0, 1] = 1j
+    return 1.0 + tilt_rad * along
+
+
+@effect(
+    "gain",
+    follows=(("temperature_K", 1),),
+    valid_range={"gain_1_K": (-0.003, 0.003)},
+    needs=("temperature_K",),
+    tried=False,
+    gain_1_K=number(0.0, -0.02, 0.02, "1/K", "a, relative change per kelvin", probe=1e-3),
+)
+def warm_gain(drive: Drive, *, gain_1_K: float) -> FloatArray:
+    """A sensor whose gain follows the temperature, 1 + a dT.
+
+    Signature: the whole waveform grows or shrinks with the temperature
+    Valid: the straight part of a sensor's curve
+    Source: data sheets of accelerometers and gauges: 0.0001 to 0.001 per kelvin
+
+    A diagnosis does not try it: the lever arm takes most of it, and on a drive that warms while it
+    gets faster the rest has a cosine of 0.8 with belt_tension (docs/second_forms.md).
+    """
+    return 1.0 + gain_1_K * drive.temperature_K
+
+
+def _behind(site: Site, phi_rad: FloatArray, edge_m: FloatArray) -> FloatArray:
+    """Distance behind an edge of the patch along the tread [m], from 0 to a whole turn."""
+    return np.mod(phi_rad * site.radius_m - edge_m, 2.0 * np.pi * site.radius_m)
+
+
+def _faded(site: Site, behind_m: FloatArray) -> FloatArray:
+    """One behind an edge, smoothly zero over the last third of the turn, where it comes again."""
+    share = behind_m / (2.0 * np.pi * site.radius_m)
+    return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 0.6) / 0.3, 0.0, 1.0))
+
+
+@effect(
+    "strain",
+    follows=(("speed_m_s", 3),),
+    valid_range={"wavelength_m": (0.03, 0.6)},
+    tried=False,
+    amplitude=number(
+        0.0,
+        -1e-2,
+        1e-2,
+        "1",
+        "A in A (v/20)^n exp(-s/d) sin(2 pi s/lambda), s = xi - L",
+        probe=6e-5,
+    ),
+    wavelength_m=number(0.16, 0.03, 0.6, "m", "lambda along the tread"),
+    decay_m=number(0.2, 0.02, 2.0, "m", "d, length in which it dies away"),
+    speed_exponent=number(3.0, 0.0, 8.0, "1", "n, power of the speed", free=False),
+)
+def standing_wave(
+    drive: Drive,
+    site: Site,
+    phi_rad: FloatArray,
+    *,
+    amplitude: float,
+    wavelength_m: float,
+    decay_m: float,
+    speed_exponent: float,
+) -> FloatArray:
+    """A wave behind the exit edge, fixed to the road, that grows towards critical speed.
+
+    Signature: waves behind the exit alone, of one length along the tread at every speed
+    Valid: below the critical speed; it dies away within a turn
+    Source: Gardner and Worswick 1951; Soedel, J. Sound Vib. 41, 1975
+
+    A diagnosis does not try it: its cosine with viscous_damping is 0.6 (docs/second_forms.md), and
+    a wave of any length would name what `propose` describes.
+    """
+    late = _behind(site, phi_rad, site.half_length_m)
+    size = amplitude * (drive.speed_m_s / 20.0) ** speed_exponent
+    wave = np.exp(-late / decay_m) * np.sin(2.0 * np.pi * late / wavelength_m)
+    strain: FloatArray = size * wave * _faded(site, late)
+    return strain
+
+
+@effect(
+    "strain",
+    follows=(("speed_m_s", 1), ("temperature_K", 0.5)),
+    valid_range={"frequency_Hz": (180.0, 260.0)},
+    tried=False,
+    amplitude=number(
+        0.0,
+        -1e-2,
+        1e-2,
+        "1",
+        "A in A (v/20) exp(-t/T) sin(2 pi f t), t from the entry edge",
+        probe=5e-5,
+    ),
+    frequency_Hz=number(210.0, 120.0, 350.0, "Hz", "f at 20 degC"),
+    decay_s=number(0.03, 0.002, 0.5, "s", "T"),
+)
+def cavity_resonance(
+    drive: Drive,
+    site: Site,
+    phi_rad: FloatArray,
+    *,
+    amplitude: float,
+    frequency_Hz: float,
+    decay_s: float,
+) -> FloatArray:
+    """The tire's air rings after the entry edge, f = c / (2 pi R_mean).
+
+    Signature: ringing behind the entry of one frequency at every speed, higher when warm
+    Valid: passenger tires, 180 to 260 Hz; contact splits the mode in two, of which this is one
+    Source: Sakata, Morimura and Ide 1990, Thompson 1995 (Tire Science and Technology 18, 23)
+
+    A diagnosis does not try it: it would stand for any ringing of a fixed frequency, which
+    `diagnose` describes and `propose` writes down.
+    """
+    along = _behind(site, phi_rad, -site.half_length_m)
+    late = along / np.maximum(drive.speed_m_s, _SLOWEST_M_S)
+    # the speed of sound goes with the root of the absolute temperature
+    frequency = frequency_Hz * np.sqrt(1.0 + np.nan_to_num(drive.temperature_K) / ROOM_K)
+    swing = np.exp(-late / decay_s) * np.sin(2.0 * np.pi * frequency * late)
+    size = amplitude * (drive.speed_m_s / 20.0)
+    strain: FloatArray = size * swing * _faded(site, along)
+    return strain
