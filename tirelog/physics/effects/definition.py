@@ -24,9 +24,10 @@ text after a label goes on in lines that are indented.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from inspect import cleandoc, getfullargspec
+from pkgutil import resolve_name
 from typing import Any
 
 from tirelog.errors import ModelError
@@ -57,6 +58,49 @@ def number(
     return Parameter("", unit, description, value, low, high, typical, free, prior=prior)
 
 
+@dataclass(frozen=True, eq=False)
+class KeywordHook:
+    """A hook of `Effect`, by a function that takes its values by keyword.
+
+    `names` are the numbers and `options` that the function reads; `home` is where another process
+    finds the hook: module:effect.hook.
+    """
+
+    function: Callable[..., Any]
+    names: Sequence[str]
+    options: Options
+    home: str
+
+    def __call__(self, v: Values, drive: Drive, *more: Any) -> Any:
+        own = {
+            name: self._word(v, name) if name in self.options else v[name] for name in self.names
+        }
+        return self.function(drive, *more, **own)
+
+    def _word(self, v: Values, option: str) -> str:
+        return next(word for word in self.options[option] if v[f"{option}:{word}"])
+
+    def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
+        """How it goes to another process: there the function's name is the effect's."""
+        return resolve_name, (self.home,)
+
+
+def names_read(function: Callable[..., Any], known: Sequence[str]) -> Sequence[str]:
+    """The numbers and options that a function takes by keyword; all that are known if it may."""
+    spec = getfullargspec(function)
+    return known if spec.varkw else spec.kwonlyargs
+
+
+def texts_of(function: Callable[..., Any]) -> dict[str, str]:
+    """What a function's docstring says of its effect: mechanism, signature, valid and source."""
+    text = cleandoc(function.__doc__ or "")
+    mechanism = " ".join(text.partition("\n\n")[0].split()).removesuffix(".")
+    labelled = re.findall(r"^(Signature|Valid|Source): (.*(?:\n +.*)*)", text, re.MULTILINE)
+    texts = {"mechanism": mechanism[:1].lower() + mechanism[1:]}
+    texts |= dict.fromkeys(("signature", "valid", "source"), "")
+    return texts | {label.lower(): " ".join(words.split()) for label, words in labelled}
+
+
 def effect(
     hook: str, *, follows: Follows | str = (), strength: tuple[str, ...] | None = None, **given: Any
 ) -> Callable[[Callable[..., Any]], Effect]:
@@ -74,60 +118,32 @@ def effect(
     }
     fields = {name: value for name, value in given.items() if name not in numbers}
     options = fields.get("options", {})
+    known = [*numbers, *options]
     if strength is None:
         strength = tuple(p.name for p in numbers.values() if p.value == 0.0 and p.free)
 
     def made(function: Callable[..., Any]) -> Effect:
+        home = f"{function.__module__}:{function.__qualname__}"
         functions = {hook: function} | {name: fields[name] for name in ENTERS if name in fields}
-        read = {name for each in functions.values() for name in names_read(each, numbers, options)}
-        if read != {*numbers, *options}:
+        hooks = {
+            name: KeywordHook(each, names_read(each, known), options, f"{home}.{name}")
+            for name, each in functions.items()
+        }
+        read = {name for each in hooks.values() for name in each.names}
+        if read != set(known):
             raise ModelError(
                 f"effect {function.__name__}: its functions read {', '.join(sorted(read))}, its "
-                f"numbers and options are {', '.join([*numbers, *options])}",
+                f"numbers and options are {', '.join(known)}",
                 allowed="each of these is read, and nothing else",
                 do="correct the effect",
             )
-        text = cleandoc(function.__doc__ or "")
-        mechanism = " ".join(text.partition("\n\n")[0].split()).removesuffix(".")
-        labels = dict(re.findall(r"^(Signature|Valid|Source): (.*(?:\n +.*)*)", text, re.MULTILINE))
-        said = {label: " ".join(words.split()) for label, words in labels.items()}
-        hooks = {name: hook_of(each, numbers, options) for name, each in functions.items()}
         return Effect(
             id=function.__name__,
-            mechanism=mechanism[:1].lower() + mechanism[1:],
             follows=follows,
-            acts_on=tuple(ENTERS[name][0].split()[0] for name in functions),
+            acts_on=tuple(ENTERS[name][0].split()[0] for name in hooks),
             parameters=tuple(numbers.values()),
             strength=strength,
-            source=said.get("Source", ""),
-            valid=said.get("Valid", ""),
-            signature=said.get("Signature", ""),
-            **fields | hooks,
+            **fields | hooks | texts_of(function),
         )
 
     return made
-
-
-def names_read(
-    function: Callable[..., Any], numbers: Iterable[str], options: Options
-) -> Sequence[str]:
-    """The numbers and options that a function takes by keyword; all of them if it takes any."""
-    spec = getfullargspec(function)
-    return [*numbers, *options] if spec.varkw else spec.kwonlyargs
-
-
-def hook_of(
-    function: Callable[..., Any], numbers: Iterable[str], options: Options
-) -> Callable[..., Any]:
-    """A function of values by keyword as a hook of `Effect`, which takes them as one mapping."""
-    read = names_read(function, numbers, options)
-    names = [name for name in read if name not in options]
-    choices = {name: options[name] for name in read if name in options}
-
-    def computed(v: Values, drive: Drive, *more: Any) -> Any:
-        own: dict[str, Any] = {name: v[name] for name in names}
-        for option, words in choices.items():
-            own[option] = next(word for word in words if v[f"{option}:{word}"])
-        return function(drive, *more, **own)
-
-    return computed
