@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.candidates.beside import groups_of, with_best_nuisances
+from tirelog.diagnosis.candidates.beside import groups_of, with_best_nuisances, with_form_errors
 from tirelog.diagnosis.rest.leftover import half_angle
 from tirelog.diagnosis.results import (
     ERRORS,
@@ -47,7 +47,6 @@ from tirelog.inference.cells.gathering import MOST_PIECES, pieces_of_logs
 from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
-from tirelog.inference.fit.result import with_form_errors
 from tirelog.inference.floor import Plain
 from tirelog.inference.motion import without_motion_parameters
 from tirelog.inference.nuisances import FORM

@@ -29,6 +29,7 @@ import numpy as np
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.candidates.beside import (
     groups_of,
+    with_form_errors,
     with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.drive_next import drive_next
@@ -86,7 +87,6 @@ from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
-from tirelog.inference.fit.result import with_form_errors
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 

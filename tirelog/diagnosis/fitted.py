@@ -11,7 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.beside import form_explains, groups_of, with_best_nuisances
+from tirelog.diagnosis.candidates.beside import (
+    form_explains,
+    groups_of,
+    with_best_nuisances,
+    with_form_errors,
+)
 from tirelog.diagnosis.candidates.nuisance_sizes import observed
 from tirelog.diagnosis.compare import (
     Measured,
@@ -66,7 +71,7 @@ def fit_channels_measured(
         fitted = fit_together(cells, start, several="amplitude" not in nuisances)
     for channel in fitted:
         said += remarks_of(channel)
-    result = result_of(fitted)
+    result = result_of(fitted, with_form_errors(fitted[0]))
     own = {name: p.free for name, p in model.parameters.items()}
     free = {
         name: replace(p, free=own.get(name, p.free)) for name, p in result.model.parameters.items()

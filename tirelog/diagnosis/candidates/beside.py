@@ -23,7 +23,7 @@ from tirelog.diagnosis.rules import (
     TWINS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, refit, settled
+from tirelog.inference.base import Base, FittedChannel, refit, settled
 from tirelog.inference.cells.levers import without_ratios
 from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.floor import held_out_losses_with
@@ -207,6 +207,32 @@ def form_explains(formed: Base, without: Base) -> bool:
     """Does the tire's form explain what is left without it?"""
     enough = formed.excess < _FORM_LEAVES * without.excess
     return FORM in groups_of(formed) and (enough or quiet_waveforms(formed))
+
+
+def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -> Model:
+    """The fitted model; its parameters have `se_with_form`, each in its own unit.
+
+    With the form's numbers free within their prior (`formed`, if that was fitted already) the same
+    log gives other values. The error is the root of their distance squared and their own variance.
+    Parameters have none if the observable shows no form, or the model's form is off. Nor if the fit
+    leaves more than noise and no form was fitted: there the form would stand for what is missing.
+    """
+    model, own = base.model, frees(base.model, FORM)
+    if not own or any(n.name == FORM and n.use == "off" for n in model.nuisances):
+        return model
+    if own[0] in base.fit.names:
+        formed = base
+    elif formed is None and isinstance(base, Base) and quiet_waveforms(base):
+        found = refit(base, freed(model, [FORM]))
+        formed = None if isinstance(found, ModelError) else found.settled
+    if formed is None:
+        return model
+    errors = {}
+    for name, se in zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True):
+        if (parameter := model.parameters.get(name)) is not None:
+            moved = formed.model.values[name] - parameter.value
+            errors[name] = replace(parameter, se_with_form=float(np.hypot(se, moved)))
+    return model.with_parameters(errors)
 
 
 def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:

@@ -10,11 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.errors import ModelError
-from tirelog.inference.base import Base, FittedChannel, refit
+from tirelog.inference.base import FittedChannel
 from tirelog.inference.cells.levers import LEVER
 from tirelog.inference.fit.errors import Errors
-from tirelog.inference.nuisances import FORM, freed, frees
 from tirelog.physics.model.model import Model
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
@@ -51,16 +49,19 @@ class FitResult:
     revolutions: int
 
 
-def result_of(channels: Sequence[FittedChannel]) -> FitResult:
-    """The result of channels that were fitted together."""
+def result_of(channels: Sequence[FittedChannel], model: Model | None = None) -> FitResult:
+    """The result of channels that were fitted together.
+
+    `model` is the fitted one with further errors of its parameters, if there are any.
+    """
     fit = channels[0].fit
+    model = fit.model if model is None else model
     parameters, known, freedom = (
         fit.model.parameters,
         fit.known,
         sum(c.fit.freedom for c in channels),
     )
     errors = dict(zip(fit.names, known.se.tolist(), strict=True))
-    with_form = with_form_errors(channels[0])
     at_bound = tuple(n for n in fit.names if n in fit.held or _at_bound(parameters[n]))
     shared = (
         _shared_scale(fit.model, fit.names)
@@ -68,9 +69,9 @@ def result_of(channels: Sequence[FittedChannel]) -> FitResult:
         else []
     )
     return FitResult(
-        model=with_form.with_parameters(
+        model=model.with_parameters(
             {
-                n: replace(with_form.parameters[n], se=s if np.isfinite(s) else None)
+                n: replace(model.parameters[n], se=s if np.isfinite(s) else None)
                 for n, s in errors.items()
             }
         ),
@@ -85,31 +86,6 @@ def result_of(channels: Sequence[FittedChannel]) -> FitResult:
         freedom=int(freedom),
         revolutions=sum(int(c.cells.revolutions.sum()) for c in channels),
     )
-
-
-def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -> Model:
-    """The fitted model; its parameters have `se_with_form`, each in its own unit.
-
-    With the form's numbers free within their prior (`formed`, if that was fitted already) the same
-    log gives other values. The error is the root of their distance squared and their own variance.
-    Parameters have none if the observable shows no form, or the model's form is off.
-    """
-    model, own = base.model, frees(base.model, FORM)
-    if not own or any(n.name == FORM and n.use == "off" for n in model.nuisances):
-        return model
-    if own[0] in base.fit.names:
-        formed = base
-    elif formed is None and isinstance(base, Base):
-        found = refit(base, freed(model, [FORM]), several=True)
-        formed = None if isinstance(found, ModelError) else found.settled
-    if formed is None:
-        return model
-    errors = {}
-    for name, se in zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True):
-        if (parameter := model.parameters.get(name)) is not None:
-            moved = formed.model.values[name] - parameter.value
-            errors[name] = replace(parameter, se_with_form=float(np.hypot(se, moved)))
-    return model.with_parameters(errors)
 
 
 def _at_bound(p: Parameter) -> bool:
