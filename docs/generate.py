@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.data import setup
-from tirelog.data.setup import ROADS, SEPARATORS, SURFACES
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.diagnosis.trust.certainty import CLASSES, calibration
@@ -27,6 +26,7 @@ from tirelog.physics.model.nuisances import NUISANCES, Nuisance
 from tirelog.physics.model.own.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.presets import PRESETS
 from tirelog.simulation.scenario import schema
+from tirelog.storage.schema import KeyKind, OneOf, kinds_of
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
@@ -379,9 +379,19 @@ def scenario_page() -> str:
 
 def scenario_section(name: str, kind: type, level: str = "##") -> str:
     """One table of a scenario: what it is, its keys with what is allowed."""
-    rows = [(f"`{f.name}`", default_of(f), allowed_in(f)) for f in fields(kind)]
+    rows = rows_of(kind)
     head = ("key", "if absent", "allowed")
     return f"\n{level} `{name}`\n\n{getdoc(kind)}\n\n{table(head, rows)}"
+
+
+def rows_of(table: type) -> list[tuple[str, str, str]]:
+    """A row for each key of a table: its name, what it is if absent, what is allowed."""
+    kinds = kinds_of(table)
+    return [
+        (f"`{f.name}`", default_of(f), allowed_in(kinds[f.name]))
+        for f in fields(table)
+        if f.name in kinds
+    ]
 
 
 def default_of(key: Field[Any]) -> str:
@@ -392,18 +402,18 @@ def default_of(key: Field[Any]) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value}"
 
 
-def allowed_in(key: Field[Any]) -> str:
-    """What a scenario may give for a key, as a cell."""
-    if "allowed" in key.metadata:
-        return words(key.metadata["allowed"])
-    if "range" not in key.metadata:
-        wanted = str(key.type)
-        kinds = {"bool": "true, false", "tuple": "a list of numbers from 0"}
-        return next((said for name, said in kinds.items() if name in wanted), "text")
-    low, high = key.metadata["range"]
-    said = f"{low:g} to {high:g}"
-    most = key.metadata.get("length")
-    return said if most is None else f"at most {most} numbers, {said}"
+def allowed_in(kind: KeyKind) -> str:
+    """What a file may give for a key, as a cell."""
+    if isinstance(kind, OneOf):
+        plain = all(word[:1].isalnum() for word in kind.choices)
+        return words(kind.choices) if plain else ", ".join(map(in_quotes, kind.choices))
+    return kind.allowed.removeprefix("allowed is ").removeprefix("a number ").removeprefix("from ")
+
+
+def in_quotes(word: str) -> str:
+    """A word of punctuation as TOML and a cell of a table take it."""
+    shown = f'"{word}"'.replace("\t", "\\t")
+    return '"&#124;"' if word == "|" else f"`{shown}`"
 
 
 def kinds_section() -> str:
@@ -440,41 +450,10 @@ def setup_keys_section() -> str:
     """Every key of a setup with its range."""
     parts = []
     for name, kind in SETUP_TABLES.items():
-        rows = [
-            (f"`{f.name}`", default_of(f), setup_values(f))
-            for f in fields(kind)
-            if f.metadata.get("key", True)
-        ]
+        rows = rows_of(kind)
         about = f"```text\n{getdoc(kind)}\n```\n\n" if kind.__doc__ else ""
         parts.append(f"### `{name}`\n\n{about}{table(('key', 'if absent', 'allowed'), rows)}")
     return "\n\n".join(parts)
-
-
-def setup_values(key: Field[Any]) -> str:
-    """What a setup may give for a key, as a cell."""
-    words_of = {
-        "kind": tuple(KINDS) if key.default == "" else ROADS,
-        "surface": SURFACES,
-        "separator": tuple(
-            f'"{s}"'.replace("\t", "\\t").replace("|", "&#124;") for s in SEPARATORS
-        ),
-        "decimal": (".", ","),
-        "encoding": ("utf-8", "cp1252"),
-        "steps": (),
-    }
-    if words_of.get(key.name):
-        return words(words_of[key.name]).replace('`"&#124;"`', '"&#124;"')
-    if "range" in key.metadata:
-        low, high, above = key.metadata["range"]
-        return f"{'above' if above else 'from'} {low:g} to {high:g}"
-    wanted = str(key.type)
-    kinds = {
-        "bool": "true, false",
-        "tuple[float": "two numbers",
-        "tuple[str": "a list of names",
-        "int": "a whole number above 0",
-    }
-    return next((said for name, said in kinds.items() if name in wanted), "text")
 
 
 SETUP_TABLES: Mapping[str, type] = {

@@ -54,7 +54,7 @@ def test_an_error_in_a_model_file_has_fields_place_and_sentence() -> None:
     with pytest.raises(ModelError) as caught:
         parse_model('[model]\ncarcass = "baem"\nobservable = "strain"\n')
     problem = caught.value
-    assert problem.what == "carcass = 'baem' (nearest: beam)"
+    assert problem.what == "carcass = 'baem' in [model] (nearest: beam)"
     assert (problem.line, problem.do) == (2, "choose one")
     assert str(problem) == f"model:2: {problem.what}; {problem.allowed}; choose one"
 

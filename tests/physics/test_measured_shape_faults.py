@@ -46,7 +46,7 @@ def test_the_file_itself_is_read(tmp_path: Path) -> None:
         ('acts_on = "strain"', 'acts_on = "contact_pressure"', "patch", 14),
         ('"speed / 20"', '"xi / 20"', "allowed here are", 14),
         ('"speed / 20"', "\"__import__('os')\"", "not allowed", 14),
-        ('"speed / 20"', "20", "law is a text", 18),
+        ('"speed / 20"', "20", "law = 20 in [[effects]] number 1; allowed is text", 18),
         ("[0.0, 0.002, 0.004]", "[0.0, 0.004, 0.002]", "ascending", 14),
         ("[0.0, 0.002, 0.004]", "[0.0, 0.002]", "2 nodes and 3 values", 14),
         ("[0.0, 0.002, 0.004]", "[0.0, nan, 0.004]", "finite", 14),

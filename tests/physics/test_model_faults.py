@@ -53,6 +53,14 @@ def test_mistakes_in_a_model_file_are_named_with_their_line(old, new, says, line
     assert str(path) in str(caught.value)
 
 
+def test_an_expression_without_its_place_acts_on_the_contact_pressure():
+    line = 'acts_on = "contact_pressure"\n'
+    assert line in CONTRACT
+    bare = parse_model(CONTRACT.replace(line, ""))
+    assert bare.values == parse_model(CONTRACT).values
+    assert bare.effects[-1].source["acts_on"] == "contact_pressure"
+
+
 def test_two_effects_of_one_name():
     with pytest.raises(ModelError, match="already"):
         parse_model(CONTRACT + '\n[[effects]]\nname = "viscous_damping"\n')
@@ -434,11 +442,11 @@ def test_a_function_with_another_number_of_arguments(text: str) -> None:
 
 NUISANCES = {
     'wheels = "on"': "unknown key 'wheels' in [nuisances] (nearest: wheel)",
-    'wheel = "maybe"': "nuisance wheel: 'maybe' is no use of it; allowed are auto, on, off",
-    "wheel = 3": "nuisance wheel: 3 is no use of it",
+    'wheel = "maybe"': "wheel = 'maybe' in [nuisances]; allowed are auto, on, off; choose one",
+    "wheel = 3": "wheel = 3 in [nuisances]; allowed are auto, on, off",
     "drift = { relative = -1.0 }": "relative = -1 1 lies outside its bounds",
-    'drift = { relative = "a" }': "relative: value = 'a'",
-    "drift = { relatve = 0.1 }": "unknown key 'relatve' in nuisance drift (nearest: relative)",
+    'drift = { relative = "a" }': "relative = 'a' in [nuisances.drift]; allowed is a finite number",
+    "drift = { relatve = 0.1 }": "unknown key 'relatve' in [nuisances.drift] (nearest: relative)",
 }
 
 
@@ -454,8 +462,8 @@ def test_a_wrong_nuisance_is_refused_at_its_line(line: str, said: str) -> None:
 FORMS = {
     '[nuisances]\nform = "off"': "form is under nuisances; a table [form]",
     '[[effects]]\nname = "form"': "form is under effects; a table [form]",
-    '[form]\nuse = "of"': "nuisance form: 'of' is no use of it; allowed are auto, on, off",
-    "[form]\npresure = 0.5": "unknown key 'presure' in nuisance form (nearest: pressure)",
+    '[form]\nuse = "of"': "use = 'of' in [form] (nearest: off, on); allowed are auto, on, off",
+    "[form]\npresure = 0.5": "unknown key 'presure' in [form] (nearest: pressure)",
     "[form]\npressure_2 = 4.0": "pressure_2 = 4 1 lies outside its bounds",
     '[form]\nuse = "off"\npressure_2 = 0.1': '[form] has use = "off" and numbers',
 }

@@ -33,7 +33,7 @@ def grating(**more: Any) -> dict[str, Any]:
         ({"grid_points": 1001}, "even"),
         ({"knot_s": 0.2}, "0.05"),
         ({"manoeuvres": []}, "no manoeuvres"),
-        ({"manoeuvres": {"duration_s": 1}}, "no manoeuvres"),
+        ({"manoeuvres": {"duration_s": 1}}, "manoeuvres is not a list of tables"),
         ({"manoeuvres": [{"duration": 1.0}]}, "nearest: duration_s"),
         ({"manoeuvres": [{"regime": "crusie"}]}, "nearest: cruise"),
         ({"manoeuvres": [{"speed_m_s": -3.0}]}, "from 0 to 120"),

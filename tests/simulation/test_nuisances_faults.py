@@ -24,9 +24,9 @@ def nuisance(name: str, **values: Any) -> dict[str, Any]:
     ("more", "said"),
     [
         ({"nuisance": {}}, "nearest: nuisances"),
-        ({"nuisances": 3}, "[nuisances.run_out]"),
+        ({"nuisances": 3}, "[nuisances] is not a table; allowed are run_out,"),
         ({"nuisances": {"runout": {}}}, "nearest: run_out"),
-        ({"nuisances": {"run_out": [3.0]}}, "nuisances.run_out is not a table"),
+        ({"nuisances": {"run_out": [3.0]}}, "[nuisances.run_out] is not a table"),
         (nuisance("run_out", amplitude=3.0), "unknown key 'amplitude' in [nuisances.run_out]"),
         (nuisance("run_out", amplitudes_microstrain=3.0), "at most 3 numbers from 0 to 1000"),
         (nuisance("run_out", amplitudes_microstrain=[1.0] * 4), "at most 3 numbers"),

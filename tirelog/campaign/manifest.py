@@ -30,19 +30,28 @@ import csv
 import dataclasses
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 from tirelog.data.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
-from tirelog.errors import SetupError, TirelogError, UsageError, refuse_unknown
+from tirelog.errors import SetupError, TirelogError, UsageError
 from tirelog.products import OF_A_DRIVE, checked
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.storage.remote import address, match_remote, open_input, read_remote
+from tirelog.storage.schema import (
+    ANYTHING,
+    LINE,
+    Document,
+    Entries,
+    FilePlace,
+    SomeOf,
+    Table,
+    words,
+)
 
-_SECTIONS = ("campaign", "logs", "tables", "models")
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
 MODEL_COMMANDS = ("compare", "diagnose", "ladder")
 EACH = ("log", "tire")
@@ -94,19 +103,26 @@ class Campaign:
     remarks: tuple[str, ...] = ()
 
 
-def _refuse(file: Path, what: str, allowed: str, *, do: str = "mend it") -> UsageError:
-    """The error of a manifest."""
-    return UsageError(what, allowed=allowed, do=do, file=file)
-
-
-def _keys(data: Any, allowed: tuple[str, ...], where: str, file: Path) -> dict[str, Any]:
-    """`data` as a table with no other keys than `allowed`."""
-    if not isinstance(data, dict):
-        raise _refuse(file, f"{where} is not a table", f"allowed are {', '.join(allowed)} under it")
-    for key in data:
-        said = f"unknown key {key!r} in {where}"
-        refuse_unknown(key, allowed, said, do="mend or remove it", file=file)
-    return data
+_TABLES = {
+    name: Table(dict.fromkeys(maker.options, ANYTHING)) for name, maker in OF_A_DRIVE.items()
+}
+_GLOB = replace(LINE, words='a pattern relative to the manifest, such as "logs/*.csv"')
+_MODEL = replace(LINE, words='the path of a model file, such as "beam.toml"')
+_MANIFEST = Table(
+    {
+        "campaign": Table({"name": LINE, "output": LINE}),
+        "logs": Entries(
+            Table({"glob": _GLOB, "setup": LINE, "conditions": LINE}, needed=("glob",))
+        ),
+        "tables": Table(_TABLES),
+        "models": Entries(
+            Table(
+                {"file": _MODEL, "commands": SomeOf(MODEL_COMMANDS), "each": words(*EACH)},
+                needed=("file",),
+            )
+        ),
+    }
+)
 
 
 def load_manifest(path: Path) -> Campaign:
@@ -116,72 +132,50 @@ def load_manifest(path: Path) -> Campaign:
     conditions that cannot be taken. SetupError: a calibration that is none. A log whose setup does
     not fit is no error here.
     """
-    data = _keys(_toml(path, "a manifest", "give its path"), _SECTIONS, "the manifest", path)
-    about = _keys(data.get("campaign", {}), ("name", "output"), "[campaign]", path)
-    base = path.parent
+    text = toml_text(path, UsageError, what="a manifest", advice="give its path")
+    document = Document(text, UsageError, "a manifest", path)
+    data, place, base = document.read(_MANIFEST), FilePlace(document), path.parent
+    about = data.get("campaign", {})
     wanted = _tables(data.get("tables", {}), base, path)
     conditions: dict[str, dict[str, _Row]] = {}
     logs = tuple(
         log
-        for where, entry in _entries(data, "logs", path)
-        for log in _logs(entry, where, base, path, conditions)
+        for number, entry in enumerate(data.get("logs", ()))
+        for log in _logs(entry, place / "logs" / number, base, conditions)
     )
-    _distinct(logs, path)
     models = tuple(
-        _model(entry, where, base, path) for where, entry in _entries(data, "models", path)
+        _model(entry, place / "models" / number, base)
+        for number, entry in enumerate(data.get("models", ()))
     )
-    if not wanted and not models:
-        raise _refuse(
-            path,
+    place.refuse(
+        (
+            not logs,
+            "",
+            "matches no log",
+            "each [[logs]] has a glob relative to the manifest",
+            "mend the glob",
+        ),
+        (
+            not wanted and not models,
+            "",
             "asks for nothing",
             f"allowed are [tables.NAME] ({', '.join(OF_A_DRIVE)}) and [[models]]",
-            do="add one",
-        )
-    _distinct_models(models, path)
-    output = _text(about, "output", "[campaign]", path) or "results"
-    name = _text(about, "name", "[campaign]", path) or path.stem
+            "add one",
+        ),
+    )
+    _refuse_twins("logs", ((log.name, log.path) for log in logs), "narrow the globs", place)
+    files = ((model.file.stem, model.file) for model in models)
+    _refuse_twins("models", files, "rename one", place)
+    output = about.get("output", "results")
     remarks = tuple(remark for rows in conditions.values() for remark in _of_no_log(rows))
-    place = address(output) or str(base / output)
-    return Campaign(name, place, logs, wanted, models, path, remarks)
+    name, output_place = about.get("name", path.stem), address(output) or str(base / output)
+    return Campaign(name, output_place, logs, wanted, models, path, remarks)
 
 
-def _toml(path: Path, what: str, advice: str) -> dict[str, Any]:
-    """The tables in a TOML file.  UsageError: it cannot be read, is no TOML, or goes too far."""
-    return toml_tables(toml_text(path, UsageError, what=what, advice=advice), UsageError, file=path)
-
-
-def _entries(data: Mapping[str, Any], name: str, file: Path) -> list[tuple[str, Any]]:
-    """The [[`name`]] entries, each with how an error calls it."""
-    entries = data.get(name, [])
-    if not isinstance(entries, list):
-        raise _refuse(
-            file,
-            f"{name} is not a list of tables",
-            f"allowed are entries that begin with [[{name}]]",
-        )
-    return [(f"[[{name}]] number {number}", entry) for number, entry in enumerate(entries, 1)]
-
-
-def _text(table: Mapping[str, Any], key: str, where: str, file: Path) -> str | None:
-    """The text under `key`, None if it is not there.
-
-    UsageError: it is no text, empty, or holds control characters.
-    """
-    value = table.get(key)
-    if value is not None and (
-        not isinstance(value, str) or not value.strip() or not value.isprintable()
-    ):
-        raise _refuse(file, f"{where}: {key} is not text of one line", "allowed is text in quotes")
-    return value
-
-
-def _tables(data: Any, base: Path, file: Path) -> dict[str, dict[str, Any]]:
+def _tables(wanted: dict[str, dict[str, Any]], base: Path, file: Path) -> dict[str, dict[str, Any]]:
     """The wanted tables with their options, whose paths are relative to `base` no longer."""
-    wanted = _keys(data, tuple(OF_A_DRIVE), "[tables]", file)
     for name, options in wanted.items():
-        maker = OF_A_DRIVE[name]
-        _keys(options, maker.options, f"[tables.{name}]", file)
-        for option in maker.table.options:
+        for option in OF_A_DRIVE[name].table.options:
             value = options.get(option.name)
             if option.kind is Path and isinstance(value, str) and option.fits(value):
                 options[option.name] = str(base / value)
@@ -192,70 +186,38 @@ def _tables(data: Any, base: Path, file: Path) -> dict[str, dict[str, Any]]:
     return wanted
 
 
-def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
-    if not logs:
-        raise _refuse(
-            path,
-            "matches no log",
-            "each [[logs]] has a glob relative to the manifest",
-            do="mend the glob",
-        )
-    seen: dict[str, str] = {}
-    for log in logs:
-        if log.name in seen:
-            raise _refuse(
-                path,
-                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}",
-                "a name stands for one log",
-                do="narrow the globs",
-            )
-        seen[log.name] = log.path
-
-
-def _distinct_models(models: tuple[CampaignModel, ...], path: Path) -> None:
-    seen: dict[str, Path] = {}
-    for model in models:
-        if model.file.stem in seen:
-            raise _refuse(
-                path,
-                f"two models have the name {model.file.stem!r}: {seen[model.file.stem]} and "
-                f"{model.file}",
-                "one is allowed",
-                do="rename one",
-            )
-        seen[model.file.stem] = model.file
+def _refuse_twins(
+    what: str, named: Iterable[tuple[str, object]], do: str, place: FilePlace
+) -> None:
+    """UsageError: two logs or two models have one name."""
+    seen: dict[str, object] = {}
+    for name, path in named:
+        if name in seen:
+            both = f"{seen[name]} and {path}"
+            said = f"two {what} have the name {name!r}: {both}"
+            raise place.error(said, "a name stands for one", do)
+        seen[name] = path
 
 
 def _logs(
-    entry: Any, where: str, base: Path, file: Path, read: dict[str, dict[str, _Row]]
+    entry: Mapping[str, str], place: FilePlace, base: Path, read: dict[str, dict[str, _Row]]
 ) -> list[CampaignLog]:
     """The logs of one [[logs]] entry, in the order of their paths; `read`: conditions by file."""
-    _keys(entry, ("glob", "setup", "conditions"), where, file)
-    pattern = _text(entry, "glob", where, file)
-    if pattern is None:
-        raise _refuse(
-            file,
-            f"{where} has no glob",
-            "allowed is a pattern relative to the manifest",
-            do='add glob = "logs/*.csv"',
-        )
-    setup, conditions = _text(entry, "setup", where, file), _text(entry, "conditions", where, file)
+    pattern = entry["glob"]
+    where = f"{place.table}: glob {pattern!r}"
     try:
         matching = _matches(pattern, base)
     except (ValueError, IndexError, NotImplementedError, OSError) as problem:
-        raise _refuse(
-            file,
-            f"{where}: glob {pattern!r} is no pattern ({problem})",
-            "allowed is e.g. logs/**/*.csv",
+        raise (place / "glob").error(
+            f"{where} is no pattern ({problem})", "allowed is e.g. logs/**/*.csv"
         ) from None
     found = [log for log in matching if not log.endswith((".toml", ".truth.json"))]
     if not found:
-        raise _refuse(
-            file,
-            f"{where}: glob {pattern!r} matches no log",
-            f"it is relative to {base}, or an address",
+        raise (place / "glob").error(
+            f"{where} matches no log", f"it is relative to {base}, or an address"
         )
-    shared = _setup(setup, base) if setup is not None else None
+    shared = _setup(entry["setup"], base) if "setup" in entry else None
+    conditions = entry.get("conditions")
     if conditions is not None and conditions not in read:
         read[conditions] = _conditions(base / conditions)
     rows = read[conditions] if conditions is not None else {}
@@ -436,56 +398,36 @@ def _finite(text: str) -> bool:
         return False
 
 
-def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
-    _keys(entry, ("file", "commands", "each"), where, file)
-    each = _text(entry, "each", where, file) or ""
-    if each not in ("", *EACH):
-        raise _refuse(
-            file,
-            f"{where}: each = {each[:40]!r}",
-            f"allowed are {', '.join(EACH)}",
-        )
-    commands = entry.get("commands", ["compare", "diagnose"])
-    if not isinstance(commands, list) or not commands:
-        raise _refuse(
-            file,
-            f"{where}: commands is not a list",
-            f"allowed are {', '.join(MODEL_COMMANDS)} in one",
-        )
-    for command in commands:
-        said = f"{where}: command {str(command)[:40]!r}"
-        refuse_unknown(command, MODEL_COMMANDS, said, file=file)
-    name = _text(entry, "file", where, file)
-    if name is None:
-        raise _refuse(
-            file,
-            f"{where} has no file",
-            "allowed is the path of a model file",
-            do='add file = "beam.toml"',
-        )
-    path = base / name
-    observable = _observable(path)
-    if isinstance(observable, list):
-        raise _refuse(
-            file,
-            f"{where}: {name} is of {len(observable)} observables, which a campaign does not fit "
-            "together",
+def _model(entry: Mapping[str, Any], place: FilePlace, base: Path) -> CampaignModel:
+    """One [[models]] entry."""
+    name, each = entry["file"], entry.get("each", "")
+    commands = entry.get("commands", ("compare", "diagnose"))
+    observable = _observable(base / name)
+    place.refuse(
+        (
+            isinstance(observable, list),
+            "file",
+            f"{place.table}: {name} is of {len(observable)} observables, which a campaign does not "
+            "fit together",
             "allowed is a model of one observable",
-            do="make a model of each, or take `tirelog diagnose LOG... --model`",
-        )
-    if each and "diagnose" not in commands:
-        raise _refuse(
-            file,
-            f"{where}: each without diagnose among its commands",
+            "make a model of each, or take `tirelog diagnose LOG... --model`",
+        ),
+        (
+            each and "diagnose" not in commands,
+            "each",
+            f"{place.table}: each without diagnose among its commands",
             "each log or tire is diagnosed",
-            do='add "diagnose", or remove each',
-        )
-    return CampaignModel(path, str(observable), tuple(commands), each)
+            'add "diagnose", or remove each',
+        ),
+    )
+    return CampaignModel(base / name, str(observable), commands, each)
 
 
 def _observable(path: Path) -> Any:
     """What the model file says it predicts; what else is wrong with it is said when it is used."""
     try:
-        return _toml(path, "a model", "mend the path").get("model", {}).get("observable", "strain")
+        text = toml_text(path, UsageError, what="a model", advice="mend the path")
+        said = toml_tables(text, UsageError, file=path)
+        return said.get("model", {}).get("observable", "strain")
     except (TirelogError, AttributeError):
         return "strain"

@@ -2,30 +2,38 @@
 
     TOML text --parse--> tables --fields of the dataclasses below--> Setup (frozen, validated)
 
-The dataclasses are the schema: a key is allowed if it is a field, a number must be finite and
-inside the field's range, and an unknown key is refused with its line, what is allowed and the
-nearest spelling. Units are only checked here; `ingest` converts. The file is longer than others,
-since a schema is to be read in one place.
+The dataclasses are the schema, as `storage.schema` reads it. Units are only checked here; `ingest`
+converts. The file is longer than others, since a schema is to be read in one place.
 """
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields, make_dataclass, replace
+from dataclasses import dataclass, field, make_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from tirelog.data.bounds import PLAUSIBLE, bounds_of, doubt_of_key, override
 from tirelog.errors import SetupError, nearest
-from tirelog.storage.documents import toml_tables, toml_text
+from tirelog.storage.documents import toml_text
+from tirelog.storage.schema import (
+    TEXT,
+    Document,
+    FilePlace,
+    Named,
+    Table,
+    ValueKind,
+    is_number,
+    key,
+    kinds_of,
+    number,
+    table_of,
+    words,
+)
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 SURFACES = ("outer", "inner")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
@@ -36,7 +44,24 @@ def _number(low: float, high: float, *, above: bool = True, default: Any = None)
 
     `default` if the key is absent.
     """
-    return field(default=default, metadata={"range": (low, high, above)})
+    return key(number(low, high, above=above), default)
+
+
+_PAIR = ValueKind(
+    "a pair [low, high] in nm, such as [1549.0, 1551.5]",
+    lambda value: (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(map(is_number, value))
+        and value[0] < value[1]
+    ),
+    lambda value: (float(value[0]), float(value[1])),
+)
+_NAMES = ValueKind(
+    'a list of names, such as ["time_s", "strain_1"]',
+    lambda value: isinstance(value, list) and bool(value) and all(map(TEXT.fits, value)),
+    tuple,
+)
 
 
 @dataclass(frozen=True)
@@ -64,12 +89,11 @@ class Tire:
     static_footprint_length_m: float | None = _number(0.0, 2.0)
     friction_ratio: float | None = _number(0.2, 1.2)
     #: the setup's path, for messages; no key of the table
-    file: str | None = field(default=None, compare=False, metadata={"key": False})
+    file: str | None = field(default=None, compare=False, metadata={"kind": None})
 
     def known(self) -> dict[str, Any]:
         """What the setup gives of the tire, by its keys."""
-        own = (f.name for f in fields(self) if f.metadata.get("key", True))
-        return {name: value for name in own if (value := getattr(self, name))}
+        return {name: value for name in kinds_of(Tire) if (value := getattr(self, name))}
 
     @property
     def radius_m(self) -> float:
@@ -144,7 +168,7 @@ class ChannelSetup:
     sampling_rate_Hz              the channel's own rate
     """
 
-    kind: str = ""
+    kind: str = key(words(*KINDS), "")
     source: str = ""
     unit: str | None = None
     scale: float | None = _number(-1e30, 1e30)
@@ -154,12 +178,12 @@ class ChannelSetup:
     thermal_expansion_1_K: float = _number(-1.0, 1.0, default=0.0)
     temperature_channel: str | None = None
     temperature_sensitivity_nm_K: float = _number(0.0, 10.0, default=0.010)
-    surface: str | None = None
-    window_nm: tuple[float, float] | None = None
+    surface: str | None = key(words(*SURFACES))
+    window_nm: tuple[float, float] | None = key(_PAIR)
     gauge_length_m: float | None = _number(0.0, 1.0)
     angle_deg: float | None = _number(-360.0, 360.0, above=False)
     lateral_m: float | None = _number(-1.0, 1.0, above=False)
-    steps: int | None = None
+    steps: int | None = key(number(0, 100_000, above=True, whole=True))
     sampling_rate_Hz: float | None = _number(0.0, 1e9)
 
     @property
@@ -184,8 +208,6 @@ class ChannelSetup:
 
 #: what may stand between the cells of a text log; " " stands for runs of blanks
 SEPARATORS = (",", ";", "\t", " ", "|")
-#: words of [log] that are of a few
-_WORDS = {"separator": SEPARATORS, "decimal": (".", ","), "encoding": ("utf-8", "cp1252")}
 _TEXT_KEYS = ("separator", "decimal", "header_rows", "encoding", "columns")
 
 
@@ -204,12 +226,12 @@ class LogSetup:
     sampling_rate_Hz: float | None = _number(0.0, 1e9)
     time: str | None = None
     time_unit: str | None = None
-    separator: str | None = None
-    decimal: str | None = None
-    header_rows: int | None = field(default=None, metadata={"range": (0, 10_000, False)})
-    encoding: str | None = None
-    columns: tuple[str, ...] | None = None
-    unusual: tuple[str, ...] | None = None
+    separator: str | None = key(words(*SEPARATORS))
+    decimal: str | None = key(words(".", ","))
+    header_rows: int | None = key(number(0, 10_000, whole=True))
+    encoding: str | None = key(words("utf-8", "cp1252"))
+    columns: tuple[str, ...] | None = key(_NAMES)
+    unusual: tuple[str, ...] | None = key(_NAMES)
 
     @property
     def of_text(self) -> list[str]:
@@ -230,7 +252,7 @@ class RoadSetup:
     spacing_m   after which the obstacle comes again (a drum's circumference)
     """
 
-    kind: str = "flat"
+    kind: str = key(words(*ROADS), "flat")
     height_m: float | None = _number(-1.0, 1.0)
     length_m: float | None = _number(0.0, 100.0)
     ramp_m: float | None = _number(0.0, 100.0)
@@ -258,328 +280,159 @@ class Setup:
     file: str | None = None
 
 
-T = TypeVar("T", bound="DataclassInstance")
+_ROAD = table_of(RoadSetup)
+_SETUP = Table(
+    {
+        "tire": table_of(Tire),
+        "conditions": table_of(LogConditions),
+        "channels": Named(table_of(ChannelSetup, "kind")),
+        "log": table_of(LogSetup),
+        "road": _ROAD,
+    },
+    Setup,
+)
 
 
-class _Source:
-    """The file's text, to say in which line a key stands."""
-
-    def __init__(self, text: str, file: str | None) -> None:
-        self.lines, self.file = text.splitlines(), file
-
-    def error(
-        self, what: str, table: str = "", key: str = "", *, allowed: str = "", do: str = ""
-    ) -> SetupError:
-        return SetupError(
-            what,
-            allowed=allowed,
-            do=do,
-            file=self.file or "setup",
-            line=self.line(table, key),
+def _refuse_channels(channels: Mapping[str, ChannelSetup], place: FilePlace) -> None:
+    """SetupError: a channel has a name that is none, or lacks what its kind asks for."""
+    for name, channel in channels.items():
+        at, kind, twin = place / name, channel.kind, channel.temperature_channel
+        at.refuse(
+            (
+                not re.fullmatch(r"[\w.+-]+", name),
+                "",
+                f"channel name {name!r}",
+                "allowed are letters, digits and _ . + -",
+                "rename it",
+            ),
+            (
+                not channel.source and channel.window_nm is None,
+                "",
+                "no source",
+                "allowed is a column, topic or dataset path, or window_nm",
+                'add source = "..."',
+            ),
+            (
+                channel.scale == 0.0,
+                "scale",
+                "scale = 0",
+                "allowed is what one recorded step is worth in the unit",
+                "mend the number",
+            ),
+        )
+        try:
+            KINDS[kind].to_si(channel.source_unit)
+        except SetupError as problem:
+            raise (at / "unit").moved(problem) from None
+        at.refuse(
+            (
+                kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None,
+                "",
+                "no reference_wavelength_nm",
+                "a grating needs its wavelength at rest in nm",
+                "add it",
+            ),
+            (
+                twin is not None and (twin not in channels or twin == name),
+                "temperature_channel",
+                f"temperature_channel {twin!r} is no other channel{nearest(twin or '', channels)}",
+                "",
+                f"name one of {', '.join(channels)}",
+            ),
         )
 
-    def refuse(self, table: str, *checks: tuple[object, str, str, str, str]) -> None:
-        """SetupError of the first check (wrong, what, key, allowed, do) that is `wrong`."""
-        for wrong, what, key, allowed, do in checks:
-            if wrong:
-                raise self.error(what, table, key, allowed=allowed, do=do)
 
-    def line(self, table: str, key: str) -> int | None:
-        header = rf"^\s*\[\s*{re.escape(table)}\s*\]" if table else None
-        inside = header is None
-        for number, text in enumerate(self.lines, 1):
-            if header and re.match(r"^\s*\[", text):
-                inside = bool(re.match(header, text))
-                if inside and not key:
-                    return number
-            elif inside and key and re.match(rf"^\s*[\"']?{re.escape(key)}[\"']?\s*=", text):
-                return number
-        return None
-
-
-def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
-    """`value` as the field `spec` wants it, or a SetupError that says what is allowed."""
-    key, wanted = spec.name, str(spec.type)
-    if "tuple[str" in wanted:
-        if not (isinstance(value, list) and value and all(isinstance(v, str) for v in value)):
-            raise source.error(
-                f"{key} = {value!r}",
-                table,
-                key,
-                allowed="allowed is a list of names",
-                do='write e.g. ["time_s", "strain_1"]',
-            )
-        return tuple(value)
-    if "tuple" in wanted:
-        if not (
-            isinstance(value, list)
-            and len(value) == 2
-            and all(_is_number(v) for v in value)
-            and value[0] < value[1]
-        ):
-            raise source.error(
-                f"{key} = {value!r}",
-                table,
-                key,
-                allowed="allowed is a pair [low, high] in nm",
-                do="write e.g. [1549.0, 1551.5]",
-            )
-        return (float(value[0]), float(value[1]))
-    if "float" in wanted or "int" in wanted:
-        low, high, above = spec.metadata.get("range", (0, 100_000, True))
-        inside = _is_number(value) and (value > low if above else value >= low) and value <= high
-        if not inside or ("int" in wanted and value != int(value)):
-            allowed = f"a number {'above' if above else 'from'} {low:g} to {high:g}" + (
-                ", whole" if "int" in wanted else ""
-            )
-            raise source.error(
-                f"{key} = {value!r}",
-                table,
-                key,
-                allowed=f"allowed is {allowed}",
-                do="mend the number",
-            )
-        return int(value) if "int" in wanted else float(value)
-    kind = bool if "bool" in wanted else str
-    if not isinstance(value, kind):
-        raise source.error(
-            f"{key} = {value!r}",
-            table,
-            key,
-            allowed=f"allowed is {'true or false' if kind is bool else 'text in quotes'}",
-            do="mend the value",
-        )
-    return value
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
-    """A TOML table as the dataclass `cls`."""
-    if not isinstance(data, dict):
-        raise source.error(
-            f"{name} is not a table",
-            "",
-            name,
-            allowed=f"allowed is [{name}] with keys under it",
-            do="mend it",
-        )
-    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls) if f.metadata.get("key", True)}
-    for key in data:
-        if key not in specs:
-            raise source.error(
-                f"unknown key {key!r} in [{name}]{nearest(key, specs)}",
-                name,
-                key,
-                allowed=f"allowed are {', '.join(specs)}",
-                do="mend or remove it",
-            )
-    return cls(**{key: _value(specs[key], value, source, name) for key, value in data.items()})
-
-
-def _channel(name: str, data: Any, source: _Source, names: list[str]) -> ChannelSetup:
-    """One channel, with what its kind asks for."""
-    table = f"channels.{name}"
-    allowed = "allowed are letters, digits and _ . + -"
-    named = re.fullmatch(r"[\w.+-]+", name)
-    source.refuse(table, (not named, f"channel name {name!r}", "", allowed, "rename it"))
-    channel = _table(ChannelSetup, data, source, table)
-    kind, surface, twin = channel.kind, channel.surface, channel.temperature_channel
-    source.refuse(
-        table,
-        (
-            kind not in KINDS,
-            f"kind {kind!r}{nearest(kind, KINDS)}",
-            "kind",
-            f"allowed are {', '.join(KINDS)}",
-            "mend it",
-        ),
-        (
-            not channel.source and channel.window_nm is None,
-            "no source",
-            "",
-            "allowed is a column, topic or dataset path, or window_nm",
-            'add source = "..."',
-        ),
-        (
-            channel.scale == 0.0,
-            "scale = 0",
-            "scale",
-            "allowed is what one recorded step is worth in the unit",
-            "mend the number",
-        ),
-    )
-    try:
-        KINDS[kind].to_si(channel.source_unit)
-    except SetupError as problem:
-        raise problem.at(source.file or "setup", source.line(table, "unit")) from None
-    source.refuse(
-        table,
-        (
-            kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None,
-            "no reference_wavelength_nm",
-            "",
-            "a grating needs its wavelength at rest in nm",
-            "add it",
-        ),
-        (
-            surface is not None and surface not in SURFACES,
-            f"surface {surface!r}",
-            "surface",
-            f"allowed are {', '.join(SURFACES)}",
-            "mend it",
-        ),
-        (
-            twin is not None and (twin not in names or twin == name),
-            f"temperature_channel {twin!r} is no other channel{nearest(twin or '', names)}",
-            "temperature_channel",
-            "",
-            f"name one of {', '.join(names)}",
-        ),
-    )
-    return channel
-
-
-def _refuse_strange(setup: Setup, source: _Source) -> None:
+def _refuse_strange(setup: Setup, document: Document) -> None:
     """SetupError: a number that no tire has, or a rolling radius far from the unloaded one."""
-    tire, unusual = setup.tire, setup.log.unusual or ()
-    tables: dict[str, Any] = {"tire": tire, "conditions": setup.conditions}
-    tables |= {f"channels.{name}": channel for name, channel in setup.channels.items()}
+    tire, unusual, place = setup.tire, setup.log.unusual or (), FilePlace(document)
+    tables: dict[FilePlace, Any] = {place / "tire": tire, place / "conditions": setup.conditions}
+    tables |= {place / "channels" / name: channel for name, channel in setup.channels.items()}
     for table, values in tables.items():
-        for key, value in vars(values).items():
-            if key not in PLAUSIBLE or value is None or key in unusual:
+        for name, value in vars(values).items():
+            if name not in PLAUSIBLE or value is None or name in unusual:
                 continue
-            bounds = bounds_of(key, tire.width_m, tire.unloaded_radius_m)
+            bounds = bounds_of(name, tire.width_m, tire.unloaded_radius_m)
             if not bounds.holds(value):
-                allowed, do = doubt_of_key(key, value, bounds)
-                raise source.error(f"{key} = {value:g}", table, key, allowed=allowed, do=do)
+                raise (table / name).error(
+                    f"{name} = {value:g}", *doubt_of_key(name, value, bounds)
+                )
     if not tire.rolling_radius_m or not tire.unloaded_radius_m:
         return
     ratio, bounds = tire.rolling_radius_m / tire.unloaded_radius_m, PLAUSIBLE["rolling_to_unloaded"]
     if not bounds.holds(ratio) and "rolling_to_unloaded" not in unusual:
         low, high = bounds.low * tire.unloaded_radius_m, bounds.high * tire.unloaded_radius_m
-        raise source.error(
+        raise (place / "tire" / "rolling_radius_m").error(
             f"a rolling radius of {tire.rolling_radius_m:.4g} m is {100 * abs(ratio - 1):.0f} % "
             f"{'larger' if ratio > 1 else 'smaller'} than the unloaded "
             f"{tire.unloaded_radius_m:.4g} m",
-            "tire",
-            "rolling_radius_m",
-            allowed=f"allowed is {bounds} of it, {low:.4g} to {high:.4g} m",
-            do=f"mend one of the two; {override('rolling_to_unloaded')}",
+            f"allowed is {bounds} of it, {low:.4g} to {high:.4g} m",
+            f"mend one of the two; {override('rolling_to_unloaded')}",
         )
 
 
-def _road(data: Any, source: _Source) -> RoadSetup:
-    """The road, of a known kind; what the kind asks for is checked when the road is built."""
-    road = _table(RoadSetup, data, source, "road")
-    if road.kind not in ROADS:
-        raise source.error(
-            f"kind {road.kind!r}{nearest(road.kind, ROADS)}",
-            "road",
-            "kind",
-            allowed=f"allowed are {', '.join(ROADS)}",
-            do="mend it",
-        )
-    return road
-
-
-def parse_road(words: str) -> RoadSetup:
+def parse_road(line: str) -> RoadSetup:
     """[road] in one line, as a command takes it: `cleat,height_m=0.01,length_m=0.04`.
 
     SetupError as for a setup file.
     """
-    kind, *pairs = (word.strip() for word in words.split(","))
+    kind, *pairs = (word.strip() for word in line.split(","))
     given: dict[str, Any] = {"kind": kind}
     for pair in pairs:
-        key, _, value = (part.strip() for part in pair.partition("="))
+        name, _, value = (part.strip() for part in pair.partition("="))
         try:
-            given[key] = value if key == "file" else float(value)
+            given[name] = value if name == "file" else float(value)
         except ValueError:
             raise SetupError(
-                f"{pair!r} in the road {words!r}",
+                f"{pair!r} in the road {line!r}",
                 allowed="KEY=NUMBER is allowed, such as height_m=0.01",
                 do="correct it",
             ) from None
-    return _road(given, _Source("", "--road"))
+    place = FilePlace(Document("", SetupError, "a road", "--road"), ("road",))
+    road: RoadSetup = _ROAD.read(given, place)
+    return road
 
 
-def _log(data: Any, source: _Source) -> LogSetup:
-    """[log], its words among those that are known."""
-    log = _table(LogSetup, data, source, "log")
+def _refuse_words(log: LogSetup, place: FilePlace) -> None:
+    """SetupError: words of [log] that contradict each other, or that nothing is called by."""
     named = log.columns or ()
     twice = next((name for k, name in enumerate(named) if name and name in named[:k]), None)
     foreign = next((name for name in log.unusual or () if name not in PLAUSIBLE), "")
-    source.refuse(
-        "log",
-        *(
-            (
-                (value := getattr(log, key)) is not None and value not in allowed,
-                f"{key} = {value!r}",
-                key,
-                f"allowed are {', '.join(repr(word) for word in allowed)}",
-                "mend it",
-            )
-            for key, allowed in _WORDS.items()
-        ),
+    place.refuse(
         (
             log.decimal is not None and log.decimal == log.separator,
-            f"separator and decimal are both {log.decimal!r}",
             "decimal",
+            f"separator and decimal are both {log.decimal!r}",
             "allowed are two that differ",
             "mend one of them",
         ),
         (
             twice is not None,
-            f"columns has the name {twice!r} twice",
             "columns",
+            f"columns has the name {twice!r} twice",
             "each name once is allowed",
             "rename one",
         ),
         (
             foreign,
-            f"unusual: no quantity is called {foreign!r}{nearest(foreign, PLAUSIBLE)}",
             "unusual",
+            f"unusual: no quantity is called {foreign!r}{nearest(foreign, PLAUSIBLE)}",
             f"allowed are {', '.join(PLAUSIBLE)}",
             "mend it",
         ),
     )
-    return log
 
 
 def parse_setup(text: str, file: str | None = None) -> Setup:
     """The setup in `text`.  SetupError, with file and line, for anything that is not allowed."""
-    source = _Source(text, file)
-    data = toml_tables(text, SetupError, file=file or "setup")
-    sections = ("tire", "conditions", "channels", "log", "road")
-    for key in data:
-        if key not in sections:
-            raise source.error(
-                f"unknown table [{key}]{nearest(key, sections)}",
-                key,
-                allowed=f"allowed are {', '.join(sections)}",
-                do="mend or remove it",
-            )
-    tables = data.get("channels", {})
-    if not isinstance(tables, dict) or not tables:
-        raise source.error(
-            "no channels",
-            allowed="a setup has at least one [channels.NAME]",
-            do="add what the log holds",
-        )
-    names = list(tables)
-    channels = {name: _channel(name, table, source, names) for name, table in tables.items()}
-    setup = Setup(
-        replace(_table(Tire, data.get("tire", {}), source, "tire"), file=source.file),
-        _table(LogConditions, data.get("conditions", {}), source, "conditions"),
-        channels,
-        _log(data.get("log", {}), source),
-        _road(data.get("road", {}), source),
-        text,
-        file,
-    )
-    _refuse_strange(setup, source)
+    document = Document(text, SetupError, "a setup", file or "setup")
+    setup: Setup = document.read(_SETUP)
+    setup = replace(setup, tire=replace(setup.tire, file=file), text=text, file=file)
+    place = FilePlace(document)
+    at_least = "a setup has at least one [channels.NAME]"
+    place.refuse((not setup.channels, "", "no channels", at_least, "add what the log holds"))
+    _refuse_channels(setup.channels, place / "channels")
+    _refuse_words(setup.log, place / "log")
+    _refuse_strange(setup, document)
     return setup
 
 

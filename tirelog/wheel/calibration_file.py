@@ -9,37 +9,93 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tirelog.errors import SetupError, refuse_unknown
-from tirelog.storage.documents import toml_tables, toml_text
+from tirelog.errors import SetupError
+from tirelog.storage.documents import toml_text
+from tirelog.storage.schema import FLAG, Document, FilePlace, KeyKind, Table, ValueKind, number
 from tirelog.storage.whole import whole_file
 from tirelog.wheel.calibration import Calibration, SpeedMap
 from tirelog.wheel.forces import ForceMap
 
 #: of the file's layout; another one is refused
 VERSION = 1
-_MAP = (
-    "linear_deg_s_m",
-    "quadratic_deg_s2_m2",
-    "covariance",
-    "low_m_s",
-    "high_m_s",
-    "rms_deg",
-    "passages",
+
+
+def _is_array(ndim: int, value: Any) -> bool:
+    """Whether a value is an array of finite numbers, none of them huge."""
+    if not isinstance(value, list):
+        return False
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return (
+        array.ndim == ndim and bool(np.isfinite(array).all()) and bool((abs(array) <= 1e15).all())
+    )
+
+
+def _is_covariance(value: Any) -> bool:
+    """Whether a value is a square array without negative variances."""
+    if not _is_array(2, value):
+        return False
+    array = np.array(value, dtype=float)
+    rows, columns = array.shape
+    least = -1e-9 * max(float(abs(array).max(initial=0.0)), 1e-300)
+    return rows == columns > 1 and bool(np.linalg.eigvalsh(0.5 * (array + array.T)).min() >= least)
+
+
+_COVARIANCE = ValueKind(
+    "a covariance of finite numbers: symmetric, no negative variances",
+    _is_covariance,
+    partial(np.array, dtype=float),
 )
-_FORCE = ("centre_deg", "coefficients_N", "covariance", "low_deg", "high_deg", "rms_N")
-_TABLES = {
-    "phase_shift": _MAP,
-    "patch_width": ("at_reference_deg", *_MAP),
-    "crosstalk": ("k", "se"),
-    "telemetry_delay": ("delay_s", "se_s", "beside_force"),
-    "vertical_force": _FORCE,
-    "longitudinal_force": _FORCE,
+_COEFFICIENTS = ValueKind(
+    "two or three finite numbers",
+    lambda value: _is_array(1, value) and len(value) in (2, 3),
+    partial(np.array, dtype=float),
+)
+_SLOPE, _BOUND, _SMALL = number(-1e3, 1e3), number(-1e4, 1e4), number(0.0, 1e3)
+_ANGLE = number(0.0, 360.0)
+_MAP: dict[str, KeyKind] = {
+    "linear_deg_s_m": _SLOPE,
+    "quadratic_deg_s2_m2": _SLOPE,
+    "covariance": _COVARIANCE,
+    "low_m_s": _BOUND,
+    "high_m_s": _BOUND,
+    "rms_deg": _ANGLE,
+    "passages": replace(number(0, 1e12), made=int),
 }
+_FORCE: dict[str, KeyKind] = {
+    "centre_deg": _BOUND,
+    "coefficients_N": _COEFFICIENTS,
+    "covariance": _COVARIANCE,
+    "low_deg": _BOUND,
+    "high_deg": _BOUND,
+    "rms_N": number(0.0, 1e7),
+}
+_PATCH: dict[str, KeyKind] = {"at_reference_deg": _ANGLE, **_MAP}
+_FORCE_TABLE = Table(_FORCE, needed=tuple(_FORCE))
+_CALIBRATION = Table(
+    {
+        "version": ValueKind(f"{VERSION}", lambda version: version == VERSION),
+        "reference_speed_m_s": number(0.0, 200.0),
+        "phase_shift": Table(_MAP, needed=tuple(_MAP)),
+        "patch_width": Table(_PATCH, needed=tuple(_PATCH)),
+        "crosstalk": Table({"k": _SLOPE, "se": _SMALL}, needed=("k", "se")),
+        "telemetry_delay": Table(
+            {"delay_s": _SLOPE, "se_s": _SMALL, "beside_force": FLAG}, needed=("delay_s", "se_s")
+        ),
+        "vertical_force": _FORCE_TABLE,
+        "longitudinal_force": _FORCE_TABLE,
+    },
+    needed=("version", "reference_speed_m_s", "phase_shift", "patch_width"),
+)
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
@@ -51,8 +107,10 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         f"version = {VERSION}",
         f"reference_speed_m_s = {c.reference_speed_m_s!r}   # the zero of the phase shift",
     ]
-    lines += _table("phase_shift", _map_values(c.shift))
-    lines += _table("patch_width", {"at_reference_deg": c.patch_width_deg, **_map_values(c.width)})
+    lines += _table("phase_shift", _of_map(_MAP, c.shift))
+    lines += _table(
+        "patch_width", {"at_reference_deg": c.patch_width_deg, **_of_map(_MAP, c.width)}
+    )
     if math.isfinite(c.crosstalk):
         lines += _table("crosstalk", {"k": c.crosstalk, "se": c.crosstalk_se})
     if math.isfinite(c.delay_s):
@@ -63,27 +121,14 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         )
     for name, force in (("vertical_force", c.vertical), ("longitudinal_force", c.longitudinal)):
         if force is not None:
-            values = (
-                force.centre_deg,
-                force.coefficients,
-                force.covariance,
-                force.low_deg,
-                force.high_deg,
-                force.rms_N,
-            )
-            lines += _table(name, dict(zip(_FORCE, values, strict=True)))
+            lines += _table(name, _of_map(_FORCE, force))
     with whole_file(path) as target:
         target.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _map_values(m: SpeedMap) -> dict[str, Any]:
-    return dict(
-        zip(
-            _MAP,
-            (m.linear, m.quadratic, m.covariance, m.low_m_s, m.high_m_s, m.rms_deg, m.passages),
-            strict=True,
-        )
-    )
+def _of_map(keys: Mapping[str, KeyKind], values: SpeedMap | ForceMap) -> dict[str, Any]:
+    """The values of a map by the file's keys, which stand in the order of its fields."""
+    return dict(zip(keys, vars(values).values(), strict=True))
 
 
 def _table(name: str, values: Mapping[str, Any]) -> list[str]:
@@ -99,149 +144,52 @@ def read_calibration(path: Path) -> Calibration:
 
     SetupError: no such file, not one of ours, or a value that cannot be.
     """
-    data = _parsed(path)
-    if data.get("version") != VERSION:
-        raise SetupError(
-            f"version {data.get('version')!r}",
-            allowed=f"allowed is {VERSION}",
-            do="write the file anew with --calibrate",
-            file=path,
-        )
-    allowed = ("version", "reference_speed_m_s", *_TABLES)
-    for key in data:
-        refuse_unknown(
-            key, allowed, f"unknown key {key!r}", do="remove it", error=SetupError, file=path
-        )
-    take = _Taker(path, data)
-    reference = take.number(data, "", "reference_speed_m_s", 0.0, 200.0)
-    shift, width = take.speed_map("phase_shift"), take.speed_map("patch_width")
-    at_reference = take.number(data["patch_width"], "patch_width", "at_reference_deg", 0.0, 360.0)
-    k = take.pair("crosstalk", "k", "se", 1e3)
-    delay = take.pair("telemetry_delay", "delay_s", "se_s", 1e3)
-    beside = take.flag("telemetry_delay", "beside_force")
-    forces = take.force("vertical_force"), take.force("longitudinal_force")
-    return Calibration(reference, shift, width, at_reference, *k, *delay, *forces, beside)
-
-
-def _parsed(path: Path) -> dict[str, Any]:
     text = toml_text(path, SetupError, what="a calibration", advice="name what --calibrate wrote")
-    return toml_tables(text, SetupError, file=path)
+    again = "write the file anew with --calibrate"
+    document = Document(text, SetupError, "a calibration", path, again)
+    data = document.read(_CALIBRATION)
+    place = FilePlace(document)
+    shift, width = (_speed_map(data[n], place / n) for n in ("phase_shift", "patch_width"))
+    vertical, longitudinal = (
+        _force_map(data.get(n), place / n) for n in ("vertical_force", "longitudinal_force")
+    )
+    nan = float("nan")
+    crosstalk = data.get("crosstalk", {"k": nan, "se": nan})
+    delay = {"delay_s": nan, "se_s": nan, "beside_force": False} | data.get("telemetry_delay", {})
+    return Calibration(
+        data["reference_speed_m_s"],
+        shift,
+        width,
+        data["patch_width"]["at_reference_deg"],
+        crosstalk["k"],
+        crosstalk["se"],
+        delay["delay_s"],
+        delay["se_s"],
+        vertical,
+        longitudinal,
+        delay["beside_force"],
+    )
 
 
-class _Taker:
-    """Takes values out of a parsed file, and refuses what cannot be."""
+def _speed_map(table: Mapping[str, Any], place: FilePlace) -> SpeedMap:
+    """The map in a table."""
+    _refuse_map(table, 2, "low_m_s", "high_m_s", place)
+    return SpeedMap(*(table[name] for name in _MAP))
 
-    def __init__(self, path: Path, data: Mapping[str, Any]) -> None:
-        self.path, self.data = path, data
 
-    def error(self, name: str, key: str, value: Any, allowed: str) -> SetupError:
-        where = f"[{name}] {key}" if name else key
-        return SetupError(
-            f"{where} = {str(value)[:60]}",
-            allowed=f"allowed is {allowed}",
-            do="write the file anew with --calibrate",
-            file=self.path,
+def _force_map(table: Mapping[str, Any] | None, place: FilePlace) -> ForceMap | None:
+    """The map in a table; None without one."""
+    if table is None:
+        return None
+    _refuse_map(table, table["coefficients_N"].size, "low_deg", "high_deg", place)
+    return ForceMap(*(table[name] for name in _FORCE))
+
+
+def _refuse_map(table: Mapping[str, Any], size: int, low: str, high: str, place: FilePlace) -> None:
+    """SetupError: a range without extent, or a covariance of another size than the numbers."""
+    if len(table["covariance"]) != size:
+        raise (place / "covariance").wrong(
+            table["covariance"].tolist(), f"allowed are finite numbers of shape {(size, size)}"
         )
-
-    def table(self, name: str) -> Mapping[str, Any]:
-        table = self.data.get(name)
-        if not isinstance(table, dict):
-            raise self.error(name, "", table, "a table")
-        for key in table:
-            if key not in _TABLES[name]:
-                raise self.error(
-                    name, key, table[key], f"no such key, but {', '.join(_TABLES[name])}"
-                )
-        return table
-
-    def number(
-        self, table: Mapping[str, Any], name: str, key: str, low: float, high: float
-    ) -> float:
-        value = table.get(key)
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not (math.isfinite(value) and low <= value <= high)
-        ):
-            raise self.error(name, key, value, f"a number from {low:g} to {high:g}")
-        return float(value)
-
-    def array(
-        self, table: Mapping[str, Any], name: str, key: str, shape: tuple[int, ...]
-    ) -> np.ndarray:
-        value = table.get(key)
-        try:
-            array = np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            raise self.error(name, key, value, f"numbers of shape {shape}") from None
-        if (
-            array.shape != shape
-            or not np.isfinite(array).all()
-            or np.abs(array).max(initial=0.0) > 1e15
-        ):
-            raise self.error(name, key, value, f"finite numbers of shape {shape}")
-        if len(shape) == 2 and (
-            np.linalg.eigvalsh(0.5 * (array + array.T)).min()
-            < -1e-9 * max(float(np.abs(array).max()), 1e-300)
-        ):
-            raise self.error(name, key, value, "a covariance: symmetric, no negative variances")
-        return array
-
-    def bounds(
-        self, table: Mapping[str, Any], name: str, low: str, high: str
-    ) -> tuple[float, float]:
-        first, last = (
-            self.number(table, name, low, -1e4, 1e4),
-            self.number(table, name, high, -1e4, 1e4),
-        )
-        if first >= last:
-            raise self.error(name, high, last, f"more than {low} = {first:g}")
-        return first, last
-
-    def speed_map(self, name: str) -> SpeedMap:
-        table = self.table(name)
-        linear, quadratic = (self.number(table, name, key, -1e3, 1e3) for key in _MAP[:2])
-        covariance = self.array(table, name, "covariance", (2, 2))
-        low, high = self.bounds(table, name, "low_m_s", "high_m_s")
-        rms = self.number(table, name, "rms_deg", 0.0, 360.0)
-        return SpeedMap(
-            linear,
-            quadratic,
-            covariance,
-            low,
-            high,
-            rms,
-            int(self.number(table, name, "passages", 0, 1e12)),
-        )
-
-    def pair(self, name: str, value: str, se: str, most: float) -> tuple[float, float]:
-        """A value and its standard error; NaN if the file has no such table."""
-        if name not in self.data:
-            return float("nan"), float("nan")
-        table = self.table(name)
-        return self.number(table, name, value, -most, most), self.number(table, name, se, 0.0, most)
-
-    def flag(self, name: str, key: str) -> bool:
-        """True or false; false if the file does not have it."""
-        value = self.table(name).get(key, False) if name in self.data else False
-        if not isinstance(value, bool):
-            raise self.error(name, key, value, "true or false")
-        return value
-
-    def force(self, name: str) -> ForceMap | None:
-        if name not in self.data:
-            return None
-        table = self.table(name)
-        size = len(table["coefficients_N"]) if isinstance(table.get("coefficients_N"), list) else 0
-        if size not in (2, 3):
-            raise self.error(
-                name, "coefficients_N", table.get("coefficients_N"), "two or three numbers"
-            )
-        coefficients = self.array(table, name, "coefficients_N", (size,))
-        covariance = self.array(table, name, "covariance", (size, size))
-        low, high = self.bounds(table, name, "low_deg", "high_deg")
-        centre, rms = (
-            self.number(table, name, "centre_deg", -1e4, 1e4),
-            self.number(table, name, "rms_N", 0.0, 1e7),
-        )
-        return ForceMap(centre, coefficients, covariance, low, high, rms)
+    if table[low] >= table[high]:
+        raise (place / high).wrong(table[high], f"allowed is more than {low} = {table[low]:g}")

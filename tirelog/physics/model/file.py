@@ -1,18 +1,15 @@
 """The model file, read: TOML to Model (contract, "Model file"); `save` writes one.
 
-Unknown keys are refused with the nearest allowed ones and the line. A plain number is a fixed
-parameter; a table { value, min, max } is free, and carries `se` after a fit (and `fixed = true` if
-it is held although it has bounds).
+    TOML text --`storage.schema`, the kinds below--> tables of parameters --> Model
 
-The file is longer than others: it reads every table of a model file.
+A plain number is a fixed parameter; a table { value, min, max } is free, and carries `se` after a
+fit (and `fixed = true` if it is held although it has bounds).
 """
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -33,45 +30,169 @@ from tirelog.physics.model.own.user_effects import (
     effect_by_expression,
 )
 from tirelog.physics.parameters import Parameter
-from tirelog.storage.documents import toml_tables, toml_text
+from tirelog.storage.documents import toml_text
+from tirelog.storage.schema import (
+    ANYTHING,
+    FINITE,
+    FLAG,
+    TEXT,
+    Document,
+    Entries,
+    FilePlace,
+    KeyKind,
+    Named,
+    Table,
+    ValueKind,
+    is_number,
+    words,
+)
 from tirelog.vocabulary.observables import OBSERVABLES
 
 #: key of [model]: the Python file with the user's own effects
 EFFECTS_FILE = "effects_file"
-_NUMBER_KEYS = ("value", "min", "max", "se", "fixed")
+#: free in a new model of acceleration; a file without it holds it at its start value
+_MAY_LACK = ("width_m",)
 
 
-class _Text:
-    """The file's text, to say where a key stands."""
+# ---- what a key of a model file may hold
 
-    def __init__(self, text: str, path: Path | None) -> None:
-        self.lines, self.path = text.splitlines(), path
 
-    def error(
-        self,
-        what: str,
-        key: str | None = None,
-        after: int = 0,
-        *,
-        allowed: str | Iterable[str] = "",
-        do: str = "correct it",
-    ) -> ModelError:
-        return self.here(ModelError(what, allowed=allowed, do=do), key, after)
+_NUMBER = Table(
+    {
+        "value": FINITE,
+        "min": FINITE,
+        "max": FINITE,
+        "se": ValueKind("a number", lambda se: isinstance(se, int | float) and se is not True),
+        "fixed": FLAG,
+    }
+)
 
-    def here(self, problem: ModelError, key: str | None, after: int = 0) -> ModelError:
-        """The error at the line of `key`, the first one after `after`."""
-        return problem.at(self.path or "model", self.line(key, after) if key else None)
 
-    def line(self, key: str, after: int = 0) -> int | None:
-        pattern = re.compile(
-            rf"(^|[\s{{,\[\"'.]){re.escape(key)}[\"']?\s*(=|\]|\.)|=\s*[\"']{re.escape(key)}[\"']"
-        )
-        found = (
-            number
-            for number, line in enumerate(self.lines, 1)
-            if number > after and pattern.search(line.split("#")[0])
-        )
-        return next(found, None)
+@dataclass(frozen=True)
+class _Number:
+    """A parameter: a plain number is fixed, a table is free; `own` ones may bring their unit."""
+
+    known: Parameter
+    own: bool = False
+    allowed = "allowed is a finite number or { value, min, max }"
+
+    def read(self, value: Any, place: FilePlace) -> Parameter:
+        if isinstance(value, dict):
+            bare = {k: v for k, v in value.items() if k != "unit" or not self.own}
+            given = _NUMBER.read(bare, place)
+        elif is_number(value):
+            given = {"value": float(value), "fixed": True}
+        else:
+            raise place.wrong(value, self.allowed)
+        free = not given.pop("fixed", False)
+        try:
+            return replace(self.known, **{"se": None, **given}, free=free).checked()
+        except ModelError as problem:
+            raise place.moved(problem) from None
+
+
+class _Unknown:
+    """A user's own parameter, which has no bounds and no unit but those that it brings."""
+
+    allowed = _Number.allowed
+
+    def read(self, value: Any, place: FilePlace) -> Parameter:
+        brought = value if isinstance(value, dict) else {"value": value}
+        start, unit = brought.get("value", 0.0), brought.get("unit", "")
+        if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
+            base = f"allowed are powers and products of {', '.join(BASE)}, such as N/m^2"
+            raise (place / "unit").wrong(unit, base, do="correct it, or leave it out")
+        size = max(1.0, abs(start)) if is_number(start) else 1.0
+        name, most = str(place.path[-1]), 1e9 * size
+        known = Parameter(name, unit, "the user's own", 0.0, -most, most, probe=1.0)
+        number = _Number(known, own=True).read(value, place)
+        probe = number.value or 0.01 * max(abs(number.min), abs(number.max))
+        return replace(number, probe=probe)
+
+
+@dataclass(frozen=True)
+class _Use:
+    """What the file says of a nuisance: a use, or a table of use and sizes."""
+
+    known: Nuisance
+    allowed = f"allowed are {', '.join(USES)}"
+
+    def read(self, value: Any, place: FilePlace) -> Nuisance:
+        if not isinstance(value, dict):
+            return self.known.used(words(*USES).read(value, place))
+        sizes: dict[str, KeyKind] = {size.name: _Number(size) for size in self.known.sizes}
+        given = Table({"use": words(*USES), **sizes}).read(value, place)
+        known = tuple(replace(given.get(p.name, p), free=False) for p in self.known.sizes)
+        return replace(self.known, sizes=known, use=given.get("use", USES[0]))
+
+
+class _Observables:
+    """What the model is of: one observable, or a list of those that are fitted together."""
+
+    one = words(*OBSERVABLES)
+    allowed = one.allowed
+
+    def read(self, value: Any, place: FilePlace) -> tuple[str, ...]:
+        if not isinstance(value, list):
+            return (self.one.read(value, place),)
+        names = [self.one.read(name, place) for name in value]
+        try:
+            return observables_known(names)
+        except ModelError as problem:
+            raise place.moved(problem) from None
+
+
+def _is_relative(name: Any) -> bool:
+    """Whether a path starts from a folder, and not from a root or a drive."""
+    return (
+        isinstance(name, str)
+        and bool(name)
+        and not (PureWindowsPath(name).anchor or name[0] == "/")
+    )
+
+
+_HEAD = Table(
+    {
+        "observable": _Observables(),
+        "carcass": words(*CARCASSES),
+        "contact": ANYTHING,
+        EFFECTS_FILE: ValueKind("a path that starts from the model file's folder", _is_relative),
+    },
+    needed=("observable", "carcass"),
+)
+_FILE = Table(
+    {
+        "model": Named(ANYTHING),
+        "parameters": Named(ANYTHING),
+        "nuisances": Named(ANYTHING),
+        FORM: Named(ANYTHING),
+        "effects": Entries(ANYTHING),
+    }
+)
+_BY_EXPRESSION = Table(
+    {
+        "name": TEXT,
+        "acts_on": words(*EXPRESSION_ACTS_ON),
+        "expression": TEXT,
+        "parameters": Named(_Unknown()),
+    }
+)
+_BY_SHAPE = Table(
+    {
+        "name": TEXT,
+        "shape": words("empirical"),
+        "acts_on": words(*empirical.ACTS_ON),
+        "frame": words(*empirical.FRAMES),
+        "law": TEXT,
+        "nodes": ANYTHING,
+        "values": ANYTHING,
+        "parameters": Named(ANYTHING),
+    },
+    needed=("frame",),
+)
+
+
+# ---- the file
 
 
 def load_model(
@@ -101,409 +222,214 @@ def parse_model(
     own: Path | None = None,
 ) -> Model:
     """The model that the TOML text describes; `own` is the file with the user's own effects."""
-    source = _Text(text, path)
-    toml_tables(
-        text, ModelError, file=path or "model"
-    )  # tomlkit, which keeps the comments, follows any depth and any number
+    document = _document(text, path)
+    data, place = document.read(_FILE), FilePlace(document)
     try:
-        document = tomlkit.parse(text).unwrap()
+        tomlkit.parse(text)  # which writes the model later, and refuses more than tomllib
     except (TOMLKitError, RecursionError) as problem:
-        raise ModelError(
-            f"is not TOML ({problem})",
-            allowed="see `tirelog model new`",
-            do="correct it",
-            file=path or "model",
-            line=getattr(problem, "line", None),
+        line = getattr(problem, "line", None)
+        raise place.error(f"is not TOML ({problem})", "see `tirelog model new`", "correct it").at(
+            document.file, line
         ) from None
-    named = ("model", "parameters", "nuisances", FORM)
-    _only(document, (*named, "effects"), source, "a model file")
-    head, numbers, beside, form = (document.get(name, {}) for name in named)
-    effects = document.get("effects", [])
-    tables = all(isinstance(table, dict) for table in (head, numbers, beside, form))
-    if not (tables and isinstance(effects, list)):
-        raise source.error(
-            "[model], [parameters], [nuisances], [form] are tables, [[effects]] a list of tables",
-            allowed="no other form is allowed",
-        )
-    beside, effects = _with_form(form, beside, effects, source)
-    _only(head, ("observable", "carcass", "contact", EFFECTS_FILE), source, "[model]")
-    carcass = _word(head, "carcass", CARCASSES, None, source)
-    observables = _observables(head, source)
-    contact = _contact(head, numbers, carcass, source)
+    head = _HEAD.read(data.get("model", {}), place / "model")
+    numbers, carcass = data.get("parameters", {}), head["carcass"]
+    lead, *beside = head["observable"]
+    contact = _contact(head, numbers, place)
     known = carcass_parameters(
-        carcass, *observables, flat_road=contact == "flat_road", point=contact == "point"
+        carcass,
+        *head["observable"],
+        flat_road=contact == "flat_road",
+        point=contact == "point",
     )
-    base = _base(numbers, known, source)
-    nuisances = _nuisances(beside, source)
-    lead, *others = observables
     model = Model(
         lead,
         carcass,
         contact,
-        base,
-        nuisances=nuisances,
+        _base(numbers, known, place / "parameters"),
+        nuisances=_nuisances(data, place),
         document=text,
-        beside=tuple(others),
+        beside=tuple(beside),
     )
     if catalogue is None:
-        asked, own = own is not None, own or _effects_file(head, source)
-        catalogue = _catalogue(own, source, asked=asked)
+        asked, own = own is not None, own or _effects_file(head, path)
+        catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
         model = replace(model, effects_file=own if own is not None and own.is_file() else None)
-    after = 0
-    entries: list[tuple[ModelEffect, int]] = []
-    for table in effects:
-        if not isinstance(table, dict) or not isinstance(table.get("name"), str):
-            raise source.error(
-                "an effect has no name",
-                "effects",
-                allowed='[[effects]] with name = "..." is allowed',
-                do="name it",
-            )
-        after = source.line(table["name"], after) or after
-        entries.append((_effect(table, catalogue, source, after), after))
-    for effect, after in entries:
+    entries = [(_effect(table, catalogue, at), at) for table, at in _effect_tables(data, place)]
+    for effect, at in entries:
         try:
             model = model.with_entry(effect, [entry for entry, _ in entries])
         except ModelError as problem:
-            raise source.here(problem, effect.id, after - 1) from None
+            raise (at / "name").moved(problem) from None
     return model
 
 
-def _effects_file(head: Mapping[str, Any], source: _Text) -> Path | None:
+def _document(text: str, path: Path | None) -> Document:
+    return Document(text, ModelError, "a model", path or "model")
+
+
+def _effects_file(head: Mapping[str, Any], path: Path | None) -> Path | None:
     """The Python file with effects that the model names, None if none."""
-    if EFFECTS_FILE not in head:
-        return None
-    name = head[EFFECTS_FILE]
-    if not isinstance(name, str) or not name or PureWindowsPath(name).anchor or name[0] == "/":
-        raise source.error(
-            f"{EFFECTS_FILE} = {name!r}",
-            EFFECTS_FILE,
-            allowed="a path that starts from the model file's folder is allowed",
-        )
-    return (source.path.parent if source.path is not None else Path()) / name
+    folder = path.parent if path is not None else Path()
+    return folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None
 
 
-def _catalogue(own: Path | None, source: _Text, *, asked: bool) -> Mapping[str, Effect]:
+def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[str, Effect]:
     """All effects, with those of the user's own file; a model's line where it names it in vain."""
     try:
         return catalogue_with(own, asked=asked)
     except ModelError as problem:
         if asked or problem.line is not None:
             raise
-        raise source.error(
-            f"{EFFECTS_FILE}: {own} {problem.what}",
-            EFFECTS_FILE,
-            allowed=problem.allowed,
-            do=problem.do,
+        raise place.error(
+            f"{EFFECTS_FILE}: {own} {problem.what}", problem.allowed, problem.do
         ) from None
 
 
-def _with_form(
-    form: Mapping[str, Any], beside: Mapping[str, Any], effects: list[Any], source: _Text
-) -> tuple[dict[str, Any], list[Any]]:
-    """The nuisances and the effects with what [form] says: use and sizes, and numbers."""
-    named = [e.get("name") for e in effects if isinstance(e, dict)]
-    for table, names in (("nuisances", beside), ("effects", named)):
-        if FORM in names:
-            raise source.error(
-                f"{FORM} is under {table}",
-                FORM,
-                (source.line(table) or 1) - 1,
-                allowed='a table [form] with use = "...", sizes and numbers is allowed',
-                do="write it there",
-            )
+def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...]:
+    """All nuisances, with what the file says of them; of the form without its numbers."""
+    said = data.get("nuisances", {})
+    wrong = [("nuisances", place / "nuisances" / FORM)] * (FORM in said) + [
+        ("effects", place / "effects" / number / "name")
+        for number, table in enumerate(data.get("effects", ()))
+        if isinstance(table, dict) and table.get("name") == FORM
+    ]
+    for table, at in wrong:
+        allowed = 'a table [form] with use = "...", sizes and numbers is allowed'
+        raise at.error(f"{FORM} is under {table}", allowed, "write it there")
+    uses: dict[str, KeyKind] = {known.name: _Use(known) for known in NUISANCES}
+    given = Table(uses).read(said, place / "nuisances")
+    numbers = _form_numbers(data)
+    rest = {name: value for name, value in data.get(FORM, {}).items() if name not in numbers}
+    given[FORM] = uses[FORM].read(rest, place / FORM)
+    return tuple(given.get(known.name, known) for known in NUISANCES)
+
+
+def _form_numbers(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers in [form], which are the parameters of an effect."""
     own = [p.name for p in BY_ID[FORM].parameters]
-    numbers = {name: value for name, value in form.items() if name in own}
-    said = {name: value for name, value in form.items() if name not in own}
-    return {**beside, FORM: said}, effects + [{"name": FORM, **numbers}] * bool(numbers)
+    return {name: value for name, value in data.get(FORM, {}).items() if name in own}
 
 
-def _nuisances(table: Mapping[str, Any], source: _Text) -> tuple[Nuisance, ...]:
-    """All nuisances, with what the file says of them: a use, or a table of use and sizes."""
-    _only(table, (nuisance.name for nuisance in NUISANCES), source, "[nuisances]")
-    after = (source.line("nuisances") or 1) - 1
-    return tuple(
-        _nuisance(table[known.name], known, source, after) if known.name in table else known
-        for known in NUISANCES
-    )
+def _effect_tables(data: Mapping[str, Any], place: FilePlace) -> Iterator[tuple[Any, FilePlace]]:
+    """The table of each effect, with its place; the form's is made of its numbers."""
+    for number, table in enumerate(data.get("effects", ())):
+        yield table, place / "effects" / number
+    if numbers := _form_numbers(data):
+        yield {"name": FORM, **numbers}, place / FORM
 
 
-def _nuisance(given: Any, known: Nuisance, source: _Text, after: int) -> Nuisance:
-    own = given if isinstance(given, dict) else {"use": given}
-    after = (source.line(FORM) or 1) - 1 if known.name == FORM else after
-    _only(own, ("use", *(p.name for p in known.sizes)), source, f"nuisance {known.name}", after)
-    sizes = tuple(
-        replace(_number(own[p.name], p, source, p.name, after), free=False) if p.name in own else p
-        for p in known.sizes
-    )
-    try:
-        for size in sizes:
-            size.checked(f"nuisance {known.name}: {size.name}")
-    except ModelError as problem:
-        raise source.here(problem, known.name, after) from None
-    use = own.get("use", USES[0])
-    if use not in USES:
-        raise source.error(
-            f"nuisance {known.name}: {use!r} is no use of it",
-            known.name,
-            after,
-            allowed=USES,
-            do="choose one",
-        )
-    return replace(known, sizes=sizes, use=use)
-
-
-def _observables(head: Mapping[str, Any], source: _Text) -> tuple[str, ...]:
-    """What the model is of: one observable, or a list of those that are fitted together."""
-    given = head.get("observable")
-    if not isinstance(given, list):
-        return (_word(head, "observable", tuple(OBSERVABLES), None, source),)
-    for name in given:
-        _word({"observable": name}, "observable", tuple(OBSERVABLES), None, source)
-    try:
-        return observables_known(given)
-    except ModelError as problem:
-        raise source.here(problem, "observable", 0) from None
-
-
-def _contact(
-    head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, source: _Text
-) -> str:
+def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], place: FilePlace) -> str:
     """The contact that the model's file asks for: prescribed, solved, or a point.
 
     `contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
     patch.
     """
-    default = "prescribed" if carcass == "beam" or "patch_half_length_m" in numbers else "flat_road"
-    contact = _word(numbers if "contact" in numbers else head, "contact", CONTACTS, default, source)
-    if carcass == "beam" and contact == "flat_road":
-        raise source.error(
+    prescribed = head["carcass"] == "beam" or "patch_half_length_m" in numbers
+    table, given = ("parameters", numbers) if "contact" in numbers else ("model", head)
+    at = place / table / "contact"
+    usual = "prescribed" if prescribed else "flat_road"
+    contact = words(*CONTACTS).read(given.get("contact", usual), at)
+    if head["carcass"] == "beam" and contact == "flat_road":
+        raise at.error(
             'contact = "flat_road" needs a ring',
-            "contact",
-            allowed='"prescribed" and "point" are allowed for a beam',
+            'allowed are "prescribed" and "point" for a beam',
         )
-    if carcass == "coupled_ring" and contact != "flat_road":
-        raise source.error(
-            COUPLED_STANDS, "contact" if "contact" in {**head, **numbers} else "patch_half_length_m"
-        )
-    return contact
-
-
-def _word(
-    table: Mapping[str, Any],
-    key: str,
-    allowed: tuple[str, ...],
-    default: str | None,
-    source: _Text,
-    after: int = 0,
-) -> str:
-    value = table.get(key, default)
-    if not isinstance(value, str) or value not in allowed:
-        near = nearest(value, allowed) if isinstance(value, str) else ""
-        raise source.error(
-            f"{key} = {value!r}{near}",
-            key,
-            after,
-            allowed=allowed,
-            do="choose one",
-        )
-    return value
-
-
-def _only(
-    table: Mapping[str, Any], allowed: Iterable[str], source: _Text, where: str, after: int = 0
-) -> None:
-    allowed = list(allowed)
-    for key in table:
-        if key not in allowed:
-            raise source.error(
-                f"unknown key {key!r} in {where}{nearest(key, allowed)}",
-                key,
-                after,
-                allowed=allowed,
-            )
-
-
-#: free in a new model of acceleration; a file without it holds it at its start value
-_MAY_LACK = ("width_m",)
+    if head["carcass"] == "coupled_ring" and contact != "flat_road":
+        length = place / "parameters" / "patch_half_length_m"
+        raise (at if "contact" in given else length).moved(ModelError(COUPLED_STANDS))
+    return str(contact)
 
 
 def _base(
-    numbers: Mapping[str, Any], known: tuple[Parameter, ...], source: _Text
+    numbers: Mapping[str, Any], known: tuple[Parameter, ...], place: FilePlace
 ) -> tuple[Parameter, ...]:
-    _only(numbers, ("contact", *(p.name for p in known)), source, "[parameters]")
-    given = dict(numbers)
-    if "reference_load_N" not in given and "load_N" in given:
-        given["reference_load_N"] = _number(given["load_N"], known[0], source, "load_N").value
+    """The parameters of the carcass as the file gives them, the others fixed at their start."""
+    kinds = {p.name: _Number(p) for p in known}
+    given = Table({"contact": ANYTHING, **kinds}).read(numbers, place)
+    if "reference_load_N" in kinds and "reference_load_N" not in given and "load_N" in given:
+        load = given["load_N"].value
+        given["reference_load_N"] = kinds["reference_load_N"].read(load, place / "load_N")
     lacking = [p.name for p in known if p.free and p.name not in (*given, *_MAY_LACK)]
-    if lacking:
-        raise source.error(
-            f"[parameters] lacks {', '.join(lacking)}",
-            allowed="a number or { value, min, max } is allowed",
-            do="add it",
-        )
-    return tuple(
-        _number(given[p.name], p, source, p.name) if p.name in given else p.fixed() for p in known
-    )
+    allowed = "a number or { value, min, max } is allowed"
+    place.refuse((lacking, "", f"[parameters] lacks {', '.join(lacking)}", allowed, "add it"))
+    return tuple(given.get(p.name, p.fixed()) for p in known)
 
 
-def _number(value: Any, known: Parameter, source: _Text, label: str, after: int = 0) -> Parameter:
-    """A parameter from a plain number (fixed) or a table."""
-    table = value if isinstance(value, dict) else {"value": value}
-    _only(table, _NUMBER_KEYS, source, label, after)
-    for key, number in table.items():
-        wrong = (
-            not isinstance(number, bool)
-            if key == "fixed"
-            else (isinstance(number, bool) or not isinstance(number, int | float))
-        )
-        if wrong or (key not in ("fixed", "se") and not math.isfinite(number)):
-            raise source.error(
-                f"{label}: {key} = {number!r}",
-                label,
-                after,
-                allowed=f"a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed",
-            )
-    free = isinstance(value, dict) and not table.get("fixed", False)
-    low, high = (float(table.get(key, getattr(known, key))) for key in ("min", "max"))
-    parameter = replace(
-        known,
-        value=float(table.get("value", known.value)),
-        min=low,
-        max=high,
-        free=free,
-        se=table.get("se"),
-    )
-    if not isinstance(value, dict) and label != known.name:
-        return parameter  # a number that only lends its value
-    try:
-        return parameter.checked(label)
-    except ModelError as problem:
-        raise source.here(problem, label, after) from None
-
-
-def _effect(
-    table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _Text, after: int
-) -> ModelEffect:
+def _effect(table: Any, catalogue: Mapping[str, Effect], place: FilePlace) -> ModelEffect:
+    """The effect of one table: of the catalogue, a formula or a measured shape."""
+    if not isinstance(table, dict) or not isinstance(table.get("name"), str):
+        allowed = '[[effects]] with name = "..." is allowed'
+        raise place.error("an effect has no name", allowed, "name it")
     name = table["name"]
-    own = {}
     if "expression" in table:
-        effect = _by_expression(table, source, after)
-        given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
-    elif "shape" in table:
-        effect = _by_shape(table, source, after)
-        given, own = (
-            table.get("parameters", {}),
-            {k: table[k] for k in empirical.KEYS if k in table},
-        )
-    elif name not in catalogue:
-        raise source.error(
+        return _by_expression(table, place)
+    if "shape" in table:
+        return _by_shape(table, place)
+    if name not in catalogue:
+        raise (place / "name").error(
             f"unknown effect {name!r}{nearest(name, catalogue)}",
-            name,
-            after - 1,
-            allowed=f"allowed are {', '.join(catalogue)}, or one with an expression",
-            do="for one of your own in Python give --effects FILE",
+            f"allowed are {', '.join(catalogue)}, or one with an expression",
+            "for one of your own in Python give --effects FILE",
         )
-    else:
-        effect = catalogue[name]
-        given = {k: v for k, v in table.items() if k != "name" and k not in effect.options}
-    _only(given, (p.name for p in effect.parameters), source, f"effect {name!r}", after - 1)
-    parameters = tuple(
-        _number(_unitless(given[p.name]) if own else given[p.name], p, source, p.name, after - 1)
-        if p.name in given
-        else p
-        for p in effect.parameters
+    effect = catalogue[name]
+    options: dict[str, KeyKind] = {key: words(*choices) for key, choices in effect.options.items()}
+    numbers: dict[str, KeyKind] = {p.name: _Number(p) for p in effect.parameters}
+    given = Table({"name": TEXT, **numbers, **options}).read(table, place)
+    return ModelEffect(
+        effect,
+        tuple(given.get(p.name, p) for p in effect.parameters),
+        {key: given.get(key, choices[0]) for key, choices in effect.options.items()},
     )
-    options = {
-        key: _word(table, key, words, words[0], source, after - 1)
-        for key, words in effect.options.items()
+
+
+def _by_expression(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
+    """The effect of a formula of the user's own."""
+    given = _BY_EXPRESSION.read(table, place)
+    source = {
+        "acts_on": given.get("acts_on", "contact_pressure"),
+        "expression": given["expression"],
     }
-    return ModelEffect(effect, parameters, options, own)
-
-
-def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
-    _only(
-        table,
-        ("name", "acts_on", "expression", "parameters"),
-        source,
-        f"effect {table['name']!r}",
-        after - 1,
-    )
-    given = _own_numbers(table, "expression", source, after)
-    parameters = tuple(
-        _number(_unitless(value), _unknown(key, value, source, after), source, key, after - 1)
-        for key, value in given.items()
-    )
-    parameters = tuple(
-        replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters
-    )
-    place = _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source, after - 1)
+    parameters = tuple(given.get("parameters", {}).values())
     try:
-        return effect_by_expression(table["name"], place, table["expression"], parameters)
-    except ModelError as problem:
-        raise source.here(problem, table["name"], after - 1) from None
-
-
-def _own_numbers(
-    table: Mapping[str, Any], text: str, source: _Text, after: int
-) -> Mapping[str, Any]:
-    """The [parameters] of an effect of the user's own; an error if its `text` is none."""
-    given = table.get("parameters", {})
-    if not isinstance(table.get(text, ""), str) or not isinstance(given, dict):
-        raise source.error(
-            f"{text} is a text and parameters a table",
-            text,
-            after - 1,
-            allowed="no other form is allowed",
+        effect = effect_by_expression(
+            given["name"], source["acts_on"], source["expression"], parameters
         )
-    return given
+    except ModelError as problem:
+        raise (place / "name").moved(problem) from None
+    return ModelEffect(effect, parameters, source=source)
 
 
-def _by_shape(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
+def _by_shape(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
     """The effect of a measured shape: numbers along a frame's coordinate, times a law."""
-    what = f"effect {table['name']!r}"
-    _only(table, ("name", *empirical.KEYS, "parameters"), source, what, after - 1)
-    _word(table, "shape", ("empirical",), None, source, after - 1)
-    _own_numbers(table, "law", source, after)
-    frame = _word(table, "frame", tuple(empirical.FRAMES), None, source, after - 1)
-    place = _word(table, "acts_on", empirical.ACTS_ON, "strain", source, after - 1)
-    law = table.get("law", "1")
+    given = _BY_SHAPE.read(table, place)
     try:
-        return empirical.effect_by_shape(
-            table["name"], place, frame, law, table.get("nodes"), table.get("values")
+        effect = empirical.effect_by_shape(
+            given["name"],
+            given.get("acts_on", "strain"),
+            given["frame"],
+            given.get("law", "1"),
+            given.get("nodes"),
+            given.get("values"),
         )
     except ModelError as problem:
-        raise source.here(problem, table["name"], after - 1) from None
-
-
-def _unknown(key: str, value: Any, source: _Text, after: int) -> Parameter:
-    """A user's own parameter has no bounds and no unit but those that it brings."""
-    start = value.get("value", 0.0) if isinstance(value, dict) else value
-    unit = value.get("unit", "") if isinstance(value, dict) else ""
-    if not isinstance(unit, str) or (unit and dimension_of(unit) is None):
-        raise source.error(
-            f"{key}: unit = {unit!r}",
-            key,
-            after - 1,
-            allowed=f"powers and products of {', '.join(BASE)} are allowed, such as N/m^2",
-            do="correct it, or leave it out",
-        )
-    size = max(1.0, abs(start)) if isinstance(start, int | float) else 1.0
-    return Parameter(key, unit, "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
-
-
-def _unitless(value: Any) -> Any:
-    """The numbers of a user's own parameter, without its unit."""
-    return {k: v for k, v in value.items() if k != "unit"} if isinstance(value, dict) else value
+        raise (place / "name").moved(problem) from None
+    kinds = {p.name: _Number(p, own=True) for p in effect.parameters}
+    numbers = Table(kinds).read(given.get("parameters", {}), place / "parameters")
+    return ModelEffect(
+        effect,
+        tuple(numbers.get(p.name, p) for p in effect.parameters),
+        source={key: given[key] for key in empirical.KEYS if key in given},
+    )
 
 
 def unit_remarks(model: Model) -> list[str]:
     """Sentences on the user's own formulas whose units do not agree, with file and line."""
-    source = _Text(model.document or "", model.path)
+    document = _document(model.document or "", model.path)
+    named = [table["name"] for table in document.tables.get("effects", ())]
     remarks = []
     for name, wrong in unit_disagreements(model).items():
-        after = source.line(name) or 0
-        line = source.line("expression", after) if model.document else None
-        place = f"{model.path or 'model'}{f':{line}' if line else ''}"
+        at = named.index(name) if name in named else -1
+        line = document.line(("effects", at, "expression"))
+        place = f"{document.file}{f':{line}' if line else ''}"
         remarks.append(f"{place}: the units of effect {name!r} do not agree: {wrong}")
     return remarks

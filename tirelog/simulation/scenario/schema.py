@@ -10,10 +10,11 @@ units of the catalogue's own parameters.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from tirelog.simulation.scenario.planted import Planted
+from tirelog.storage.schema import key, number, numbers, words
 
 TRUTHS = ("beam", "ring", "coupled_ring")
 CONTACTS = ("flat_road", "parabola")
@@ -37,16 +38,21 @@ SOURCE_UNITS = {
 
 def _within(default: float | None, low: float, high: float) -> Any:
     """A number in [low, high]."""
-    return field(default=default, metadata={"range": (low, high)})
+    return key(number(low, high), default)
+
+
+def _whole(default: int | None, low: int, high: int) -> Any:
+    """A whole number in [low, high]."""
+    return key(number(low, high, whole=True), default)
 
 
 def _list_within(low: float, high: float, length: int) -> Any:
     """At most `length` numbers in [low, high]."""
-    return field(default=(), metadata={"range": (low, high), "length": length})
+    return key(numbers(low, high, length), ())
 
 
-def _one_of(default: str, *allowed: str) -> Any:
-    return field(default=default, metadata={"allowed": allowed})
+def _one_of(default: str | None, *allowed: str) -> Any:
+    return key(words(*allowed), default)
 
 
 @dataclass(frozen=True)
@@ -264,7 +270,7 @@ class Manoeuvre:
 
     duration_s: float = _within(5.0, 0.05, 1e5)
     speed_m_s: float = _within(10.0, 0.0, 120.0)
-    regime: str | None = field(default=None, metadata={"allowed": REGIMES})
+    regime: str | None = _one_of(None, *REGIMES)
 
 
 @dataclass(frozen=True)
@@ -285,7 +291,7 @@ class Sensor:
     `missing_teeth`, `extra_teeth`.
     """
 
-    kind: str = ""
+    kind: str = _one_of("", *SOURCE_UNITS)
     source: str = ""
     sampling_rate_Hz: float = _within(2500.0, 1.0, 1e6)
     angle_deg: float = _within(0.0, -360.0, 360.0)
@@ -312,15 +318,15 @@ class Sensor:
     temperature_sensitivity_nm_K: float = _within(0.010, 1e-6, 10.0)
     temperature_channel: str | None = None
     range: float | None = _within(None, 1e-9, 1e9)
-    bits: int | None = field(default=None, metadata={"range": (4, 32)})
-    steps: int = field(default=48, metadata={"range": (2, 10000)})
+    bits: int | None = _whole(None, 4, 32)
+    steps: int = _whole(48, 2, 10000)
     signal: str = _one_of("sine", "sine", "square", "counter")
     amplitude: float = _within(1.0, 1e-6, 1e3)
     offset: float = _within(0.0, -1e3, 1e3)
     pitch_error_deg: float = _within(0.0, 0.0, 5.0)
-    pitch_seed: int = field(default=0, metadata={"range": (0, 2**31)})
-    missing_teeth: tuple[int, ...] = ()
-    extra_teeth: tuple[int, ...] = ()
+    pitch_seed: int = _whole(0, 0, 2**31)
+    missing_teeth: tuple[int, ...] = key(numbers(0, whole=True), ())
+    extra_teeth: tuple[int, ...] = key(numbers(0, whole=True), ())
 
 
 @dataclass(frozen=True)
@@ -336,7 +342,7 @@ class Ramp:
     end_Pa: float = _within(2.3e5, 0.0, 1e8)
     begin_s: float = _within(1.0, 0.0, 1e5)
     end_s: float = _within(13.0, 0.1, 1e5)
-    stops_s: tuple[float, ...] = ()
+    stops_s: tuple[float, ...] = key(numbers(0.0), ())
     stop_length_s: float = _within(1.0, 0.05, 1e4)
     leak_Pa: float = _within(0.0, 0.0, 1e6)
     strain_per_Pa: float = _within(1.0e-8, -1e-5, 1e-5)
@@ -360,12 +366,12 @@ class Scenario:
     road: Road = Road()
     nuisances: Nuisances = Nuisances()
     effects: tuple[Planted, ...] = ()
-    truth: str = "beam"
-    seed: int = 0
-    grid_points: int = 2048
-    knot_s: float = 0.05
-    step_s: float = 2.5e-5
-    rounding_s: float = 0.5
+    truth: str = _one_of("beam", *TRUTHS)
+    seed: int = _whole(0, 0, 2**62)
+    grid_points: int = _whole(2048, 256, 65536)
+    knot_s: float = _within(0.05, 0.005, 0.05)
+    step_s: float = _within(2.5e-5, 1e-7, 1e-2)
+    rounding_s: float = _within(0.5, 0.05, 5.0)
     ramp: Ramp | None = None
     load_steps: tuple[LoadStep, ...] = ()
 
