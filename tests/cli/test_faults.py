@@ -96,12 +96,12 @@ def test_a_full_disk_is_told_of_the_run_that_was_asked_for(
     def full(*_: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("tirelog.runs.store.RunWriter.append", full)
+    monkeypatch.setattr("tirelog.runs.temporary.RunWriter.append", full)
     outcome = tirelog("ingest", "log.csv", "-o", "a.h5")
     assert outcome.status == 2
     assert message(outcome.err).startswith("tirelog: error: a.h5: cannot be written (No space")
     assert not list(folder.glob("*a.h5*"))
-    assert "run.h5: cannot be written (No space" in message(tirelog("speed", "log.csv").err)
+    assert "run: cannot be written (No space" in message(tirelog("speed", "log.csv").err)
 
 
 MISREAD = {

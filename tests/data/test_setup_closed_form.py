@@ -7,7 +7,7 @@ import pytest
 from tests.data.good_setup import GOOD
 from tirelog.data.setup import parse_setup, setup_beside
 from tirelog.errors import SetupError
-from tirelog.runs.column import scaled_to_si
+from tirelog.runs.temporary import scaled_to_si
 
 
 def test_a_good_setup() -> None:

@@ -75,7 +75,7 @@ def test_flips_and_cuts_end_in_a_sentence_or_in_data(name: str, tmp_path: Path) 
     assert refused < 8
 
 
-@pytest.mark.parametrize("name", ["matlab", "wav", "zip"])
+@pytest.mark.parametrize("name", ["matlab", "wav"])
 def test_a_file_cut_off_keeps_what_is_there_and_says_so(name: str, tmp_path: Path) -> None:
     data, source = MADE[name]
     whole, none = read(data, tmp_path, source)
@@ -86,11 +86,12 @@ def test_a_file_cut_off_keeps_what_is_there_and_says_so(name: str, tmp_path: Pat
     assert "cut off" in lost or "not in the file" in lost
 
 
-@pytest.mark.parametrize("name", ["matlab packed", "parquet"])
+@pytest.mark.parametrize("name", ["matlab packed", "parquet", "zip"])
 def test_a_packed_file_that_is_cut_off_before_its_end(name: str, tmp_path: Path) -> None:
     data, source = MADE[name]
-    if name == "parquet":  # its table of contents stands at the end
-        assert "no readable Parquet" in refusal(data[:-200], tmp_path, source)
+    # their tables of contents stand at the end
+    if says := {"parquet": "no readable Parquet", "zip": "zip archive is cut off"}.get(name):
+        assert says in refusal(data[:-200], tmp_path, source)
         return
     part, lost = read(data[: len(data) * 6 // 10], tmp_path, source)
     assert 0.4 * N < part.size < 0.8 * N
@@ -210,6 +211,7 @@ def test_a_channel_that_a_wav_does_not_have(tmp_path: Path) -> None:
 def encrypted() -> bytes:
     data = bytearray(zipped())
     data[6] |= 1
+    data[data.index(b"PK\1\2") + 8] |= 1
     return bytes(data)
 
 
@@ -230,7 +232,7 @@ def test_an_archive_s_checksum_is_looked_at(tmp_path: Path) -> None:
     data = bytearray(zipped(method=zipfile.ZIP_STORED))
     at = data.index(b"0.50,")
     data[at + 5 : at + 6] = b"9"
-    assert "checksum is wrong" in read(bytes(data), tmp_path)[1]
+    assert "Bad CRC-32" in read(bytes(data), tmp_path)[1]
 
 
 def test_a_table_with_a_name_twice(tmp_path: Path) -> None:

@@ -18,10 +18,10 @@ from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import Group, RawBlock
-from tirelog.runs.chunks import CHUNK, FILTERS, fletcher32
 from tirelog.runs.ingest import open_recording, write_run
-from tirelog.runs.store import RunWriter, is_run, open_run
-from tirelog.runs.store_checks import DIGEST, check_columns, contents_digest
+from tirelog.runs.store import is_run, open_run, write_file
+from tirelog.runs.store_checks import CHUNK, DIGEST, check_columns, contents_digest
+from tirelog.runs.temporary import RunWriter
 from tirelog.vocabulary.quality import Quality
 
 SETUP = """[tire]
@@ -34,31 +34,35 @@ kind = "vehicle_speed"
 source = "c"
 """
 SIZE = CHUNK + 900
+FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 
 
 def write(path: Path, times: np.ndarray | None = None) -> None:
     """A run of a strain of counts and a speed, with flags, losses and explicit times if given."""
     rng = np.random.default_rng(1)
     groups = (Group("g", ("s",), decimals={"s": 4}), Group("h", ("v",)))
-    with RunWriter(path, parse_setup(SETUP), groups, compress=True) as writer:
-        writer.append(
-            RawBlock(
-                "g",
-                {"s": np.round(rng.standard_normal(SIZE), 4)},
-                flags=(("s", 3, 5, Quality.SPIKE),),
-            )
+    folder = path.with_suffix(".samples")
+    folder.mkdir()
+    writer = RunWriter(folder, parse_setup(SETUP), groups)
+    writer.append(
+        RawBlock(
+            "g",
+            {"s": np.round(rng.standard_normal(SIZE), 4)},
+            flags=(("s", 3, 5, Quality.SPIKE),),
         )
-        writer.append(RawBlock("h", {"v": rng.random(2000)}))
-        axis = TimeAxis.uniform(2000, 100.0) if times is None else TimeAxis.of_times(times)
-        about = {
-            "losses": ["3 rows are damaged"],
-            "remarks": ["no twin"],
-            "counts": {"bad_rows": 3},
-            "repairs": {},
-        }
-        writer.finish(
-            {"g": TimeAxis.uniform(SIZE, 2500.0), "h": axis}, {"h": [(7, 9, Quality.GAP)]}, about
-        )
+    )
+    writer.append(RawBlock("h", {"v": rng.random(2000)}))
+    axis = TimeAxis.uniform(2000, 100.0) if times is None else TimeAxis.of_times(times)
+    about = {
+        "losses": ["3 rows are damaged"],
+        "remarks": ["no twin"],
+        "counts": {"bad_rows": 3},
+        "repairs": {},
+    }
+    written = writer.finish(
+        {"g": TimeAxis.uniform(SIZE, 2500.0), "h": axis}, {"h": [(7, 9, Quality.GAP)]}, about
+    )
+    write_file(written, path)
 
 
 @pytest.fixture(scope="module")
@@ -195,12 +199,22 @@ def _virtual(file: h5py.File, folder: Path) -> None:
         file["channels/s"].attrs[name] = value
 
 
+def _fletcher32(data: bytes) -> int:
+    """As HDF5's specification words it."""
+    low = high = 0
+    for word in np.frombuffer(data + b"\0" * (len(data) % 2), ">u2").tolist():
+        low += word
+        high += low
+        low, high = (low & 0xFFFF) + (low >> 16), (high & 0xFFFF) + (high >> 16)
+    return (high << 16) | low
+
+
 @cache
 def _packed() -> bytes:
     """A chunk of 300 kB that grows to 300 MB when it is unpacked."""
     packer = zlib.compressobj(1)
     packed = b"".join(packer.compress(bytes(1 << 20)) for _ in range(300)) + packer.flush()
-    return packed + fletcher32(packed).to_bytes(4, "little")
+    return packed + _fletcher32(packed).to_bytes(4, "little")
 
 
 def _inflating_chunk(file: h5py.File, folder: Path) -> None:

@@ -7,8 +7,9 @@ import numpy as np
 from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.readers.base import Group, RawBlock
-from tirelog.runs.chunks import CHUNK
-from tirelog.runs.store import RunWriter
+from tirelog.runs.store import write_file
+from tirelog.runs.store_checks import CHUNK
+from tirelog.runs.temporary import RunWriter
 from tirelog.vocabulary.quality import Quality
 
 SETUP = """[tire]
@@ -47,19 +48,20 @@ def write(
     values: dict[str, np.ndarray],
     *,
     block: int,
-    compress: bool = True,
     decimals: int | None = 4,
 ) -> None:
     group = Group("g", ("s", "t", "v"), decimals={"s": decimals, "t": 4, "v": None})
-    writer = RunWriter(path, parse_setup(SETUP), (group,), compress=compress)
+    folder = path.with_suffix(".samples")
+    folder.mkdir()
+    writer = RunWriter(folder, parse_setup(SETUP), (group,))
     for start in range(0, SIZE, block):
         part = {name: v[start : start + block] for name, v in values.items()}
         flags = (("s", 1, 3, Quality.SPURIOUS_PEAK),) if start == 0 else ()
         writer.append(RawBlock("g", part, flags=flags))
     axis = TimeAxis(SIZE, 2500.0, np.array([0, 5000]), np.array([0.0, 3.0]), np.array([4e-4, 4e-4]))
-    writer.finish(
+    run = writer.finish(
         {"g": axis},
         {"g": [(5000, 5001, Quality.GAP)]},
         {"sha256": "00", "remarks": ["a remark"], "losses": ["a loss"]},
     )
-    writer.close()
+    write_file(run, path)

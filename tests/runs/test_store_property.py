@@ -10,9 +10,10 @@ from tests.runs.stored import SETUP, source, write
 from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import SetupError
-from tirelog.readers.base import Group, RawBlock
-from tirelog.runs.chunks import CHUNK
-from tirelog.runs.store import RunWriter, open_run
+from tirelog.readers.base import LOST_COUNT, Group, RawBlock, counted_floats
+from tirelog.runs.store import open_run, write_file
+from tirelog.runs.store_checks import CHUNK
+from tirelog.runs.temporary import RunWriter
 from tirelog.vocabulary.quality import Quality
 
 
@@ -45,15 +46,12 @@ def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
 def test_irregular_stamps_come_back_however_few(tmp_path: Path, size: int) -> None:
     times = np.cumsum(np.random.default_rng(size).uniform(0.005, 0.05, size))
     none = np.zeros(0)
-    writer = RunWriter(
-        tmp_path / "r.h5", parse_setup(SETUP), (Group("g", ("s", "t", "v")),), compress=True
-    )
+    writer = RunWriter(tmp_path, parse_setup(SETUP), (Group("g", ("s", "t", "v")),))
     writer.append(RawBlock("g", {name: np.full(size, 1550.0) for name in ("s", "t", "v")}))
     axis = TimeAxis(
         size, 36.0, none.astype(np.int64), none, none, lambda start, stop: times[start:stop]
     )
-    writer.finish({"g": axis}, {}, {})
-    writer.close()
+    write_file(writer.finish({"g": axis}, {}, {}), tmp_path / "r.h5")
     with open_run(tmp_path / "r.h5", "r.h5") as run:
         np.testing.assert_array_equal(run.channels["v"].axis.time(0, size), times)
 
@@ -95,3 +93,37 @@ def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path)
         ),
     ):
         pass
+
+
+COUNTS = np.arange(300_000, dtype=np.int32)
+
+
+@pytest.mark.parametrize(
+    ("late", "dtype"),
+    [
+        (COUNTS[:5], "i4"),
+        (np.array([0.25, np.nan]), "i4"),
+        (np.array([0.125]), "f8"),
+        (np.array([1.0, 1e-9]), "f8"),
+    ],
+)
+def test_counts_and_floats_of_one_channel(tmp_path: Path, late: np.ndarray, dtype: str) -> None:
+    """Counts go into the run as they are; floats that are such counts join them, others make floats
+    of all, to the bit.
+    """
+    counts = COUNTS.copy()
+    counts[::1000] = LOST_COUNT
+    setup = parse_setup(
+        '[tire]\nunloaded_radius_m = 0.3\n[channels.t]\nkind = "temperature"\nsource = "a"\n'
+    )
+    writer = RunWriter(tmp_path, setup, (Group("g", ("t",), decimals={"t": 2}),))
+    for part in (counts[:1000], counts[1000:], late, counts[:10]):
+        writer.append(RawBlock("g", {"t": part}))
+    whole = np.concatenate([counted_floats(part, 2) for part in (counts, late, counts[:10])])
+    assert writer.lost == {"t": np.isnan(whole).sum()}
+    run = writer.finish({"g": TimeAxis.uniform(whole.size, 100.0)}, {}, {})
+    write_file(run, tmp_path / "r.h5")
+    with h5py.File(tmp_path / "r.h5") as file:
+        stored = file["channels/t"]
+        assert stored.dtype == dtype
+        np.testing.assert_array_equal(counted_floats(stored[:], 2), whole)

@@ -1,10 +1,10 @@
 """From a log to a run: the one way in for every command.
 
     bytes --reader--> raw blocks --clock--> time axes
-                          \\--store--> run file        (one pass, bounded memory)
+                          \\--store--> run            (one pass, bounded memory)
 
 `open_recording` is what commands call: a run is opened as it is; any other log is ingested first
-into a temporary run (uncompressed, in the folder for temporary files), so that a log, its run and
+into a temporary run (flat files in the folder for temporary files), so that a log, its run and
 standard input give the same rows by construction.
 """
 
@@ -30,7 +30,8 @@ from tirelog.readers.extra.formats import FORMATS
 from tirelog.readers.other.converted import Converted
 from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
-from tirelog.runs.store import RunWriter, is_run, open_run
+from tirelog.runs.store import is_run, open_run, recording_of, write_file
+from tirelog.runs.temporary import Run, RunWriter
 from tirelog.storage.documents import LARGEST_BYTES, refuse_other_role
 from tirelog.storage.remote import address, open_input, shown
 from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
@@ -274,17 +275,16 @@ def log_part(stream: io.RawIOBase | BinaryIO, log: str) -> bytes:
 def ingest(
     log: str,
     setup: Setup | None,
-    path: Path,
+    folder: Path,
     *,
-    compress: bool,
     blocks: int | None = None,
     hashed: bool = False,
-) -> IngestSummary:
-    """Write the run of `log` ('-' for standard input) to `path`.
+) -> tuple[IngestSummary, Run]:
+    """The run of `log` ('-' for standard input), of flat files in `folder`.
 
     In one pass over its blocks (or the first `blocks` of them). With `hashed` its sha256 is in the
     provenance, which for a text log takes as long as reading it: for who keeps or prints it. What
-    the system raises if `path` cannot be written is left to the caller, who knows its name.
+    the system raises if nothing can be written is left to the caller, who knows what it is for.
     ReadError: nothing could be read. SetupError: no setup, or it does not fit. What was lost,
     though the rest could be read, is in the summary's `losses` and in the run.
     """
@@ -307,8 +307,10 @@ def ingest(
                 reader = reader_of(stream, opened, setup, log)
             except OSError as problem:
                 raise _unreadable(log, problem) from None
-            _write(reader, reader.setup, path, summary, stream, compress, blocks)
-    return summary
+            run = _write(
+                RunWriter(folder, reader.setup, reader.groups), reader, summary, stream, blocks
+            )
+    return summary, run
 
 
 def read_head(raw: BinaryIO, log: str) -> bytes:
@@ -356,65 +358,60 @@ def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
 
 
 def _write(
+    writer: RunWriter,
     reader: LogReader,
-    setup: Setup,
-    path: Path,
     summary: IngestSummary,
     stream: LogStream,
-    compress: bool,
     blocks: int | None,
-) -> None:
+) -> Run:
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
-    clocks = {group.name: clock_of(group, setup) for group in reader.groups}
-    with RunWriter(path, setup, reader.groups, compress=compress) as writer:
-        whole = True
-        for number, block in enumerate(_blocks(reader, summary)):
-            if number == blocks:
-                whole = False
-                summary.remarks.append(
-                    f"only the first {sum(summary.samples.values())} samples were looked at"
-                )
-                break
-            rows = writer.append(block)
-            clocks[block.group].add(block.stamps_s, block.number, rows)
-            summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
-        if not any(summary.samples.values()):
-            raise ReadError(
-                "holds no samples",
-                allowed="a log has rows under its header",
-                do="record it again",
-                file=summary.log,
+    clocks = {group.name: clock_of(group, writer.setup) for group in reader.groups}
+    whole = True
+    for number, block in enumerate(_blocks(reader, summary)):
+        if number == blocks:
+            whole = False
+            summary.remarks.append(
+                f"only the first {sum(summary.samples.values())} samples were looked at"
             )
-        lost = {
-            name: n for name, n in writer.flush().items() if _size(reader.groups, summary, name)
-        }
-        report = reader.report
-        summary.format, summary.start, summary.counts = (
-            report.format,
-            report.start,
-            dict(report.counts),
+            break
+        rows = writer.append(block)
+        clocks[block.group].add(block.stamps_s, block.number, rows)
+        summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
+    if not any(summary.samples.values()):
+        raise ReadError(
+            "holds no samples",
+            allowed="a log has rows under its header",
+            do="record it again",
+            file=summary.log,
         )
-        summary.counts.update({f"lost_samples {name}": n for name, n in lost.items()})
-        summary.losses += report.losses
-        summary.remarks += report.remarks
-        for name, n in lost.items():
-            if n == _size(reader.groups, summary, name):
-                summary.remarks.append(f"channel {name} has no reading at all")
-        axes, flags = {}, {}
-        for name, clock in clocks.items():
-            try:
-                axes[name] = clock.axis()
-            except (ReadError, SetupError) as problem:
-                if report.damage:
-                    raise of_damaged(report.damage, problem, summary.log) from None
-                raise problem.at(summary.log) from None
-            flags[name] = clock.flags
-            summary.repairs[name] = dict(clock.repairs)
-            summary.remarks += clock.remarks
-        summary.remarks += _setup_remarks(setup, set(lost))
-        if whole:
-            summary.sha256, summary.bytes = stream.finish(), stream.size
-        writer.finish(axes, flags, summary.provenance(setup))
+    lost = {name: n for name, n in writer.lost.items() if _size(reader.groups, summary, name)}
+    report = reader.report
+    summary.format, summary.start, summary.counts = (
+        report.format,
+        report.start,
+        dict(report.counts),
+    )
+    summary.counts.update({f"lost_samples {name}": n for name, n in lost.items()})
+    summary.losses += report.losses
+    summary.remarks += report.remarks
+    for name, n in lost.items():
+        if n == _size(reader.groups, summary, name):
+            summary.remarks.append(f"channel {name} has no reading at all")
+    axes, flags = {}, {}
+    for name, clock in clocks.items():
+        try:
+            axes[name] = clock.axis()
+        except (ReadError, SetupError) as problem:
+            if report.damage:
+                raise of_damaged(report.damage, problem, summary.log) from None
+            raise problem.at(summary.log) from None
+        flags[name] = clock.flags
+        summary.repairs[name] = dict(clock.repairs)
+        summary.remarks += clock.remarks
+    summary.remarks += _setup_remarks(writer.setup, set(lost))
+    if whole:
+        summary.sha256, summary.bytes = stream.finish(), stream.size
+    return writer.finish(axes, flags, summary.provenance(writer.setup))
 
 
 def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
@@ -473,21 +470,17 @@ def open_recording(
             yield check_recording(recording) if check else recording
         return
     with temporary_folder() as folder:
-        run = folder / "run.h5"
-        with failed_writes(run):
-            ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
-        with open_run(run, shown(log), setup, temporary=True) as recording:
-            yield check_recording(recording) if check else recording
+        with failed_writes(folder / "run"):
+            _, run = ingest(log, setup, folder, blocks=blocks, hashed=hashed)
+        recording = recording_of(run, shown(log), setup)
+        yield check_recording(recording) if check else recording
 
 
 def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
     """`ingest -o`: the run of `log`, compressed, whole under the name `output` or not at all."""
-    with whole_file(output) as part:
-        summary = ingest(log, setup, part, compress=True, hashed=True)
-        with open_run(part, log, setup) as recording:
-            summary.remarks += [
-                remark
-                for remark in check_recording(recording).remarks
-                if remark not in summary.remarks
-            ]
+    with whole_file(output) as part, temporary_folder() as folder:
+        summary, run = ingest(log, setup, folder, hashed=True)
+        checked = check_recording(recording_of(run, log, setup))
+        write_file(run, part)
+        summary.remarks += [remark for remark in checked.remarks if remark not in summary.remarks]
         return summary

@@ -1,4 +1,10 @@
-"""The run file: HDF5 that any tool can open, written whole or not at all, checksummed throughout.
+"""A run: what a log becomes, in flat files while a command is at work, or kept as one HDF5 file.
+
+    raw blocks --RunWriter--> Run of flat files --recording_of--> Recording
+                                   |     ^
+                              write_file  open_run
+                                   v     |
+    HDF5 that any tool can open, written whole or not at all, checksummed throughout:
 
     /                   tirelog_run = format version; contents_sha256 (`store_checks`)
     /setup              bytes of the setup's text       /provenance     JSON: source, sha256,
@@ -10,43 +16,40 @@
                         kind, unit, scale_factor, add_offset (stored number to SI), decimals, sha256
     /flags/<name>       start, stop, word
 
-Data chunks carry fletcher32 (but for those of a temporary run, which no other command reads), and
-the file is of HDF5's "v110" kind, whose metadata has checksums too; nothing is of variable length,
-as HDF5's heap has none. A flipped bit is found when it is read: a chunk of samples becomes NaN, and
-the recording's losses say so; anywhere else the run is refused. Format 1, which kept its texts in
-the heap, is not read.
+Data chunks carry fletcher32, and the file is of HDF5's "v110" kind, whose metadata has checksums
+too; nothing is of variable length, as HDF5's heap has none. A flipped bit is found when it is read:
+a chunk of samples becomes NaN, and the recording's losses say so; anywhere else the run is refused.
+Format 1, which kept its texts in the heap, is not read.
 """
 
 from __future__ import annotations
 
-import io
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.errors import ReadError, SetupError, printable
-from tirelog.readers.base import LOST_COUNT, Group, RawBlock
+from tirelog.readers.base import LOST_COUNT
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
-from tirelog.runs.chunks import CHUNK, ChunkWriter
-from tirelog.runs.column import DatasetWriter, scaled_to_si
-from tirelog.runs.direct import POSSIBLE, Direct
 from tirelog.runs.held import repeats, without_repeats
 from tirelog.runs.store_checks import (
+    CHUNK,
     COLUMN_DIGEST,
     DIGEST,
     attribute,
     axis_at,
     check_columns,
     check_open,
-    column_digest,
     contents_digest,
     dataset_at,
     flags_at,
@@ -54,6 +57,7 @@ from tirelog.runs.store_checks import (
     text_at,
     text_in,
 )
+from tirelog.runs.temporary import Run, Stored, scaled_to_si
 from tirelog.storage.documents import LARGEST_BYTES
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS
@@ -68,111 +72,87 @@ MOST_WORDS, MOST_LETTERS = 5, 40
 _TWIN_REACH = 4096
 #: decimals of a count: more than any instrument writes, and a power of ten that is finite
 MOST_DECIMALS = 64
-_CACHE_BYTES = (
-    1 << 18
-)  # of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
+#: of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
+_CACHE_BYTES = 1 << 18
+#: how a kept run's samples are stored
+_FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 
 
-class RunWriter(AbstractContextManager["RunWriter"]):
-    """Writes a run, block by block, to `path` (which the caller makes whole or removes).
+def write_file(run: Run, path: Path) -> None:
+    """Write a run to `path`, which the caller makes whole or removes."""
+    with h5py.File(path, "w", libver=("v110", "v110"), rdcc_nbytes=_CACHE_BYTES) as file:
+        file.attrs["tirelog_run"] = FORMAT_VERSION
+        for name, axis in run.axes.items():
+            _write_axis(file.create_group(f"groups/{name}"), axis)
+        for name, stored in run.channels.items():
+            _write_channel(file, name, stored, run.setup.channels[name])
+            _write_flags(file, name, stored.flags)
+        _write_text(file, "setup", run.setup.text)
+        _write_text(file, "provenance", json.dumps(run.provenance, default=str))
+        file.attrs[DIGEST] = np.bytes_(contents_digest(file))
 
-    `compress` is for runs that are kept: their samples are compressed and carry checksums.
-    """
 
-    def __init__(
-        self, path: Path, setup: Setup, groups: tuple[Group, ...], *, compress: bool
-    ) -> None:
-        self.setup, self.groups, self.kept = setup, groups, compress
-        self.file = h5py.File(path, "w", libver=("v110", "v110"), rdcc_nbytes=_CACHE_BYTES)
-        self.file.attrs["tirelog_run"] = FORMAT_VERSION
-        self._chunks = ChunkWriter(compress=compress)
-        self._columns = {
-            n: DatasetWriter(self.file, n, group.decimals.get(n), self._chunks)
-            for group in groups
-            for n in group.channels
-        }
-        self._rows = {group.name: 0 for group in groups}
-        self._flags: dict[str, list[Doubt]] = {name: [] for name in self._columns}
+def _write_text(file: h5py.File, name: str, text: str) -> None:
+    stored = np.frombuffer(text.encode("utf-8", "backslashreplace"), np.uint8)
+    place = file.create_dataset(name, data=stored, chunks=True, fletcher32=True)
+    place.attrs["size"] = stored.size
 
-    def append(self, block: RawBlock) -> int:
-        """Append a block; the number of its samples."""
-        start = self._rows[block.group]
-        rows = 0
-        for name, values in block.values.items():
-            self._columns[name].append(values)
-            rows = values.size
-        for name, first, stop, word in block.flags:
-            self._flags[name].append((start + first, start + stop, word))
-        self._rows[block.group] += rows
-        return rows
 
-    def finish(
-        self,
-        axes: Mapping[str, TimeAxis],
-        flags: Mapping[str, list[Doubt]],
-        provenance: Mapping[str, Any],
-    ) -> None:
-        """Write time axes, flags on whole groups, setup, provenance; the file is then complete."""
-        self.flush()
-        for group in self.groups:
-            self._axis(group.name, axes[group.name])
-            for name in group.channels:
-                self._columns[name].finish(group.name, self.setup.channels[name])
-                self._write_flags(name, self._flags[name] + list(flags.get(group.name, [])))
-        self._text("setup", self.setup.text)
-        self._text("provenance", json.dumps(provenance, default=str))
-        if self.kept:
-            self.file.attrs[DIGEST] = np.bytes_(contents_digest(self.file))
-
-    def _text(self, name: str, text: str) -> None:
-        stored = np.frombuffer(text.encode("utf-8", "backslashreplace"), np.uint8)
-        place = self.file.create_dataset(name, data=stored, chunks=True, fletcher32=True)
-        place.attrs["size"] = stored.size
-
-    def _axis(self, name: str, axis: TimeAxis) -> None:
-        place = self.file.create_group(f"groups/{name}")
-        place.attrs.update(rate_Hz=axis.rate_Hz, size=axis.size)
-        options = {"chunks": True, "fletcher32": True}
-        if axis.explicit is None:
-            for key in ("first", "start_s", "period_s"):
-                place.create_dataset(key, data=getattr(axis, key), **options)
-            return
+def _write_axis(place: h5py.Group, axis: TimeAxis) -> None:
+    place.attrs.update(rate_Hz=axis.rate_Hz, size=axis.size)
+    if axis.explicit is not None:
         # HDF5 refuses a chunk that is longer than a dataset of fixed size, as a few stamps are
         chunks = (min(CHUNK, axis.size),)
         times = place.create_dataset(
             "time_s", shape=(axis.size,), dtype="f8", chunks=chunks, fletcher32=True
         )
-        for start in range(0, axis.size, CHUNK):
-            times[start : start + CHUNK] = axis.explicit(start, min(start + CHUNK, axis.size))
-        if self.kept:
-            times.attrs[COLUMN_DIGEST] = np.bytes_(column_digest(times))
+        _write_column(times, axis.explicit)
+        return
+    for key in ("first", "start_s", "period_s"):
+        place.create_dataset(key, data=getattr(axis, key), chunks=True, fletcher32=True)
 
-    def _write_flags(self, name: str, doubts: list[Doubt]) -> None:
-        if not doubts:
-            return
-        flags = sorted((start, stop, flag.word) for start, stop, flag in doubts)
-        place = self.file.create_group(f"flags/{name}")
-        for key, values in (("start", [f[0] for f in flags]), ("stop", [f[1] for f in flags])):
-            place.create_dataset(key, data=np.array(values, np.int64), chunks=True, fletcher32=True)
-        words = np.array([f[2].encode() for f in flags])
-        place.create_dataset("word", data=words, chunks=True, fletcher32=True)
 
-    def flush(self) -> dict[str, int]:
-        """How many samples of each channel are lost.
+def _write_column(dataset: h5py.Dataset, read: Callable[[int, int], NDArray[Any]]) -> None:
+    """Fill a long column, and write its digest."""
+    digest = hashlib.sha256()
+    for start in range(0, dataset.size, CHUNK):
+        part = read(start, min(start + CHUNK, dataset.size))
+        dataset[start : start + CHUNK] = part
+        digest.update(part.astype(part.dtype.newbyteorder("<"), copy=False).data)
+    dataset.attrs[COLUMN_DIGEST] = np.bytes_(digest.hexdigest())
 
-        All samples are in the file after this, and nothing may follow.
-        """
-        for column in self._columns.values():
-            column.flush()
-        self._chunks.flush()
-        return {name: column.lost for name, column in self._columns.items()}
 
-    def close(self) -> None:
-        self._chunks.close()
-        self.file.close()
+def _write_channel(file: h5py.File, name: str, stored: Stored, channel: ChannelSetup) -> None:
+    """The samples, and what a reader of the file has to know about them."""
+    dataset = file.create_dataset(
+        f"channels/{name}",
+        shape=(stored.size,),
+        maxshape=(None,),
+        chunks=(CHUNK,),
+        dtype=stored.dtype,
+        **_FILTERS,
+    )
+    _write_column(dataset, lambda start, stop: stored.read(start, stop, []))
+    factor, offset = scaled_to_si(channel)
+    unit = KINDS[channel.kind].to_si(channel.source_unit)[2]
+    words = {"group": stored.group, "kind": channel.kind, "unit": unit, "source": channel.source}
+    words |= {"source_unit": channel.source_unit}
+    for key, text in words.items():  # of a fixed length: HDF5's heap has no checksum
+        dataset.attrs[key] = np.bytes_(text.encode("utf-8", "backslashreplace") or b"\0")
+    scale = factor / 10.0 ** max(stored.decimals, 0)
+    dataset.attrs.update(scale_factor=scale, add_offset=offset, decimals=stored.decimals)
+    if stored.dtype.kind == "i":
+        dataset.attrs["_FillValue"] = np.int32(LOST_COUNT)
 
-    def __exit__(self, kind: object, value: object, trace: object) -> None:
-        self.close()
+
+def _write_flags(file: h5py.File, name: str, flags: tuple[Doubt, ...]) -> None:
+    if not flags:
+        return
+    place = file.create_group(f"flags/{name}")
+    for key, values in (("start", [f[0] for f in flags]), ("stop", [f[1] for f in flags])):
+        place.create_dataset(key, data=np.array(values, np.int64), chunks=True, fletcher32=True)
+    words = np.array([flag.word.encode() for _, _, flag in flags])
+    place.create_dataset("word", data=words, chunks=True, fletcher32=True)
 
 
 def is_run(path: Path | str) -> bool:
@@ -197,14 +177,10 @@ def changed_columns(path: Path | str) -> list[str]:
 
 
 @contextmanager
-def open_run(
-    path: Path | str, log: str, setup: Setup | None = None, *, temporary: bool = False
-) -> Iterator[Recording]:
+def open_run(path: Path | str, log: str, setup: Setup | None = None) -> Iterator[Recording]:
     """The run at `path` as a Recording that reads its channels in slices while the context is open.
 
-    `setup` replaces the stored one: tire, conditions and the conversions of channels of the same
-    name. `temporary`: nobody but this process has written to it, and its samples are neither
-    compressed nor checked. ReadError: not a run, or its inside is damaged.
+    `setup` as of `recording_of`. ReadError: not a run, or its inside is damaged.
     """
     try:
         file = h5py.File(path, "r", rdcc_nbytes=_CACHE_BYTES)
@@ -215,11 +191,9 @@ def open_run(
             do="ingest it again",
             file=log,
         ) from None
-    with ExitStack() as opened:
-        opened.enter_context(file)
-        whole = opened.enter_context(open(path, "rb", buffering=0)) if temporary else None
+    with file:
         try:
-            recording = _recording(file, log, setup, whole)
+            recording = recording_of(_checked_run(file, log), log, setup)
         except SetupError:
             raise
         except ReadError as problem:
@@ -239,11 +213,8 @@ def _short(problem: BaseException) -> str:
     return str(problem).splitlines()[0][:120] if str(problem) else type(problem).__name__
 
 
-def _recording(
-    file: h5py.File, log: str, setup: Setup | None, whole: io.FileIO | None
-) -> Recording:
-    """What the run says; `whole`: the file, if only this process has written to it."""
-    own = whole is not None
+def _checked_run(file: h5py.File, log: str) -> Run:
+    """What the file says, once all of it but the samples is known to be what was written."""
     version = attribute(file, "tirelog_run")
     if version != FORMAT_VERSION:
         raise ReadError(
@@ -251,46 +222,87 @@ def _recording(
             allowed=f"this tirelog reads {FORMAT_VERSION}",
             do="ingest the log again",
         )
-    if not own and contents_digest(file) != text_in(file, DIGEST):
+    if contents_digest(file) != text_in(file, DIGEST):
         raise ReadError(
             "its contents are not those that were written (sha256)",
             do="copy it again, or ingest the log again",
         )
     provenance = provenance_at(file)
-    stored = parse_setup(
+    setup = parse_setup(
         text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log)
     )
-    stored = _with_units(stored, file)
-    setup = _with_units(setup, file) if setup else stored
-    losses: list[str] = provenance["losses"]
-    said: list[str] = []
+    axes = {name: axis_at(file, name) for name in walk(file, "groups")}
     foreign: set[str] = set()
-    axes = {name: axis_at(file, name, own=own) for name in walk(file, "groups")}
-    channels: dict[str, Channel] = {}
     held = walk(file, "channels")
-    for name, known in stored.channels.items():
-        if name in held:
-            dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK, own=own)
-            axis = axes[text_in(dataset, "group")]
-            if dataset.size != axis.size:
-                raise ReadError(
-                    f"channel {name} has {dataset.size} samples and {axis.size} times",
-                    do="ingest the log again",
-                )
-            used = setup.channels.get(name, known)
-            if used.kind != known.kind:
-                raise SetupError(
-                    f"channel {name} is {known.kind} in the run, {used.kind} in the setup",
-                    do="mend the setup",
-                    file=log,
-                )
-            flags = flags_at(file, name, axis.size, foreign, own=own)
-            channels[name] = _channel(name, dataset, used, axis, flags, losses, whole)
-            # what is damaged is said when it is asked for
-            held_values = repeats(_channel(name, dataset, used, axis, flags, [], whole))
-            if held_values is not None:
-                channels[name] = without_repeats(channels[name], held_values)
-                said.append(f"{name}: {held_values.remark}")
+    channels = {
+        name: _stored_at(file, name, axes, foreign) for name in setup.channels if name in held
+    }
+    return Run(setup, axes, channels, provenance, foreign)
+
+
+def _stored_at(
+    file: h5py.File, name: str, axes: Mapping[str, TimeAxis], foreign: set[str]
+) -> Stored:
+    """A channel of a file, whose samples are checked when they are read."""
+    dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK)
+    group = text_in(dataset, "group")
+    size = axes[group].size
+    if dataset.size != size:
+        raise ReadError(
+            f"channel {name} has {dataset.size} samples and {size} times",
+            do="ingest the log again",
+        )
+    decimals = attribute(dataset, "decimals") if dataset.dtype.kind == "i" else -1
+    if decimals > MOST_DECIMALS or decimals != int(decimals) or decimals < -1:
+        raise ReadError(
+            f"channel {name} has counts of {decimals:g} decimals", do="ingest the log again"
+        )
+
+    def read(start: int, stop: int, losses: list[str]) -> NDArray[Any]:
+        check_open(bool(dataset))
+        return _read(dataset, start, stop, name, losses)
+
+    return Stored(
+        group,
+        text_in(dataset, "kind"),
+        text_in(dataset, "source_unit"),
+        size,
+        dataset.dtype,
+        decimals,
+        read,
+        flags_at(file, name, size, foreign),
+    )
+
+
+def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
+    """A run as a Recording.
+
+    `setup` replaces the run's own: tire, conditions and the conversions of channels of the same
+    name. SetupError: a channel of it is of another kind.
+    """
+    own = _with_units(run.setup, run)
+    setup = _with_units(setup, run) if setup else own
+    losses: list[str] = run.provenance["losses"]
+    said: list[str] = []
+    channels: dict[str, Channel] = {}
+    for name, known in own.channels.items():
+        if name not in run.channels:
+            continue
+        stored = run.channels[name]
+        used = setup.channels.get(name, known)
+        if used.kind != known.kind:
+            raise SetupError(
+                f"channel {name} is {known.kind} in the run, {used.kind} in the setup",
+                do="mend the setup",
+                file=log,
+            )
+        axis = run.axes[stored.group]
+        channels[name] = _channel(name, stored, used, axis, losses)
+        # what is damaged is said when it is asked for
+        held_values = repeats(_channel(name, stored, used, axis, []))
+        if held_values is not None:
+            channels[name] = without_repeats(channels[name], held_values)
+            said.append(f"{name}: {held_values.remark}")
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -304,8 +316,8 @@ def _recording(
         log,
         {name: channels[name] for name in order},
         setup,
-        provenance,
-        (*provenance.get("remarks", ()), *said, *_about_foreign(foreign)),
+        run.provenance,
+        (*run.provenance.get("remarks", ()), *said, *_about_foreign(run.foreign)),
         losses,
     )
 
@@ -322,59 +334,39 @@ def _about_foreign(words: set[str]) -> tuple[str, ...]:
     )
 
 
-def _with_units(setup: Setup, file: h5py.File) -> Setup:
+def _with_units(setup: Setup, run: Run) -> Setup:
     """The setup with the units that were taken from the log itself, if it names none.
 
     The run keeps them with its samples.
     """
     channels = dict(setup.channels)
-    held = walk(file, "channels")
     for name, channel in setup.channels.items():
-        if channel.unit is not None or name not in held:
-            continue
-        about = walk(file, f"channels/{name}")
-        if text_in(about, "kind") == channel.kind:
-            unit = text_in(about, "source_unit")
-            KINDS[channel.kind].to_si(unit)
-            channels[name] = replace(channel, unit=unit)
+        stored = run.channels.get(name)
+        if channel.unit is None and stored is not None and stored.kind == channel.kind:
+            KINDS[channel.kind].to_si(stored.unit)
+            channels[name] = replace(channel, unit=stored.unit)
     return replace(setup, channels=channels)
 
 
 def _channel(
-    name: str,
-    dataset: h5py.Dataset,
-    channel: ChannelSetup,
-    axis: TimeAxis,
-    flags: tuple[Doubt, ...],
-    losses: list[str],
-    whole: io.FileIO | None,
+    name: str, stored: Stored, channel: ChannelSetup, axis: TimeAxis, losses: list[str]
 ) -> Channel:
-    """A channel whose samples are read, and scaled to SI, slice by slice.
-
-    `whole`: as of `_recording`.
-    """
+    """A channel whose samples are read, and scaled to SI, slice by slice."""
     factor, offset = scaled_to_si(channel)
-    counts = dataset.dtype.kind == "i"
-    decimals = attribute(dataset, "decimals") if counts else 0
-    if not (0 <= decimals <= MOST_DECIMALS and decimals == int(decimals)):
-        raise ReadError(
-            f"channel {name} has counts of {decimals:g} decimals", do="ingest the log again"
-        )
-    scale = factor / 10.0 ** int(decimals)
-
-    def checked(start: int, stop: int) -> np.ndarray:
-        check_open(bool(dataset))
-        return _read(dataset, start, stop, name, losses)
-
-    read = checked if whole is None or not POSSIBLE else Direct(dataset, whole)
-    lost = LOST_COUNT if counts else None
-    samples = Scaled(read, scale, offset, lost, at_hand=whole is not None)
+    counts = stored.dtype.kind == "i"
+    scale = factor / 10.0 ** max(int(stored.decimals), 0)
+    samples = Scaled(
+        lambda start, stop: stored.read(start, stop, losses),
+        scale,
+        offset,
+        LOST_COUNT if counts else None,
+        at_hand=stored.at_hand,
+    )
     more = {
         key: getattr(channel, key)
         for key in ("steps", "gauge_length_m")
         if getattr(channel, key) is not None
     }
-    resolution = abs(scale) if counts else 0.0
     return Channel(
         name,
         channel.kind,
@@ -382,8 +374,8 @@ def _channel(
         axis,
         samples,
         channel.surface or "outer",
-        resolution,
-        flags,
+        abs(scale) if counts else 0.0,
+        stored.flags,
         more,
     )
 

@@ -30,10 +30,11 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.runs.chunks import CHUNK
 from tirelog.storage.documents import json_value
 from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
+#: samples per chunk of a run
+CHUNK = 1 << 15
 DIGEST = "contents_sha256"
 COLUMN_DIGEST = "sha256"
 #: bytes of the provenance's text: one line for each chunk of ten hours that is damaged takes less
@@ -50,14 +51,13 @@ _PROVENANCE = {"losses": list, "remarks": list, "repairs": dict, "counts": dict}
 
 
 def dataset_at(
-    file: h5py.File, path: str, kind: str = "", chunk: int | None = None, *, own: bool = False
+    file: h5py.File, path: str, kind: str = "", chunk: int | None = None
 ) -> h5py.Dataset:
     """The dataset at `path`, one axis long, of numbers of a `kind`. ReadError says what is refused.
 
-    `chunk` is the length that its chunks must have: what is read at once is then bounded.  `own` is
-    for a temporary run, to which nobody but this process has written: it is taken as it is.
+    `chunk` is the length that its chunks must have: what is read at once is then bounded.
     """
-    return file[path] if own else _checked(path, walk(file, path), kind, chunk)
+    return _checked(path, walk(file, path), kind, chunk)
 
 
 def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> h5py.Dataset:
@@ -186,8 +186,8 @@ def provenance_at(file: h5py.File) -> dict[str, Any]:
     return {**told, **lines}
 
 
-def axis_at(file: h5py.File, name: str, *, own: bool = False) -> TimeAxis:
-    """The time axis of a group: finite, forwards, as long as it says; `own` as of `dataset_at`."""
+def axis_at(file: h5py.File, name: str) -> TimeAxis:
+    """The time axis of a group: finite, forwards, as long as it says."""
     path = f"groups/{name}"
     place = walk(file, path)
     if not isinstance(place, h5py.Group):
@@ -201,11 +201,9 @@ def axis_at(file: h5py.File, name: str, *, own: bool = False) -> TimeAxis:
             "ingest the log again",
         )
     if "time_s" in place:
-        return _explicit(file, f"{path}/time_s", int(size), rate, own)
+        return _explicit(file, f"{path}/time_s", int(size), rate)
     kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
-    parts = [dataset_at(file, f"{path}/{key}", kind, own=own) for key, kind in kinds.items()]
-    if own:
-        return TimeAxis(int(size), rate, *(part[:] for part in parts))
+    parts = [dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items()]
     if len({part.size for part in parts}) > 1 or not 0 < parts[0].size <= LARGEST_LIST:
         raise refuse(
             path,
@@ -236,18 +234,18 @@ def axis_at(file: h5py.File, name: str, *, own: bool = False) -> TimeAxis:
     )
 
 
-def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> TimeAxis:
+def _explicit(file: h5py.File, path: str, size: int, rate: float) -> TimeAxis:
     """An axis of one time for each sample.
 
     All are looked at: a damaged one has no time to lose it at.
     """
-    times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1), own=own)
+    times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1))
     if times.size != size:
         raise refuse(
             path, f"has {times.size} times for {size} samples", "one each", "ingest the log again"
         )
     last = -np.inf
-    for start in range(0, 0 if own else size, CHUNK):
+    for start in range(0, size, CHUNK):
         part = times[start : start + CHUNK]
         if (
             not np.isfinite(part).all()
@@ -272,10 +270,8 @@ def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> 
     return TimeAxis(size, rate, none.astype(np.int64), none, none, explicit)
 
 
-def flags_at(
-    file: h5py.File, name: str, size: int, foreign: set[str], *, own: bool = False
-) -> tuple[Doubt, ...]:
-    """The flags of a channel of `size` samples; `own` as of `dataset_at`.
+def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[Doubt, ...]:
+    """The flags of a channel of `size` samples.
 
     A word that is not of the register comes to `foreign`, and is a foreign doubt.
     """
@@ -283,9 +279,7 @@ def flags_at(
     if "flags" not in file or name not in walk(file, "flags"):
         return ()
     kinds = {"start": "iu", "stop": "iu", "word": "S"}
-    start, stop, words = (
-        dataset_at(file, f"{path}/{key}", kind, own=own) for key, kind in kinds.items()
-    )
+    start, stop, words = (dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items())
     if not start.size == stop.size == words.size <= LARGEST_LIST:
         raise refuse(path, "has flags of several sizes", "one size", "ingest the log again")
     texts = [word.decode("utf-8") for word in words[:]]

@@ -1,9 +1,9 @@
 """Messages of one MCAP channel to numbers.
 
-By layout with numpy if layouts repeat, by pyarrow for JSON, else by the library one by one.
+By layout with numpy if layouts repeat, else by the library one by one, as all JSON is.
 
-    Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths`
-                                              (n,) if a message holds a batch
+    Table, wants --plans | library--> FieldColumn per want: `values` flat float64, `lengths` (n,) if
+                                      a message holds a batch
 
 The library's decoder is the authority: a plan is used only if it gives the numbers that the library
 gives for its template.
@@ -128,11 +128,6 @@ class ChannelDecoder:
         ]
 
     def read_piece(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
-        if self.encoding == "json":
-            from tirelog.readers.mcap.json_messages import read_messages
-
-            columns = read_messages(table, wants)
-            return columns if columns is not None else self.read_slowly(table, wants)
         if self.plan_of is None:
             return self.read_slowly(table, wants)
         return self._read_by_plans(table, wants)

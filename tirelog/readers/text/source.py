@@ -6,12 +6,15 @@ Plain, gzip, zstd, xz or the one file of a zip, from a file or from standard inp
 
 Memory that is new to a process costs more than what is read into it, so blocks are given back and
 filled again. Nothing seeks, so standard input serves as well as a file. A compressed stream that is
-cut off or damaged gives what could be unpacked; `ByteSource.problem` then says so.
+cut off or damaged gives what could be unpacked; `ByteSource.problem` then says so. A zip archive is
+copied to a temporary file, as its list of files stands at its end: cut off, it gives nothing.
 """
 
 from __future__ import annotations
 
 import lzma
+import tempfile
+import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
@@ -19,7 +22,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tirelog.errors import ReadError
-from tirelog.readers.text.zipped import NotReadOn, unzipped
 
 #: bytes that sniffing may look at
 HEAD_BYTES = 1 << 18
@@ -34,9 +36,16 @@ _PIECE_BYTES, _UNPACKED_BYTES = 1 << 14, 1 << 11
 #: many keep who has misspelt a setup waiting for twice as long
 _LOOKED_BYTES = 1 << 28
 
+#: the bit of a zip archive's flags that says so
+_ENCRYPTED = 1
+
 _MAGIC = {
     "gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00", "zip": b"PK\3\4"
 }  # fmt: skip
+
+
+class NotReadOn(Exception):
+    """A sentence on why an archive was not read further."""
 
 
 def _unpacker(kind: str) -> Any:
@@ -56,7 +65,7 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
     EOFError if the last member is not whole.
     """
     if kind == "zip":
-        yield from unzipped(pieces)
+        yield from _unzipped(pieces)
         return
     unpacker, started = _unpacker(kind), False
     for piece in pieces:
@@ -73,6 +82,43 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
             rest = unpacker.unused_data if unpacker.eof else b""
     if started and not unpacker.eof:
         raise EOFError
+
+
+def _unzipped(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """What the archive's one file holds; folders and what a Mac adds do not count.
+
+    NotReadOn: cut off, more files than one, or a kind of packing that is not read.
+    """
+    with tempfile.TemporaryFile(prefix="tirelog-") as copy:
+        copy.writelines(pieces)
+        try:
+            archive = zipfile.ZipFile(copy)
+        except zipfile.BadZipFile as problem:
+            raise NotReadOn(f"the zip archive is cut off or damaged ({problem})") from None
+        files = [
+            file
+            for file in archive.infolist()
+            if not (file.is_dir() or file.filename.startswith("__MACOSX/"))
+        ]
+        for file in files[:1]:
+            yield from _member(archive, file)
+        for file in files[1:2]:
+            raise NotReadOn(
+                f"the zip archive holds a second file, {file.filename[:80]!r}, and one is read"
+            )
+
+
+def _member(archive: zipfile.ZipFile, file: zipfile.ZipInfo) -> Iterator[bytes]:
+    """What a file of the archive holds.  NotReadOn: as of `_unzipped`."""
+    if file.flag_bits & _ENCRYPTED:
+        raise NotReadOn("the zip archive is encrypted")
+    if file.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise NotReadOn(
+            f"the zip archive is packed by method {file.compress_type}, and deflate is read"
+        )
+    with archive.open(file) as member:
+        while part := member.read(_UNPACKED_BYTES):
+            yield part
 
 
 class ByteSource:

@@ -1,0 +1,272 @@
+"""A run while a command is at work: flat files, and what is known of them.
+
+    raw blocks --RunWriter--> Run: samples of each channel, time axes, flags, provenance
+    samples, block after block --int32 counts, float32 or float64--> flat file
+
+A channel has counts while every value is a decimal number of few digits, else floats. The choice is
+made by the data: a value that does not come back exactly promotes what has been written so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.data.recording import TimeAxis
+from tirelog.data.setup import ChannelSetup, Setup
+from tirelog.errors import ReadError
+from tirelog.readers.base import (
+    LOST_COUNT,
+    Group,
+    RawBlock,
+    Samples,
+    counted_floats,
+    lost_samples,
+)
+from tirelog.runs.store_checks import CHUNK, check_open
+from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
+from tirelog.vocabulary.quality import Doubt
+
+# P1 (1) for gratings, the table of `units` for the rest.
+#
+# Every conversion is linear in the channel's own sample, so a run keeps the source's exact counts
+# beside a factor and an offset; the temperature term of P1 (1) is the one that needs a second
+# channel, and is subtracted when samples are read.
+
+
+def scaled_to_si(channel: ChannelSetup) -> tuple[float, float]:
+    """(factor, offset): SI value = factor x recorded value + offset.
+
+    fbg_strain: strain_gain (lambda - lambda_0) / lambda_0 (P1 (1), without its thermal term).
+    fbg_temperature: T - T_0 = (lambda - lambda_0) / temperature_sensitivity, in K (P2 section 2).
+    """
+    scale, zero = channel.scaling
+    factor, offset = _unit_to_si(channel)
+    return factor * scale, offset + factor * zero
+
+
+def _unit_to_si(channel: ChannelSetup) -> tuple[float, float]:
+    """(factor, offset): SI value = factor x value in the channel's unit + offset."""
+    factor, offset, _ = KINDS[channel.kind].to_si(channel.source_unit)
+    if channel.kind not in WAVELENGTH_KINDS:
+        return factor, offset
+    to_nm = factor * 1e9
+    reference = channel.reference_wavelength_nm
+    assert reference is not None  # the setup has refused a grating without it
+    if channel.kind == "fbg_strain":
+        return channel.strain_gain * to_nm / reference, -channel.strain_gain
+    return (
+        to_nm / channel.temperature_sensitivity_nm_K,
+        -reference / channel.temperature_sensitivity_nm_K,
+    )
+
+
+@dataclass(frozen=True)
+class FlatFile:
+    """Numbers of one type in a file that holds nothing else; a call reads some of them.
+
+    The file is opened for each read, so threads and processes can read at a time. ReadError: the
+    file is gone, or shorter than it was.
+    """
+
+    path: Path
+    dtype: np.dtype[Any]
+
+    def __call__(self, start: int, stop: int) -> NDArray[Any]:
+        count, before = max(stop - start, 0), start * self.dtype.itemsize
+        try:
+            values = np.fromfile(self.path, self.dtype, count, offset=before)
+        except FileNotFoundError:
+            check_open(False)
+            raise
+        if values.size != count:
+            raise ReadError("the temporary run was cut off", do="run the command again")
+        return values
+
+    def append(self, values: NDArray[Any]) -> None:
+        """Write `values` (n,) behind those that are there."""
+        with self.path.open("ab") as file:
+            file.write(np.ascontiguousarray(values, self.dtype).data)
+
+
+class SamplesWriter:
+    """Writes one channel of `decimals` decimals in its source (None: binary floats).
+
+    `lost` counts its lost samples.
+    """
+
+    def __init__(self, path: Path, decimals: int | None) -> None:
+        self.path, self.lost, self.size = path, 0, 0
+        self.decimals = self._places = decimals
+        self._power = 1.0 if decimals is None else 10.0**decimals
+        self._file: FlatFile | None = None
+
+    def append(self, samples: Samples) -> None:
+        """Write a block."""
+        self.lost += lost_samples(samples)
+        stored = self._encode(samples)
+        if self._file is None:
+            self._file = FlatFile(self.path, stored.dtype)
+        elif stored.dtype != self._file.dtype:
+            self._file = self._promoted(self._file)
+        self._file.append(stored)
+        self.size += stored.size
+
+    def _encode(self, samples: Samples) -> NDArray[Any]:
+        """`samples` as counts, float32 or float64.
+
+        The smallest that this channel's blocks so far and this one fit exactly.
+        """
+        kind = None if self._file is None else self._file.dtype.str[1:]
+        if samples.dtype == np.int32 and self.decimals is not None and kind in (None, "i4"):
+            return samples
+        values = counted_floats(samples, self._places)
+        if self.decimals is not None and kind in (None, "i4"):
+            lost = np.isnan(values)
+            known = np.where(lost, 0.0, values) if lost.any() else values
+            with np.errstate(over="ignore"):  # 1e308 is no count, which the next line finds out
+                counts = np.rint(known * self._power)
+            if max(
+                counts.max(initial=0.0), -counts.min(initial=0.0)
+            ) < -LOST_COUNT - 1.0 and np.array_equal(counts / self._power, known):
+                counts[lost] = LOST_COUNT
+                return counts.astype(np.int32)
+        self.decimals = None
+        if kind in (None, "f4"):
+            with np.errstate(over="ignore"):
+                single = values.astype(np.float32)
+            if np.array_equal(single, values, equal_nan=True):
+                return single
+        return values
+
+    def _promoted(self, old: FlatFile) -> FlatFile:
+        """What is there as float64."""
+        wide = FlatFile(self.path.with_suffix(".wide"), np.dtype(np.float64))
+        for start in range(0, max(self.size, 1), CHUNK):
+            part = old(start, min(start + CHUNK, self.size))
+            wide.append(counted_floats(part, self._places))
+        wide.path.replace(self.path)
+        return FlatFile(self.path, wide.dtype)
+
+    def finish(self) -> FlatFile:
+        """All samples; nothing may follow."""
+        if self._file is None:
+            self.append(np.zeros(0))
+        assert self._file is not None
+        return self._file
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A channel of a run as its source wrote it.
+
+    `read(start, stop, losses)` gives stored numbers, and says in `losses` what is damaged;
+    `decimals`: of counts, -1 of floats; `kind` and `unit`: what the source's numbers are; `at_hand`
+    if reading costs little.
+    """
+
+    group: str
+    kind: str
+    unit: str
+    size: int
+    dtype: np.dtype[Any]
+    decimals: float
+    read: Callable[[int, int, list[str]], NDArray[Any]]
+    flags: tuple[Doubt, ...]
+    at_hand: bool = False
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run while it is open.
+
+    `axes` by group; `foreign`: words of its flags that no register has.
+    """
+
+    setup: Setup
+    axes: Mapping[str, TimeAxis]
+    channels: Mapping[str, Stored]
+    provenance: Mapping[str, Any]
+    foreign: set[str] = field(default_factory=set)
+
+
+class RunWriter:
+    """Writes a run of flat files, block by block, into the caller's `folder`."""
+
+    def __init__(self, folder: Path, setup: Setup, groups: tuple[Group, ...]) -> None:
+        self.folder, self.setup, self.groups = folder, setup, groups
+        pairs = [(group, name) for group in groups for name in group.channels]
+        self._columns = {
+            name: SamplesWriter(folder / f"{number}.samples", group.decimals.get(name))
+            for number, (group, name) in enumerate(pairs)
+        }
+        self._rows = {group.name: 0 for group in groups}
+        self._flags: dict[str, list[Doubt]] = {name: [] for name in self._columns}
+
+    def append(self, block: RawBlock) -> int:
+        """Append a block; the number of its samples."""
+        start = self._rows[block.group]
+        rows = 0
+        for name, values in block.values.items():
+            self._columns[name].append(values)
+            rows = values.size
+        for name, first, stop, word in block.flags:
+            self._flags[name].append((start + first, start + stop, word))
+        self._rows[block.group] += rows
+        return rows
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """How many samples of each channel are lost so far."""
+        return {name: column.lost for name, column in self._columns.items()}
+
+    def finish(
+        self,
+        axes: Mapping[str, TimeAxis],
+        flags: Mapping[str, list[Doubt]],
+        provenance: Mapping[str, Any],
+    ) -> Run:
+        """The run, with time axes, flags on whole groups and provenance; nothing may follow."""
+        return Run(
+            self.setup,
+            {
+                group.name: self._axis(number, axes[group.name])
+                for number, group in enumerate(self.groups)
+            },
+            {
+                name: self._stored(group.name, name, flags.get(group.name, []))
+                for group in self.groups
+                for name in group.channels
+            },
+            {**provenance, "losses": provenance.get("losses", [])},
+        )
+
+    def _stored(self, group: str, name: str, more: list[Doubt]) -> Stored:
+        column, channel = self._columns[name], self.setup.channels[name]
+        file = column.finish()
+        flags = sorted([*self._flags[name], *more], key=lambda doubt: (*doubt[:2], doubt[2].word))
+        return Stored(
+            group,
+            channel.kind,
+            channel.source_unit,
+            column.size,
+            file.dtype,
+            (column.decimals or 0) if file.dtype.kind == "i" else -1,
+            lambda start, stop, _: file(start, stop),
+            tuple(flags),
+            at_hand=True,
+        )
+
+    def _axis(self, number: int, axis: TimeAxis) -> TimeAxis:
+        """The axis, of explicit times one that several processes can read."""
+        if axis.explicit is None:
+            return axis
+        times = FlatFile(self.folder / f"{number}.times", np.dtype(np.float64))
+        for start in range(0, axis.size, CHUNK):
+            times.append(axis.explicit(start, min(start + CHUNK, axis.size)))
+        return replace(axis, explicit=times)
