@@ -155,6 +155,7 @@ def test_every_command_in_a_sentence_exists() -> None:
     assert found > 20
 
 
+@pytest.mark.slow
 def test_the_pages_run_from_top_to_bottom(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

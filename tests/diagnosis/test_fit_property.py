@@ -319,6 +319,7 @@ def under(share, model, stack):
     return model.predict(conditions, PHI)
 
 
+@pytest.mark.slow
 def test_scatter_of_the_load_is_learnt_and_the_errors_hold(waves):
     """Load that scatters from revolution to revolution and from manoeuvre to manoeuvre."""
     truth, found, chi2 = START.with_values(TRUTH), [], []

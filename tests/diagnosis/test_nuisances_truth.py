@@ -92,6 +92,7 @@ def test_a_nuisance_that_is_on_stands_beside_the_base(wheel_null):
     assert "wheel" not in allowed_nuisances(plain)
 
 
+@pytest.mark.slow
 def test_an_effect_is_named_beside_the_wheel(monkeypatch):
     stacks = measured(WHEEL, {"viscous_damping": {"damping_rate_1_s": 40.0}})
     found = search_effects(start(stacks, MODEL))

@@ -110,7 +110,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(
-    "group", [pytest.param(g, marks=[pytest.mark.slow] * (g == "page")) for g in GROUPS]
+    "group", [pytest.param(g, marks=[pytest.mark.slow] * (g in ("page", "tables"))) for g in GROUPS]
 )
 def test_every_output_is_there_without_what_only_posix_has(folder: Path, group: str) -> None:
     (folder / "O").mkdir()
