@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
+from tirelog.diagnosis.answer import excess_of
 from tirelog.diagnosis.candidates.beside import groups_of, with_best_nuisances
 from tirelog.diagnosis.rest.leftover import half_angle
 from tirelog.diagnosis.results import (
@@ -29,7 +30,6 @@ from tirelog.diagnosis.results import (
     Map,
     Rows,
     Waveforms,
-    excess_of,
 )
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences

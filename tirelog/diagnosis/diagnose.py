@@ -22,28 +22,32 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.recording import Stack
+from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
 from tirelog.diagnosis.candidates.beside import (
     groups_of,
     with_nuisances_on,
 )
-from tirelog.diagnosis.candidates.drive_next import drive_next
+from tirelog.diagnosis.candidates.drive_next import drive_next, drive_sentences
 from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisance_sizes import (
     NuisanceFound,
     alike_sentences,
     held_by_form,
+    held_sentences,
     nuisance_sentences,
     nuisances_found,
     observed,
     scatter_sentences,
 )
 from tirelog.diagnosis.candidates.quiet import quiet
-from tirelog.diagnosis.candidates.ranking import ranking_of
+from tirelog.diagnosis.candidates.ranking import ranking_of, removed_errors
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.candidates.separation import advise
 from tirelog.diagnosis.candidates.signatures import candidate_effects
@@ -59,7 +63,7 @@ from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.gratings.gather import Gathered, gathered
 from tirelog.diagnosis.rest.leftover import Leftover, describe
 from tirelog.diagnosis.rest.scattered import scattered
-from tirelog.diagnosis.results import Candidate, Comparison, plain_values
+from tirelog.diagnosis.results import Candidate, Comparison
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
     CLAIMING,
@@ -84,21 +88,35 @@ from tirelog.diagnosis.trust.checks import (
 from tirelog.diagnosis.trust.inclusion import Inclusion
 from tirelog.diagnosis.trust.stability import Each, Stability
 from tirelog.diagnosis.validity import out_of_range
-from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
+from tirelog.diagnosis.wording import (
+    NUISANCES_SAID,
+    next_command,
+    not_varied,
+    percent,
+    probability,
+    sentence_of,
+    separation_sentence,
+    strengths,
+    unexplained_sentence,
+)
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
 from tirelog.inference.fit.result import with_form_errors
 from tirelog.inference.floor import Floor
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import shown
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(AnswerRecord):
     """The answer to "which effect is missing" (contract, Diagnosis).
 
     `before` and `after`: the model as it came and with what was selected.
     """
+
+    drawn_by = "tirelog.plots.models.diagnose"
+    panel = "ranking"
 
     verdict: str
     sentence: str
@@ -175,7 +193,7 @@ class Diagnosis:
             *("gratings", "inclusion", "stability", "each"),
         )
         names = [name for name in self.__dataclass_fields__ if name not in apart]
-        told: dict[str, Any] = plain_values(
+        return plain_fields(
             {name: getattr(self, name) for name in names}
             | {"effects": [vars(c) for c in self.effects], "note": " ".join(self.notes)}
             | {"certainty": self.certainty.to_json(), "drive_next": list(self.drive_next)}
@@ -189,8 +207,81 @@ class Diagnosis:
             | ({} if self.inclusion is None else {"inclusion": self.inclusion.to_json()})
             | ({} if self.stability is None else {"stability": self.stability.to_json()})
             | ({} if self.each is None else {"each": self.each.to_json()})
+            | {"remarks": list(self.before.remarks)}
         )
-        return told
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The ranking, a row per effect."""
+        names = ("effect", "rank", "excess_removed", "p_adjusted", "selected")
+        return [
+            {name: getattr(c, name) for name in names} | {"group": ";".join(c.group)}
+            for c in self.effects
+        ]
+
+    def draw(self, path: Path, **how: str) -> list[Path]:
+        """The pictures as files: the verdict's at `path`, those of further observables beside it.
+
+        The latter come back.
+        """
+        beside: list[Path] = resolve_name(f"{self.drawn_by}:draw")(self, path, **how)
+        return beside
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return self.sentence
+
+    def below(self) -> tuple[list[AnswerTable], list[str]]:
+        """The ranking; how sure, the errors, what else is said, and what to do next."""
+        said = [self.certainty.sentence, self.errors_sentence(), *self.further_sentences()]
+        return [self.ranking_table()], [*said, *self.before.remarks]
+
+    def ranking_table(self, most: int | None = None) -> AnswerTable:
+        """The candidates by what they remove, the selected with a star; `most` strengths each."""
+        errors = removed_errors(self.found)
+        rows = [
+            [
+                ("* " if c.selected else "  ") + c.effect,
+                percent(c.excess_removed),
+                100.0 * errors[c.effect] if c.effect in errors else None,
+                probability(c.p_adjusted, self.manoeuvres),
+                strengths(c.strengths, most),
+            ]
+            for c in self.effects
+        ]
+        names = ["  effect", "excess removed", "standard error [%]", "p", "strength"]
+        return AnswerTable("Ranking of the candidates", names, rows)
+
+    def errors_sentence(self) -> str:
+        """Errors before and after, the floor, and how much was measured."""
+        factor, unit = shown(self.before.observable, self.before.unit)
+        error = (
+            f"held-out error {in_unit(self.rmse_heldout_before, factor)} -> "
+            f"{in_unit(self.rmse_heldout_after, factor)} {unit}"
+        )
+        if self.rmse_heldout_before is None:
+            error = f"error of the fit {in_unit(self.before.rmse, factor)} {unit}, none held out"
+        elif (given := self.found.given) is not None and self.found.came_in:
+            named = " and ".join(NUISANCES_SAID[name] for name in self.found.came_in)
+            error += f" (both with {named}; {in_unit(given.rmse_held, factor)} without)"
+        return (
+            f"{error}, noise floor {self.noise_floor * factor:.3g}; {self.revolutions} "
+            f"revolutions, {self.manoeuvres} manoeuvres"
+        )
+
+    def further_sentences(self) -> list[str]:
+        """What a diagnosis says beside its verdict and ranking, and what to do next."""
+        return [
+            *(f"cannot be told apart here: {', '.join(group)}" for group in self.ambiguous_groups),
+            *map(separation_sentence, self.separating_manoeuvres),
+            *drive_sentences(self.drive_next),
+            *self.notes,
+            *held_sentences(self.form_may_hold),
+            str(self.unexplained["sentence"]),
+            *([self.after.agreement] if self.after.agreement else []),
+            *(f"not tested: {effect}: {reason}" for effect, reason in self.not_tested.items()),
+            f"next: {self.next_command}",
+        ]
 
 
 def diagnose(
@@ -314,7 +405,7 @@ class Excess:
     certain: float = 0.0
 
 
-def excess_of(found: Found, left: Leftover) -> Excess:
+def excess_explained(found: Found, left: Leftover) -> Excess:
     """What the named effects remove of the excess; `left`: what repeats beside them."""
     first, named = found.steps[0], found.steps[0].named
     floor = (found.after if found.named else found.before).floor.square
@@ -369,7 +460,7 @@ class Decision:
 def decide(found: Found) -> Decision:
     """The verdict of a search by the table of rules, and what it claims."""
     before, after, left = found.before, found.after, describe(found.after)
-    excess = excess_of(found, left)
+    excess = excess_explained(found, left)
     floor = (after if found.named else before).floor
     groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
     or_nuisance = [
