@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.api.results import ComparisonOfLogs
-from tirelog.cli.models.answers_page import comparison_page
+from tirelog.cli.models.pages import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
@@ -204,7 +203,7 @@ def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors(capsys):
     told = found.to_json()
     assert set(told["observables"]) == set(ALL)
     assert {row["observable"] for row in found.tables["regime"]} == set(ALL)
-    comparison_page(ComparisonOfLogs.of(found))
+    comparison_page(found)
     page = " ".join(capsys.readouterr().out.split())
     assert found.agreement in page
     assert "fitted together, in noise floors" in page

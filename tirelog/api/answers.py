@@ -8,30 +8,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path as File
 
 from tirelog.api.logs import Logs, Path, each_log
-from tirelog.api.results import (
-    ComparisonOfLogs,
-    DiagnosisOfLogs,
-    FitOfLogs,
-    FormOfLogs,
-    LadderOfLogs,
-    ProposalOfLogs,
-    answer_of,
-)
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
 from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import form as forming
 from tirelog.diagnosis import ladder as climbing
-from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
+from tirelog.diagnosis.answer import AnswerTable
+from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.fitted import AS_COMPARE, FitOfLogs, fit_channels_measured
+from tirelog.diagnosis.form import TireForm
+from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.history import read_history, remember
-from tirelog.diagnosis.obstacles.compare import compare_transients
-from tirelog.diagnosis.obstacles.learn import learn_motion
+from tirelog.diagnosis.obstacles.compare import TransientComparison, compare_transients
+from tirelog.diagnosis.obstacles.learn import Learned, learn_motion
 from tirelog.diagnosis.propose import propose as proposing
+from tirelog.diagnosis.propose.results import Proposal
+from tirelog.diagnosis.results import Comparison, Ladder
 from tirelog.diagnosis.trust import by_group
 from tirelog.diagnosis.trust.inclusion import MOST_DRAWS
 from tirelog.errors import ModelError, UsageError, or_refusal
@@ -50,17 +48,10 @@ from tirelog.vocabulary.observables import (
 )
 
 __all__ = [
-    "Asked",
-    "MeasuredLogs",
-    "compare",
-    "diagnose",
-    "fit",
-    "ladder",
-    "measure",
-    "observable_of",
-    "propose",
-    "tire_form",
-]
+    "AnswerTable", "Asked", "Comparison", "Diagnosis", "FitOfLogs", "GratingsFound", "Ladder",
+    "Learned", "MeasuredLogs", "Proposal", "TireForm", "TransientComparison", "compare", "diagnose",
+    "fit", "ladder", "measure", "observable_of", "propose", "tire_form",
+]  # fmt: skip
 
 Progress = Callable[[str], None]
 
@@ -182,7 +173,7 @@ def fit(
     return FitOfLogs(fitted if learned is None else learned.model, found, learned, tuple(said))
 
 
-def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
+def compare(measured: MeasuredLogs, model: Model) -> Comparison:
     """A model fitted on part of the manoeuvres, and its error on the rest beside the noise floor.
 
     Parameters
@@ -194,7 +185,7 @@ def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
 
     Returns
     -------
-    ComparisonOfLogs
+    Comparison
         ``rmse`` and ``rmse_heldout``, ``noise_floor``, ``excess`` and ``excess_heldout`` in the
         observable's SI unit, ``reduced_chi2``, ``tables`` by revolution, angle, speed, regime and
         conditions, ``model`` as fitted, ``obstacles``; ``to_json()``, ``plot()``.
@@ -215,20 +206,20 @@ def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
     found = _known(measured)
     result = comparing.compare(found.revolutions, model)
     if not found.obstacles:
-        return ComparisonOfLogs.of(result)
+        return result
     if result.model.carcass != "coupled_ring":
         aside = (
             f'a {result.model.carcass} says nothing of the obstacles; carcass = "coupled_ring" '
             "does",
         )
-        return ComparisonOfLogs.of(result, aside=aside)
+        return replace(result, aside=aside)
     answers = or_refusal(compare_transients)(found.obstacles, result.model, unit=result.unit)
     if isinstance(answers, ModelError):
-        return ComparisonOfLogs.of(result, aside=(f"the obstacles are not compared: {answers}",))
-    return ComparisonOfLogs.of(result, answers)
+        return replace(result, aside=(f"the obstacles are not compared: {answers}",))
+    return replace(result, obstacles=answers)
 
 
-def tire_form(measured: MeasuredLogs, model: Model) -> FormOfLogs:
+def tire_form(measured: MeasuredLogs, model: Model) -> TireForm:
     """Contact pressure over the patch and stiffness over wavelength, with standard errors.
 
     Parameters
@@ -241,7 +232,7 @@ def tire_form(measured: MeasuredLogs, model: Model) -> FormOfLogs:
 
     Returns
     -------
-    FormOfLogs
+    TireForm
         ``pressure`` [N/m] over the place in the patch [m], ``stiffness`` [N/m^2] over wavelength
         [m], each with ``at``, ``value``, ``se`` and ``formula``; ``half_length_m``; ``rows()``,
         ``to_json()``, ``plot()``.
@@ -251,7 +242,7 @@ def tire_form(measured: MeasuredLogs, model: Model) -> FormOfLogs:
     UsageError
         The model has no waveform or no patch, or does not fit to the revolutions.
     """
-    return answer_of(FormOfLogs, forming.tire_form(_known(measured).revolutions, model))
+    return forming.tire_form(_known(measured).revolutions, model)
 
 
 def diagnose(
@@ -262,7 +253,7 @@ def diagnose(
     bootstrap: int = 0,
     leave_one_out: bool | Mapping[str, Sequence[str]] = False,
     progress: Progress | None = None,
-) -> DiagnosisOfLogs:
+) -> Diagnosis:
     """Which effect the model lacks, which cannot be told apart, and what to drive next.
 
     Parameters
@@ -284,7 +275,7 @@ def diagnose(
 
     Returns
     -------
-    DiagnosisOfLogs
+    Diagnosis
         ``verdict``, ``sentence``, ``selected``, ``effects`` (the ranking), ``model`` with what
         was selected; ``to_json()``, ``plot()``.
 
@@ -321,7 +312,7 @@ def diagnose(
             progress=progress,
         )
         result = by_group.with_stability(result, stability)
-    return answer_of(DiagnosisOfLogs, result)
+    return result
 
 
 def _of_these(
@@ -347,7 +338,7 @@ def ladder(
     propose: bool = False,
     keep: Path | None = None,
     progress: Progress | None = None,
-) -> LadderOfLogs:
+) -> Ladder:
     """Effects added one by one until nothing more is worth adding.
 
     Parameters
@@ -361,7 +352,7 @@ def ladder(
 
     Returns
     -------
-    LadderOfLogs
+    Ladder
         ``steps`` (effect, errors, decision), ``model`` at the top, ``rmse_untouched`` on
         manoeuvres that nothing had touched; ``to_json()``, ``plot()``.
 
@@ -384,7 +375,7 @@ def ladder(
     )
     if keep is not None:
         remember(climbed, File(keep))
-    return answer_of(LadderOfLogs, climbed)
+    return climbed
 
 
 def propose(
@@ -395,7 +386,7 @@ def propose(
     despite: bool = False,
     shape: bool = False,
     progress: Progress | None = None,
-) -> ProposalOfLogs:
+) -> Proposal:
     """The unknown effect written down as formulas or as a measured shape.
 
     A third of the manoeuvres is locked away before anything is looked at, and serves once: for
@@ -418,7 +409,7 @@ def propose(
 
     Returns
     -------
-    ProposalOfLogs
+    Proposal
         ``status`` ("formula", "shape" or "nothing"), ``sentence``, ``terms``, ``shapes``,
         ``locked``, ``model`` with what is proposed (None if nothing is); ``to_json()``,
         ``plot()``.
@@ -430,16 +421,13 @@ def propose(
     """
     found = _known(measured)
     _one_grating(found, "propose", "measure one channel; diagnose tells which says what")
-    return answer_of(
-        ProposalOfLogs,
-        proposing.propose(
-            found.stacks,
-            model,
-            effects=_candidates(model, effects),
-            despite=despite,
-            shape=shape,
-            progress=progress or _silent,
-        ),
+    return proposing.propose(
+        found.stacks,
+        model,
+        effects=_candidates(model, effects),
+        despite=despite,
+        shape=shape,
+        progress=progress or _silent,
     )
 
 

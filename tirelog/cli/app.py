@@ -5,64 +5,58 @@ Science is imported inside the commands, so that help answers at once.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterator
 from functools import partial, wraps
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
 
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
+#: a table whose command does more than write it
+OF_THEIR_OWN = {"phase-shift": "logs.phase_shift:phase_shift"}
 #: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in
 #: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
-#: a table whose command does more than write it
-OF_THEIR_OWN = {"phase-shift": "logs.phase_shift"}
-BEFORE_TABLES = (("logs.ingest", "ingest"), ("logs.info", "info"))
-AFTER_TABLES = (
-    ("logs.setup", "app"),
-    ("logs.simulate", "simulate"),
-    ("models.effects", "effects"),
-    ("models.model", "app"),
-    ("models.compare", "compare"),
-    ("models.diagnose", "diagnose"),
-    ("models.propose", "propose"),
-    ("models.form", "form"),
-    ("models.ladder", "ladder"),
-    ("report", "report"),
-    ("campaign", "app"),
-    ("logs.check", "check"),
-)
+BEFORE_TABLES = {"ingest": "logs.ingest:ingest", "info": "logs.info:info"}
+AFTER_TABLES = {
+    "setup": "logs.setup:app",
+    "simulate": "logs.simulate:simulate",
+    "effects": "models.model:effects",
+    "model": "models.model:app",
+    "compare": "models.answers:compare",
+    "diagnose": "models.answers:diagnose",
+    "propose": "models.answers:propose",
+    "form": "models.answers:form",
+    "ladder": "models.answers:ladder",
+    "report": "report:report",
+    "campaign": "campaign:app",
+    "check": "logs.check:check",
+}
 
 
 def _commands() -> Iterator[tuple[str, Callable[[], Any]]]:
     """Every command's name, and what imports the function or sub-application behind it."""
 
-    def own(module: str, attribute: str) -> Any:
-        return getattr(importlib.import_module(f"tirelog.cli.{module}"), attribute)
+    def own(place: str) -> Any:
+        return resolve_name(f"tirelog.cli.{place}")
 
     def of_table(name: str, table: LogTable) -> Any:
         from tirelog.cli.logs.log_table import table_command
 
-        module = OF_THEIR_OWN.get(name)
-        return own(module, table.python_name) if module else table_command(table)
+        return own(OF_THEIR_OWN[name]) if name in OF_THEIR_OWN else table_command(table)
 
     def of_a_log(driven: bool) -> Iterator[tuple[str, Callable[[], Any]]]:
         for name, table in LOG_TABLES.items():
             if table.driven == driven:
                 yield name, partial(of_table, name, table)
 
-    yield from ((_named(module), partial(own, module, x)) for module, x in BEFORE_TABLES)
+    yield from ((name, partial(own, place)) for name, place in BEFORE_TABLES.items())
     yield from of_a_log(driven=True)
-    yield "tables", partial(own, "logs.tables", "tables")
+    yield "tables", partial(own, "logs.tables:tables")
     yield from of_a_log(driven=False)
-    yield from ((_named(module), partial(own, module, x)) for module, x in AFTER_TABLES)
-
-
-def _named(module: str) -> str:
-    """The command of a module: its own name."""
-    return module.rpartition(".")[2]
+    yield from ((name, partial(own, place)) for name, place in AFTER_TABLES.items())
 
 
 def _version(asked: bool) -> None:

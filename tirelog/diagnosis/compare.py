@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.candidates.beside import groups_of, with_best_nuisances, with_form_errors
+from tirelog.diagnosis.answer import excess_of
+from tirelog.diagnosis.candidates.beside import (
+    form_explains,
+    groups_of,
+    with_best_nuisances,
+    with_form_errors,
+)
 from tirelog.diagnosis.rest.leftover import half_angle
 from tirelog.diagnosis.results import (
     ERRORS,
@@ -29,7 +35,6 @@ from tirelog.diagnosis.results import (
     Map,
     Rows,
     Waveforms,
-    excess_of,
 )
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences
@@ -49,7 +54,6 @@ from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
 from tirelog.inference.floor import Plain
 from tirelog.inference.motion import without_motion_parameters
-from tirelog.inference.nuisances import FORM
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
@@ -135,7 +139,7 @@ def compare(measured: Measured, model: Model) -> Comparison:
     """
     base = start(measured, model)
     result, beside = comparison_of(base, single_revolutions(measured)), with_best_nuisances(base)
-    formed = beside if FORM in groups_of(beside) else None
+    formed = beside if form_explains(beside, base) else None
     result = replace(result, parameters=parameters_of(with_form_errors(base, formed)))
     if beside is base:
         return result

@@ -22,29 +22,33 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.recording import Stack
+from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
 from tirelog.diagnosis.candidates.beside import (
     groups_of,
     with_form_errors,
     with_nuisances_on,
 )
-from tirelog.diagnosis.candidates.drive_next import drive_next
+from tirelog.diagnosis.candidates.drive_next import drive_next, drive_sentences
 from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisance_sizes import (
     NuisanceFound,
     alike_sentences,
     held_by_form,
+    held_sentences,
     nuisance_sentences,
     nuisances_found,
     observed,
     scatter_sentences,
 )
 from tirelog.diagnosis.candidates.quiet import quiet
-from tirelog.diagnosis.candidates.ranking import ranking_of
+from tirelog.diagnosis.candidates.ranking import ranking_of, removed_errors
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.candidates.separation import advise
 from tirelog.diagnosis.candidates.signatures import candidate_effects
@@ -60,9 +64,10 @@ from tirelog.diagnosis.gratings.found import GratingsFound
 from tirelog.diagnosis.gratings.gather import Gathered, gathered
 from tirelog.diagnosis.rest.leftover import Leftover, describe
 from tirelog.diagnosis.rest.scattered import scattered
-from tirelog.diagnosis.results import Candidate, Comparison, plain_values
+from tirelog.diagnosis.results import Candidate, Comparison
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
+    CLAIMING,
     EXPLAINED,
     FEWEST_MANOEUVRES,
     LEAST_SHARE_OF_FLOOR,
@@ -84,19 +89,34 @@ from tirelog.diagnosis.trust.checks import (
 from tirelog.diagnosis.trust.inclusion import Inclusion
 from tirelog.diagnosis.trust.stability import Each, Stability
 from tirelog.diagnosis.validity import out_of_range
-from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
+from tirelog.diagnosis.wording import (
+    NUISANCES_SAID,
+    next_command,
+    not_varied,
+    percent,
+    probability,
+    sentence_of,
+    separation_sentence,
+    strengths,
+    unexplained_sentence,
+)
 from tirelog.inference.base import Base, TogetherBase, apart
 from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
+from tirelog.inference.floor import Floor
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import shown
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(AnswerRecord):
     """The answer to "which effect is missing" (contract, Diagnosis).
 
     `before` and `after`: the model as it came and with what was selected.
     """
+
+    drawn_by = "tirelog.plots.models.diagnose"
+    panel = "ranking"
 
     verdict: str
     sentence: str
@@ -173,13 +193,9 @@ class Diagnosis:
             *("gratings", "inclusion", "stability", "each"),
         )
         names = [name for name in self.__dataclass_fields__ if name not in apart]
-        rows = [
-            {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
-            for c in self.effects
-        ]
-        told: dict[str, Any] = plain_values(
+        return plain_fields(
             {name: getattr(self, name) for name in names}
-            | {"effects": rows, "note": " ".join(self.notes)}
+            | {"effects": [vars(c) for c in self.effects], "note": " ".join(self.notes)}
             | {"certainty": self.certainty.to_json(), "drive_next": list(self.drive_next)}
             | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
             | {"rmse_heldout_without_nuisances": (self.found.given or self.found.before).rmse_held}
@@ -191,8 +207,81 @@ class Diagnosis:
             | ({} if self.inclusion is None else {"inclusion": self.inclusion.to_json()})
             | ({} if self.stability is None else {"stability": self.stability.to_json()})
             | ({} if self.each is None else {"each": self.each.to_json()})
+            | {"remarks": list(self.before.remarks)}
         )
-        return told
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The ranking, a row per effect."""
+        names = ("effect", "rank", "excess_removed", "p_adjusted", "selected")
+        return [
+            {name: getattr(c, name) for name in names} | {"group": ";".join(c.group)}
+            for c in self.effects
+        ]
+
+    def draw(self, path: Path, **how: str) -> list[Path]:
+        """The pictures as files: the verdict's at `path`, those of further observables beside it.
+
+        The latter come back.
+        """
+        beside: list[Path] = resolve_name(f"{self.drawn_by}:draw")(self, path, **how)
+        return beside
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return self.sentence
+
+    def below(self) -> tuple[list[AnswerTable], list[str]]:
+        """The ranking; how sure, the errors, what else is said, and what to do next."""
+        said = [self.certainty.sentence, self.errors_sentence(), *self.further_sentences()]
+        return [self.ranking_table()], [*said, *self.before.remarks]
+
+    def ranking_table(self, most: int | None = None) -> AnswerTable:
+        """The candidates by what they remove, the selected with a star; `most` strengths each."""
+        errors = removed_errors(self.found)
+        rows = [
+            [
+                ("* " if c.selected else "  ") + c.effect,
+                percent(c.excess_removed),
+                100.0 * errors[c.effect] if c.effect in errors else None,
+                probability(c.p_adjusted, self.manoeuvres),
+                strengths(c.strengths, most),
+            ]
+            for c in self.effects
+        ]
+        names = ["  effect", "excess removed", "standard error [%]", "p", "strength"]
+        return AnswerTable("Ranking of the candidates", names, rows)
+
+    def errors_sentence(self) -> str:
+        """Errors before and after, the floor, and how much was measured."""
+        factor, unit = shown(self.before.observable, self.before.unit)
+        error = (
+            f"held-out error {in_unit(self.rmse_heldout_before, factor)} -> "
+            f"{in_unit(self.rmse_heldout_after, factor)} {unit}"
+        )
+        if self.rmse_heldout_before is None:
+            error = f"error of the fit {in_unit(self.before.rmse, factor)} {unit}, none held out"
+        elif (given := self.found.given) is not None and self.found.came_in:
+            named = " and ".join(NUISANCES_SAID[name] for name in self.found.came_in)
+            error += f" (both with {named}; {in_unit(given.rmse_held, factor)} without)"
+        return (
+            f"{error}, noise floor {self.noise_floor * factor:.3g}; {self.revolutions} "
+            f"revolutions, {self.manoeuvres} manoeuvres"
+        )
+
+    def further_sentences(self) -> list[str]:
+        """What a diagnosis says beside its verdict and ranking, and what to do next."""
+        return [
+            *(f"cannot be told apart here: {', '.join(group)}" for group in self.ambiguous_groups),
+            *map(separation_sentence, self.separating_manoeuvres),
+            *drive_sentences(self.drive_next),
+            *self.notes,
+            *held_sentences(self.form_may_hold),
+            str(self.unexplained["sentence"]),
+            *([self.after.agreement] if self.after.agreement else []),
+            *(f"not tested: {effect}: {reason}" for effect, reason in self.not_tested.items()),
+            f"next: {self.next_command}",
+        ]
 
 
 def diagnose(
@@ -231,136 +320,56 @@ def conclude(
 
     `asked`: of several gratings what they had said before.
     """
-    before, after = found.before, found.after
-    floor = after.floor if found.named else before.floor
-    excess_before = max(before.square_held - floor.square, 0.0)
-    excess_after = max(after.square_held - floor.square, 0.0) if found.named else excess_before
-    share = 1.0 - excess_after / excess_before if excess_before > 0 else 0.0
-    left = describe(after)
-    few = before.cells.manoeuvres < FEWEST_MANOEUVRES
-    groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
-    rest = (
-        left.significant
-        and excess_after > LEAST_SHARE_OF_FLOOR * floor.square
-        and excess_after > REST_SHARE * excess_before
-    )
-    alone = (
-        1.0 - max(found.steps[0].named.base.square_held - floor.square, 0.0) / excess_before
-        if found.steps[0].named and excess_before
-        else 0.0
-    )
-    # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
-    sure, removed, by_size = beyond_doubt(found), excess_before - excess_after, False
-    if sure:
-        size, by_size = removed_by(before, after, sure=True)
-        removed = max(removed, size) if by_size else removed
-    repeats = max(removed, 0.0) + (max(left.size, 0.0) if left.significant else 0.0)
-    counted, total = excess_before, share
-    if sure and repeats > 0.0 and (repeats < excess_before or by_size):
-        counted, share = repeats, min(removed / repeats, 1.0)
-        alone *= excess_before / repeats
-        first = found.steps[0]
-        if by_size and first.named is not None:
-            alone = removed_by(first.before, first.named.base, sure=True)[0] / repeats
-    enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
-    or_nuisance = [
-        (nuisance, effect)
-        for nuisance, effect in found.alike
-        if effect in found.named and nuisance not in groups_of(after)
-    ]
-    evidence = Evidence(
-        few=few,
-        named=len(found.named),
-        share=share if enough else 0.0,
-        rest=rest,
-        alike=bool(groups or or_nuisance),
-        repeats=left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square,
-        quiet=quiet(before, floor.square),
-    )
-    verdict = verdict_of(evidence)
-    selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
-    if (
-        found.named and not selected
-    ):  # what was named is not claimed: all that is told is of the model as it came
-        left, floor = describe(before), before.floor
-        excess_after = excess_before = max(before.square_held - floor.square, 0.0)
-        if max(excess_before, removed if sure else 0.0) <= LEAST_SHARE_OF_FLOOR * floor.square:
-            # what alarmed is gone, once less is taken for scatter, or too small to be missing
-            verdict = verdict_of(replace(evidence, named=0, repeats=False))
+    decision, before = decide(found), found.before
+    verdict, selected, floor = decision.verdict, decision.selected, decision.floor
     if selected:
-        with_errors = replace(after.fit, model=with_form_errors(after))
-        found = replace(found, after=replace(after, fit=with_errors))
-    ranking = ranking_of(found, selected, counted, floor.square, share)
-    unexplained = _unexplained(
-        left, found, ranking, excess_after, excess_before, floor.square, bool(selected)
-    )
-    result = after if selected else before
+        fit = replace(found.after.fit, model=with_form_errors(found.after))
+        found = replace(found, after=replace(found.after, fit=fit))
+    result = found.after if selected else before
+    unnamed, manoeuvres = verdict in ("unknown", "partial"), before.cells.manoeuvres
+    excess = decision.excess
+    ranking = ranking_of(found, selected, excess.repeats, floor.square, excess.share)
+    scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
+    unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
     beside, checks = nuisances_found(result), posterior_checks(result)
-    suspected = suspects(result) if verdict in ("unknown", "scatter", "partial") else ()
+    suspected = suspects(result) if unnamed or scatter else ()
     advice, notes = _advice(found, verdict)
     gratings = None
     if asked is not None and isinstance(result, TogetherBase):
         gratings = asked.with_strengths(result, selected)
         notes += gratings.sentences()
-    notes += found.untested
-    notes += nuisance_sentences(beside, result, fails=verdict in ("unknown", "partial"))
-    notes += scatter_sentences(result)
-    stayed = [n.nuisance for n in beside if n.stayed]
-    notes += alike_sentences(found.alike, selected, stayed, result)
-    if verdict in ("unknown", "scatter", "partial"):
-        notes += check_sentences(checks)
-    notes += of_rounding(before)
-    notes += (
-        [said]
-        if (said := not_varied(before.cells.conditions, candidate_effects(before.model)))
-        else []
-    )
-    if selected:
-        left_before = out_of_range(before)
-        notes += [f"{said}." for said in out_of_range(after) if said not in left_before]
-    ranked = {c.effect for c in ranking}
-    reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
-    if verdict in ("unknown", "partial"):
-        reasons |= not_among_candidates(result)
-    scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
-    shares = {c.effect: c.excess_removed for c in ranking}
-    facts = {
-        "verdict": verdict,
-        "selected": selected,
-        "share": share,
-        "total": total,
+    stayed = tuple(n.nuisance for n in beside if n.stayed)
+    left_before = out_of_range(before)
+    notes += [
+        *found.untested,
+        *nuisance_sentences(beside, result, fails=unnamed),
+        *scatter_sentences(result),
+        *alike_sentences(found.alike, selected, stayed, result),
+        *(check_sentences(checks) if unnamed or scatter else ()),
+        *of_rounding(before),
+        not_varied(before.cells.conditions, candidate_effects(before.model)),
+        *(f"{said}." for said in out_of_range(result) if said not in left_before),
+    ]
+    few = manoeuvres < FEWEST_MANOEUVRES
+    groups = tuple(s.group for s in found.steps if few and s.group)
+    facts = _facts(decision, found, ranking) | {
         "suspects": tuple(s.said for s in suspected[:3]),
-        "shares": shares,
-        "enough": MOST,
-        "explained": EXPLAINED,
-        "after": after.square_held,
-        "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
+        "beside": stayed,
         "scatter": scatter,
-        "observable": observed(before)[0],
-        "unit": observed(before)[1],
-        "chi2": before.reduced_chi2,
-        "beside": tuple(stayed),
-        "groups": groups,
-        "or_nuisance": or_nuisance,
         "unexplained": unexplained,
-        "manoeuvres": before.cells.manoeuvres,
-        "before": before.square_held,
-        "floor": floor.square,
     }
     return Diagnosis(
         verdict=verdict,
         sentence=sentence_of(facts),
         selected=selected,
         effects=ranking,
-        ambiguous_groups=groups
-        if selected
-        else tuple(s.group for s in found.steps if few and s.group),
+        ambiguous_groups=decision.groups if selected else groups,
         separating_manoeuvres=tuple(advice),
-        unexplained=unexplained | {"scatter": scatter},
+        unexplained=unexplained,
         nuisances=beside,
         checks=checks,
         suspects=suspected,
-        not_tested=reasons,
+        not_tested=_reasons(found, ranking) | (not_among_candidates(result) if unnamed else {}),
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
         noise_floor=float(np.sqrt(floor.square)),
@@ -368,27 +377,121 @@ def conclude(
         reduced_chi2_before=before.reduced_chi2,
         reduced_chi2_after=result.reduced_chi2,
         revolutions=int(before.cells.revolutions.sum()),
-        manoeuvres=before.cells.manoeuvres,
-        notes=tuple(notes),
-        next_command=next_command(
-            verdict,
-            selected,
-            model=before.model,
-            logs=before.cells.log_names,
-            large_rest=verdict == "partial"
-            and left.significant
-            and excess_after > SECOND_LEAST * floor.square,
-            beside=[
-                n.name
-                for n in before.model.nuisances
-                if n.name in groups_of(result) and n.use != "on"
-            ],
-            grating=gratings.asked[0] if gratings is not None else "",
-        ),
+        manoeuvres=manoeuvres,
+        notes=tuple(filter(None, notes)),
+        next_command=_next_command(decision, before, result, gratings),
         found=found,
         stacks=stacks,
         gratings=gratings,
     )
+
+
+@dataclass(frozen=True)
+class Excess:
+    """What there is to explain, and what the named effects remove of it; mean squares [unit^2].
+
+    before    held-out error above the floor without them;  after  with them
+    repeats   what the shares are of: the excess before, or what repeats beside names that are
+              beyond doubt
+    share     of that, which they remove;  alone  which the first removes
+    certain   what they remove if they are beyond doubt, else 0
+    """
+
+    before: float
+    after: float
+    repeats: float
+    share: float
+    alone: float
+    certain: float = 0.0
+
+
+def excess_explained(found: Found, left: Leftover) -> Excess:
+    """What the named effects remove of the excess; `left`: what repeats beside them."""
+    first, named = found.steps[0], found.steps[0].named
+    floor = (found.after if found.named else found.before).floor.square
+
+    def above(base: Base) -> float:
+        return max(base.square_held - floor, 0.0)
+
+    before = above(found.before)
+    after = above(found.after) if found.named else before
+    alone = 1.0 - above(named.base) / before if named and before else 0.0
+    share = 1.0 - after / before if before > 0 else 0.0
+    excess = Excess(before, after, before, share, alone)
+    if not beyond_doubt(found):
+        return excess
+    # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
+    size, by_size = removed_by(found.before, found.after, sure=True)
+    removed = max(before - after, size) if by_size else before - after
+    repeats = max(removed, 0.0) + (max(left.size, 0.0) if left.significant else 0.0)
+    excess = replace(excess, certain=removed)
+    if repeats <= 0.0 or not (repeats < before or by_size):
+        return excess
+    alone *= before / repeats
+    if by_size and named is not None:
+        alone = removed_by(first.before, named.base, sure=True)[0] / repeats
+    return replace(excess, repeats=repeats, share=min(removed / repeats, 1.0), alone=alone)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A verdict with the effects that are claimed, and what it was decided by.
+
+    left, floor   what repeats of what the claimed model leaves, and its noise floor
+    groups        effects that cannot be told apart;  or_nuisance  (nuisance, effect) likewise
+    """
+
+    verdict: str
+    selected: tuple[str, ...]
+    excess: Excess
+    left: Leftover
+    floor: Floor
+    groups: tuple[tuple[str, ...], ...]
+    or_nuisance: list[tuple[str, str]]
+
+    @property
+    def matters(self) -> bool:
+        """Whether something repeats that is no effect's and is large enough to matter."""
+        return self.left.significant and (
+            self.excess.after > LEAST_SHARE_OF_FLOOR * self.floor.square
+        )
+
+
+def decide(found: Found) -> Decision:
+    """The verdict of a search by the table of rules, and what it claims."""
+    before, after, left = found.before, found.after, describe(found.after)
+    excess = excess_explained(found, left)
+    floor = (after if found.named else before).floor
+    groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
+    or_nuisance = [
+        (nuisance, effect)
+        for nuisance, effect in found.alike
+        if effect in found.named and nuisance not in groups_of(after)
+    ]
+    decision = Decision("", found.named, excess, left, floor, groups, or_nuisance)
+    enough = excess.share >= MOST and (
+        len(found.named) == 1 or excess.alone >= MOST or excess.share >= TOGETHER
+    )
+    evidence = Evidence(
+        few=before.cells.manoeuvres < FEWEST_MANOEUVRES,
+        named=len(found.named),
+        share=excess.share if enough else 0.0,
+        rest=decision.matters and excess.after > REST_SHARE * excess.before,
+        alike=bool(groups or or_nuisance),
+        repeats=decision.matters,
+        quiet=quiet(before, floor.square),
+    )
+    verdict = verdict_of(evidence)
+    if not found.named or verdict in CLAIMING:
+        return replace(decision, verdict=verdict)
+    # what was named is not claimed: all that is said is of the model as it came
+    floor = before.floor
+    above = max(before.square_held - floor.square, 0.0)
+    if max(above, excess.certain) <= LEAST_SHARE_OF_FLOOR * floor.square:
+        # what alarmed is gone, once less is taken for scatter, or too small to be missing
+        verdict = verdict_of(replace(evidence, named=0, repeats=False))
+    excess = replace(excess, before=above, after=above)
+    return Decision(verdict, (), excess, describe(before), floor, groups, or_nuisance)
 
 
 def beyond_doubt(found: Found) -> bool:
@@ -397,24 +500,66 @@ def beyond_doubt(found: Found) -> bool:
     return bool(named) and all(r.assessed.p <= BEYOND_DOUBT_P for r in named)
 
 
+def _facts(decision: Decision, found: Found, ranking: Sequence[Candidate]) -> dict[str, Any]:
+    """What the verdict's sentence is made of, beside what stands in the diagnosis."""
+    before, excess = found.before, decision.excess
+    return {
+        "verdict": decision.verdict,
+        "selected": decision.selected,
+        "share": excess.share,
+        "total": 1.0 - excess.after / excess.before if excess.before > 0 else 0.0,
+        "shares": {c.effect: c.excess_removed for c in ranking},
+        "enough": MOST,
+        "explained": EXPLAINED,
+        "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
+        "observable": observed(before)[0],
+        "unit": observed(before)[1],
+        "chi2": before.reduced_chi2,
+        "groups": decision.groups,
+        "or_nuisance": decision.or_nuisance,
+        "manoeuvres": before.cells.manoeuvres,
+        "before": before.square_held,
+        "after": found.after.square_held,
+        "floor": decision.floor.square,
+    }
+
+
+def _reasons(found: Found, ranking: Sequence[Candidate]) -> dict[str, str]:
+    """Why candidates are not in the ranking."""
+    ranked = {c.effect for c in ranking}
+    return {k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
+
+
+def _next_command(
+    decision: Decision, before: Base, result: Base, gratings: GratingsFound | None
+) -> str:
+    """What to type next; `before`, `result`: the base as it came and with what is claimed."""
+    model = before.model
+    large = decision.excess.after > SECOND_LEAST * decision.floor.square
+    return next_command(
+        decision.verdict,
+        decision.selected,
+        model=model,
+        logs=before.cells.log_names,
+        large_rest=decision.verdict == "partial" and decision.left.significant and large,
+        beside=[n.name for n in model.nuisances if n.name in groups_of(result) and n.use != "on"],
+        grating=gratings.asked[0] if gratings is not None else "",
+    )
+
+
 def _unexplained(
-    left: Leftover,
-    found: Found,
-    ranking: Sequence[Candidate],
-    after: float,
-    before: float,
-    floor: float,
-    selected: bool,
+    decision: Decision, ranking: Sequence[Candidate], manoeuvres: int
 ) -> dict[str, Any]:
     """What remains, in the contract's keys and a sentence."""
+    left, excess = decision.left, decision.excess
     near = [c for c in ranking if not c.selected and c.excess_removed >= REST_SHARE]
     nearest = max(near, key=lambda c: c.excess_removed) if near and left.significant else None
-    share = (
-        float(np.clip(after / before, 0.0, 1.0)) if before > LEAST_SHARE_OF_FLOOR * floor else 0.0
-    )
+    counts = excess.before > LEAST_SHARE_OF_FLOOR * decision.floor.square
     facts = {
         "significant": left.significant,
-        "share_of_excess": share,
+        "share_of_excess": float(np.clip(excess.after / excess.before, 0.0, 1.0))
+        if counts
+        else 0.0,
         "p": left.p,
         "size": float(np.sqrt(max(left.size, 0.0))),
         "where": left.where,
@@ -425,14 +570,12 @@ def _unexplained(
         "frequency_Hz": left.frequency_Hz,
         "in_pressure": left.in_pressure,
         "in_time": left.in_time,
-        "nearest_effect": nearest.effect if nearest and not selected else None,
-        "nearest_share": nearest.excess_removed if nearest and not selected else None,
+        "nearest_effect": nearest.effect if nearest and not decision.selected else None,
+        "nearest_share": nearest.excess_removed if nearest and not decision.selected else None,
     }
     if left.observable is not None:  # of several that are fitted together
         facts |= {"observable": left.observable, "contradicts": left.contradicts}
-    return facts | {
-        "sentence": unexplained_sentence(facts, found.before.cells.manoeuvres < FEWEST_MANOEUVRES)
-    }
+    return facts | {"sentence": unexplained_sentence(facts, manoeuvres < FEWEST_MANOEUVRES)}
 
 
 def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:

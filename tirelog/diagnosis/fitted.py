@@ -7,10 +7,12 @@ measured revolutions of each channel, Model --cells--> `base.fit_together`
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
 from tirelog.diagnosis.candidates.beside import (
     form_explains,
     groups_of,
@@ -26,7 +28,7 @@ from tirelog.diagnosis.compare import (
     remarks_of,
     start_from,
 )
-from tirelog.diagnosis.results import in_unit
+from tirelog.diagnosis.obstacles.learn import Learned
 from tirelog.errors import ModelError
 from tirelog.inference.base import FittedChannel, TogetherBase, fit_together
 from tirelog.inference.cells.cells import Cells, cells_of, with_nuisances
@@ -41,6 +43,84 @@ from tirelog.vocabulary.observables import WAVEFORMS, shown
 
 #: what a fit takes out of each mean of like revolutions unless asked otherwise, as `compare` does
 AS_COMPARE = ("shift",)
+#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
+#: `diagnose`; twice as high would leave unsaid a misfit as large as the noise itself
+FORM_IN_DOUBT = 1.2
+
+
+@dataclass(frozen=True, repr=False)
+class FitOfLogs(AnswerRecord):
+    """A model fitted to logs.
+
+    model    with values and standard errors
+    found    what the fit to steady revolutions says: errors, covariance, correlations, bounds
+    learned  what obstacles told, None without them or if nothing of it is free
+    remarks  what a reader should know before believing it
+    """
+
+    drawn_by = "tirelog.plots.models.fit"
+    panel = "correlations"
+
+    model: Model
+    found: FitResult
+    learned: Learned | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on what the errors do not cover: the model's form, what shares one scale."""
+        form = (
+            "what is left is more than noise: the errors hold only as far as the model's form "
+            "does; `tirelog diagnose` tells more",
+        )
+        in_doubt = self.found.reduced_chi2 > FORM_IN_DOUBT
+        return (*(form if in_doubt else ()), *self.found.degenerate)
+
+    def to_json(self) -> dict[str, Any]:
+        """Values, standard errors (None: not determined) and units by name, and how good it is."""
+        parameters = self.model.parameters
+        names = (*self.found.names, *(self.learned.names if self.learned else ()))
+        errors = dict(zip(self.found.names, self.found.se, strict=True))
+        return plain_fields(
+            {
+                "observable": self.model.observable,
+                "parameters": {
+                    name: {
+                        "value": parameters[name].value,
+                        "se": errors.get(name, parameters[name].se),
+                        "se_with_form": parameters[name].se_with_form,
+                        "unit": parameters[name].unit,
+                    }
+                    for name in names
+                },
+                "reduced_chi2": self.found.reduced_chi2,
+                "freedom": self.found.freedom,
+                "revolutions": self.found.revolutions,
+                "correlations": self.found.correlations,
+                "at_bound": self.found.at_bound,
+                "degenerate": self.found.degenerate,
+                "hits": self.learned.hits if self.learned else 0,
+                "remarks": self.remarks,
+            }
+        )
+
+    @property
+    def headline(self) -> str:
+        """How much was fitted, and how well."""
+        found = self.found
+        return f"{found.revolutions} revolutions, reduced chi-square {found.reduced_chi2:.3f}"
+
+    def below(self) -> tuple[list[AnswerTable], list[str]]:
+        """The parameters as fitted; bounds, doubts and remarks."""
+        bounds = [f"{name} stands at a bound" for name in self.found.at_bound]
+        rows = [
+            (name, p.value, p.se if p.se is None or np.isfinite(p.se) else "not determined", p.unit)
+            for name, p in self.model.parameters.items()
+            if p.free
+        ]
+        names = ["parameter", "value", "error", "unit"]
+        fitted = AnswerTable("Parameters as fitted", names, rows)
+        return [fitted], [*bounds, *self.doubts, *self.remarks]
 
 
 def fit_channels_measured(

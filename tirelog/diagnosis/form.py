@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.diagnosis.answer import AnswerRecord, plain_fields
 from tirelog.diagnosis.compare import Measured, measured_pieces, start_from
-from tirelog.diagnosis.results import plain_values
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import UsageError
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
@@ -51,8 +51,8 @@ class FormProfile:
     formula: FloatArray
 
 
-@dataclass(frozen=True)
-class TireForm:
+@dataclass(frozen=True, repr=False)
+class TireForm(AnswerRecord):
     """Contact pressure [N/m] over xi [m], positive behind the middle, and stiffness [N/m^2].
 
     The pressure is per length, at the mean load of the logs and their mean speed; the static
@@ -60,6 +60,9 @@ class TireForm:
     error; `reduced_chi2` of the fit, far above 1 if an effect is missing, whose mean is then in
     the form.
     """
+
+    drawn_by = "tirelog.plots.models.form"
+    panel = "over_patch"
 
     pressure: FormProfile
     stiffness: FormProfile
@@ -89,6 +92,11 @@ class TireForm:
             "diagnose`",
         )
 
+    @property
+    def headline(self) -> str:
+        """The half length, or that the form holds more than the tire's own."""
+        return self.notes[0]
+
     def rows(self) -> list[dict[str, Any]]:
         """The two profiles as rows of one table, the columns of the other blank."""
         rows = []
@@ -108,10 +116,8 @@ class TireForm:
 
     def to_json(self) -> dict[str, Any]:
         """All numbers by name; the model is left out."""
-        told = {n: getattr(self, n) for n in self.__dataclass_fields__ if n != "model"}
-        profiles = {n: vars(told[n]) for n in ("pressure", "stiffness")}
-        plain: dict[str, Any] = plain_values(told | profiles)
-        return plain
+        profiles = {n: vars(getattr(self, n)) for n in ("pressure", "stiffness")}
+        return plain_fields({n: v for n, v in vars(self).items() if n != "model"} | profiles)
 
 
 def tire_form(measured: Measured, model: Model) -> TireForm:

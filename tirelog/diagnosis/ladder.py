@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.diagnosis.answer import excess_of
 from tirelog.diagnosis.candidates.beside import with_nuisances_on
 from tirelog.diagnosis.candidates.naming import Step, without_needless
 from tirelog.diagnosis.candidates.nuisance_sizes import (
@@ -30,7 +31,7 @@ from tirelog.diagnosis.gratings.gather import gathered
 from tirelog.diagnosis.locked import locked_away, untouched
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.propose.results import Proposal
-from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
+from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability

@@ -8,20 +8,30 @@ computes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
-
-import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.agreement import Contribution
+from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, excess_of, in_unit, plain_fields
+from tirelog.diagnosis.obstacles.compare import TransientComparison
+from tirelog.diagnosis.wording import NUISANCES_SAID, strengths
+from tirelog.errors import UsageError, refuse_unknown
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import shown
+from tirelog.vocabulary.pictures import BY_OBSTACLE, ERRORS_BY
 
 Rows = list[dict[str, Any]]
 #: the errors of a comparison, in the order in which they are told
 ERRORS = ("rmse_heldout", "rmse", "noise_floor", "reduced_chi2")
+#: and of a step of a ladder
+_STEP_ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
+_ABOVE = "above scatter"
 
 
 @dataclass(frozen=True)
@@ -85,8 +95,8 @@ class ErrorTables(Mapping[str, Rows]):
         return len(self._small) + len(self._large)
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(AnswerRecord):
     """A fitted model against logs.
 
     Errors in the observable's unit, for one revolution's value at one angle.
@@ -108,7 +118,13 @@ class Comparison:
     Of several observables or gratings (`member`) fitted together errors are in their noise floors,
     `parts` has the comparison of each in its own unit, `contributions` what each knows, and
     `agreement` says whether they contradict each other; waveforms and maps are those of the first.
+
+    `obstacles`: errors hit by hit, None without a [road] or with a model that does not move;
+    `aside`: remarks on what was not compared.
     """
+
+    drawn_by = "tirelog.plots.models.compare"
+    panel = "waveforms"
 
     observable: str
     unit: str
@@ -134,6 +150,8 @@ class Comparison:
     contributions: tuple[Contribution, ...] = ()
     agreement: str = ""
     with_nuisances: Mapping[str, Any] | None = None
+    obstacles: TransientComparison | None = None
+    aside: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -161,22 +179,178 @@ class Comparison:
         return None if held is None else excess_of(held, self.noise_floor_within)
 
     def to_json(self) -> dict[str, Any]:
+        """The numbers, in the observable's unit; with obstacles their part under `transients`."""
         apart = (
             *("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks"),
-            *("member", "parts", "contributions", "agreement"),
+            *("member", "parts", "contributions", "agreement", "obstacles", "aside"),
         )
         names = [name for name in self.__dataclass_fields__ if name not in apart]
-        names += ["excess", "excess_heldout", "excess_within", "excess_heldout_within"]
-        told: dict[str, Any] = plain_values(
-            {name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)}
-        )
+        names += ["excess", "excess_heldout", "excess_within", "excess_heldout_within", "remarks"]
+        fields = plain_fields({name: getattr(self, name) for name in names})
         if self.parts:
             key = "gratings" if all(part.member for part in self.parts) else "observables"
-            told[key] = {part.label: part.to_json() for part in self.parts}
+            fields[key] = {part.label: part.to_json() for part in self.parts}
             for known in self.contributions:
-                told[key][known.observable]["contribution"] = plain_values(known.to_json())
-            told["agreement"] = self.agreement
-        return told
+                fields[key][known.observable]["contribution"] = plain_fields(known.to_json())
+            fields["agreement"] = self.agreement
+        return fields | ({"transients": self.obstacles.to_json()} if self.obstacles else {})
+
+    @property
+    def headline(self) -> str:
+        """Errors, floor, and how much was measured."""
+        factor, unit = shown(self.observable, self.unit)
+        return (
+            f"{self.observable} in {unit}: {self.revolutions} revolutions, "
+            f"{self.manoeuvres} manoeuvres, held-out error {in_unit(self.rmse_heldout, factor)}, "
+            f"noise floor {in_unit(self.noise_floor, factor)}"
+        )
+
+    def below(self) -> tuple[list[AnswerTable], list[str]]:
+        """Errors and parameters; nuisances, agreement, and what a reader should know."""
+        errors = self.together_table() if self.parts else self.errors_table()
+        said = [text for text in (self.nuisances_sentence(), self.agreement) if text]
+        return [errors, self.parameters_table()], [*said, *self.notes]
+
+    def by(self, name: str) -> Iterator[list[dict[str, Any]]]:
+        """Rows of the errors by revolution, angle, speed, ... (`ERRORS_BY`), part by part.
+
+        UsageError: no such table, or one of obstacles where there are none.
+        """
+        refuse_unknown(name, ERRORS_BY, f"no table of errors by {name!r}", do="choose one")
+        if name not in BY_OBSTACLE:
+            return self.tables.parts(name)
+        if self.obstacles is None:
+            steady = [word for word in ERRORS_BY if word not in BY_OBSTACLE]
+            raise UsageError(
+                f"--by {name} is for a coupled_ring model and logs whose setup has a [road]",
+                allowed=f"allowed here are {', '.join(steady)}",
+                do="choose one, or add the [road]",
+            )
+        return iter([self.obstacles.tables[name]])
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row: the numbers of `to_json` that are neither lists nor tables."""
+        numbers = self.to_json().items()
+        return [{name: v for name, v in numbers if not isinstance(v, dict | list)}]
+
+    def draw(self, path: Path, **how: str) -> list[Path]:
+        """The pictures as files: the first observable's at `path`, of others and of hits beside it.
+
+        Those beside it come back. UsageError: a kind that is none for a number per revolution.
+        """
+        beside: list[Path] = resolve_name(f"{self.drawn_by}:draw")(self, path, **how)
+        if self.obstacles is not None:
+            beside.append(path.with_stem(f"{path.stem}_transient"))
+            resolve_name("tirelog.plots.models.transient:draw")(self.obstacles, beside[-1])
+        return beside
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """All that a reader should know before believing the numbers."""
+        hits = self.obstacles.remarks if self.obstacles is not None else ()
+        return (*self.aside, *self.remarks, *hits)
+
+    def held_out_errors(self, factor: float) -> list[float | str]:
+        """Error, that above `within`, floor and excess on manoeuvres held out; dashes of none."""
+        names = ("rmse_heldout", "excess_heldout_within", "noise_floor", "excess_heldout")
+        found = [getattr(self, name) for name in names]
+        return ["-" if value is None else value * factor for value in found]
+
+    def floor_sentences(self) -> list[str]:
+        """Which of the errors rank models, and which depend on the model."""
+        factor, _ = shown(self.observable, self.unit)
+        within, between = self.noise_floor_within * factor, self.noise_floor_between * factor
+        return [
+            f"{_ABOVE}: the error above the scatter within manoeuvres, {within:.3g}. That scatter "
+            "depends on the data alone, so this column ranks models, held out.",
+            f"floor: with the scatter between like manoeuvres, {between:.3g}. That part depends on "
+            "the model, since a worse one takes misfit for scatter: do not rank models by excess.",
+            "Errors are those of one revolution at one angle.",
+        ]
+
+    def errors_table(self, log_name: Callable[[str], str] = str) -> AnswerTable:
+        """Errors of a comparison: of all, by angle, speed, regime and log."""
+        factor, unit = shown(self.observable, self.unit)
+        names = ("rmse", "excess_within", "noise_floor", "excess")
+        fitted = [getattr(self, name) * factor for name in names]
+        rows: list[list[Any]] = [
+            ["all, fitted", *fitted, self.revolutions],
+            ["all, held out", *self.held_out_errors(factor), None],
+        ]
+        for name in ("angle", "speed", "regime", "conditions"):
+            for row in self.tables[name]:
+                part = (
+                    log_name(row["log"])
+                    if name == "conditions"
+                    else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
+                )
+                errors = (row[key] * factor for key in names)
+                rows.append([f"  {part}", *errors, row["revolutions"]])
+        columns = ["", "rmse", _ABOVE, "floor", "excess", "revolutions"]
+        return AnswerTable(f"Where the error is [{unit}]", columns, rows)
+
+    def parameters_table(self, fixed: bool = False) -> AnswerTable:
+        """The free parameters as fitted, with the `fixed` ones if asked for.
+
+        Of several observables with the error that the others leave if one is left out.
+        """
+        gratings = all(part.member for part in self.parts)  # each of like sensors knows the same
+        known = () if gratings else self.contributions
+
+        def error(value: float | None) -> float | str | None:
+            return "not known" if value is not None and not isfinite(value) else value
+
+        rows = [
+            [
+                name,
+                p["value"],
+                p["se"] if p["free"] else "fixed",
+                p["se_with_form"],
+                p["unit"],
+                *(error(k.error_without.get(name)) for k in known),
+            ]
+            for name, p in self.parameters.items()
+            if p["free"] or fixed
+        ]
+        without = [f"without {one.observable}" for one in known]
+        caption = "Parameters as fitted"
+        if known:
+            caption += "; without an observable: the error that the others alone would leave"
+        names = ["parameter", "value", "error", "with form", "unit", *without]
+        return AnswerTable(caption, names, rows)
+
+    def together_table(self) -> AnswerTable:
+        """Errors of one fit of several observables: of all and of each, each in its unit."""
+        rows: list[list[Any]] = [
+            ["all", self.rmse, *self.held_out_errors(1.0), self.reduced_chi2, self.unit]
+        ]
+        for part in self.parts:
+            factor, unit = shown(part.observable, part.unit)
+            errors = (part.rmse * factor, *part.held_out_errors(factor))
+            rows.append([f"  {part.label}", *errors, part.reduced_chi2, unit])
+        names = ["", "rmse", "held out", _ABOVE, "floor", "excess", "chi-square", "unit"]
+        return AnswerTable("Errors of each observable", names, rows)
+
+    def nuisances_sentence(self) -> str:
+        """The errors with the nuisances that earn a place, and without; "" of none."""
+        beside = self.with_nuisances
+        if beside is None:
+            return ""
+        factor, unit = shown(self.observable, self.unit)
+
+        def errors(of: Mapping[str, Any]) -> str:
+            held, fitted, floor, chi2 = (of[name] for name in ERRORS)
+            return (
+                f"held out {in_unit(held, factor)} {unit}, fit {fitted * factor:.3g}, noise floor "
+                f"{floor * factor:.3g}, reduced chi-square {chi2:.3g}"
+            )
+
+        named = " and ".join(NUISANCES_SAID[name] for name in beside["nuisances"])
+        without = {name: getattr(self, name) for name in ERRORS}
+        return (
+            f"with {named} in the fit: {errors(beside)}; without: {errors(without)}. A missing "
+            "effect can look like that: `tirelog diagnose` tells which"
+        )
 
 
 @dataclass(frozen=True)
@@ -219,8 +393,8 @@ class LadderStep:
     parameters: Mapping[str, Mapping[str, Any]]
 
 
-@dataclass(frozen=True)
-class Ladder:
+@dataclass(frozen=True, repr=False)
+class Ladder(AnswerRecord):
     """Steps from the base model to the floor, and the model at the top.
 
     With its error on manoeuvres that nothing had touched.
@@ -229,6 +403,9 @@ class Ladder:
     `manoeuvres_locked` others were kept from it, and `rmse_untouched` is the last model's error on
     them.
     """
+
+    drawn_by = "tirelog.plots.models.ladder"
+    panel = "steps"
 
     observable: str
     unit: str
@@ -256,7 +433,7 @@ class Ladder:
                     f"{name}_se": value["se"],
                     f"{name}_shift_sigma": value["shift_sigma"],
                 }
-            result.append(plain_values(row))
+            result.append(plain_fields(row))
         return result
 
     def to_json(self) -> dict[str, Any]:
@@ -276,34 +453,41 @@ class Ladder:
             "manoeuvres_locked",
             "remarks",
         )
-        told: dict[str, Any] = plain_values(
-            {name: getattr(self, name) for name in names} | {"steps": steps}
-        )
-        return told
+        return plain_fields({name: getattr(self, name) for name in names} | {"steps": steps})
+
+    @property
+    def headline(self) -> str:
+        """The verdict at the top, and how many steps lead there."""
+        return f"{self.verdict.replace('_', ' ')}: {len(self.steps)} steps"
+
+    def below(self) -> tuple[list[AnswerTable], Sequence[str]]:
+        """The steps, and what a reader should know."""
+        return [steps_table(self.to_json())], self.remarks
 
 
-def in_unit(error: float | None, factor: float) -> str:
-    """An error to read, times `factor`; a dash if there is none."""
-    return "-" if error is None else f"{error * factor:.3g}"
+def steps_table(climbed: Mapping[str, Any]) -> AnswerTable:
+    """The steps of a ladder, as its JSON has them."""
+    factor, unit = shown(climbed["observable"], climbed["unit"])
+    rows = [
+        [
+            str(step["step"]),
+            step["effect"],
+            *("-" if step[k] is None else step[k] * factor for k in _STEP_ERRORS),
+            step["p_adjusted"],
+            step["decision"],
+            strengths(_own_parameters(step)),
+        ]
+        for step in climbed["steps"]
+    ]
+    errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
+    names = ["step", "effect", *errors, "p, adjusted", "decision", "its parameters"]
+    return AnswerTable("Steps of the ladder", names, rows)
 
 
-def excess_of(rmse: float, floor: float) -> float:
-    """sqrt(rmse^2 - floor^2), zero if the error lies below the floor."""
-    return float(np.sqrt(max(rmse**2 - floor**2, 0.0)))
-
-
-def plain_values(value: Any) -> Any:
-    """The same without numpy types, tuples as lists, not-a-number and infinity as None."""
-    if isinstance(value, Mapping):
-        return {str(k): plain_values(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain_values(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return plain_values(value.tolist())
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+def _own_parameters(step: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The parameters that a step brought: the first all, a further one those of what it added."""
+    found: Mapping[str, Any] = step["parameters"]
+    if step["step"] == 0:
+        return found
+    names = str(step["effect"]).split(" and ")
+    return {name: p for name, p in found.items() if name.split(".")[0] in names}

@@ -197,6 +197,9 @@ RULES = (
     Rule("missing", lambda e: True, "the named effects remove what repeats"),
 )
 
+#: the verdicts that claim the named effects
+CLAIMING = ("missing", "partial", "ambiguous")
+
 
 def verdict_of(evidence: Evidence) -> str:
     """The first verdict whose rule holds."""

@@ -5,9 +5,9 @@ The only place where a diagnosis is put into words.
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -96,7 +96,7 @@ _PARITY = {
 
 def _above_floor(facts: Mapping[str, Any]) -> str:
     """How far a held-out error is above the floor, if it is."""
-    floors = math.sqrt(max(facts["before"], 0.0) / facts["floor"]) if facts["floor"] > 0.0 else 0.0
+    floors = sqrt(max(facts["before"], 0.0) / facts["floor"]) if facts["floor"] > 0.0 else 0.0
     if floors <= QUIET_FLOORS:
         return ""
     return (
@@ -226,6 +226,34 @@ def probability(p: float, manoeuvres: int) -> str:
     If it is the least that so many manoeuvres allow, it is at most that.
     """
     return f"<= {p:.2g}" if p <= 2.0 * least_p(manoeuvres) else f"{p:.2g}"
+
+
+def strengths(found: Mapping[str, Mapping[str, Any]], most: int | None = None) -> str:
+    """Strengths with their errors; a dash without a refit: a linear step may be no physics."""
+    parts = []
+    for name, s in list(found.items())[:most]:
+        if s["se"] is None:
+            return "-"
+        error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
+        if (with_form := s.get("se_with_form")) is not None:
+            beside = (
+                f"with form {with_form:.2g}"
+                if isfinite(with_form)
+                else "not determined with a form"
+            )
+            error += f" ({beside})"
+        unit = f" {s['unit']}" if s["unit"] != "1" else ""
+        parts.append(f"{name} {s['value']:.4g} {error}{unit}")
+    return ", ".join(parts) or "-"
+
+
+def separation_sentence(row: Mapping[str, Any]) -> str:
+    """A manoeuvre that parts rivals."""
+    times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
+    return (
+        f"to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
+        f"({row['separation_sigma']:.1f} sigma a run)"
+    )
 
 
 def rounding_sentences(observable: str, held: float, floor: float, rounding: float) -> list[str]:

@@ -1,4 +1,4 @@
-"""`tirelog model new | show | add | remove | worn | nuisance | fit`, beside `predict`."""
+"""`tirelog model new | show | add | remove | worn | nuisance | fit`, and `tirelog effects`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import typer
 from tirelog.cli import completion, options
 from tirelog.cli.models.predict import forces, modes, predict
 from tirelog.cli.session import Session
+from tirelog.errors import UsageError, refuse_unknown
 
 if TYPE_CHECKING:
     from tirelog.api.answers import MeasuredLogs
@@ -28,8 +29,6 @@ def _words(text: str) -> list[str]:
 
 def _assignments(sets: list[str], prefix: str = "") -> dict[str, float | str]:
     """NAME=VALUE pairs: numbers, and words for an effect's choices."""
-    from tirelog.errors import UsageError
-
     values: dict[str, float | str] = {}
     for text in sets:
         name, equals, word = text.partition("=")
@@ -116,7 +115,7 @@ def show(
     models in sigma.
     """
     from tirelog.api.models import difference_rows, ladder_rows, load_model, parameter_rows
-    from tirelog.cli.models.model_page import difference_page, history_page, model_page
+    from tirelog.cli.models.pages import difference_page, history_page, model_page
 
     session = Session(None, quiet, output, format)
     read = load_model(model, effects=effects)
@@ -255,7 +254,7 @@ def fit(
     """
     from tirelog.api.answers import fit as fit_model
     from tirelog.api.models import load_model, refuse_another, save_model
-    from tirelog.cli.models.model_page import fit_page, learned_page
+    from tirelog.cli.models.pages import fit_page, learned_page
 
     refuse_another(new_model)
     start = load_model(model, effects=effects)
@@ -291,3 +290,38 @@ def _measured(
 
 for command in (predict, forces, modes):
     app.command()(command)
+
+
+def effects(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="One effect; without it the catalogue.", autocompletion=completion.effects
+        ),
+    ] = None,
+    own: options.EffectsFile = None,
+    plot: options.Plot = None,
+    output: options.Output = None,
+    format: options.Format = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each
+    does to the strain.
+    """
+    from tirelog.api.models import catalogue_with, draw_effects
+    from tirelog.cli.models.pages import catalogue_page, catalogue_rows, effect_page
+
+    session = Session(None, quiet, output, format)
+    catalogue = catalogue_with(own)
+    if name is not None:
+        refuse_unknown(
+            name, catalogue, f"unknown effect {name!r}", do="name one, or none for the list"
+        )
+    chosen = list(catalogue.values()) if name is None else [catalogue[name]]
+    if plot is not None:
+        draw_effects(chosen, plot)
+    if session.paged:
+        typer.echo(catalogue_page(chosen) if name is None else effect_page(chosen[0]))
+        return
+    with session.table("effects") as table:
+        table.write(catalogue_rows(chosen))

@@ -8,6 +8,9 @@ import typer
 
 from tirelog.cli import options
 from tirelog.cli.session import Session
+from tirelog.errors import UsageError
+from tirelog.vocabulary.columns import TABLES
+from tirelog.vocabulary.observables import SCALARS
 
 #: one value, several with commas, or FROM:TO:STEP
 _SEVERAL = "; several with commas, or FROM:TO:STEP"
@@ -106,7 +109,6 @@ def predict(
         road_words,
         speed_ramps,
     )
-    from tirelog.vocabulary.columns import TABLES
 
     session = Session(setup, quiet, output, format)
     read, given = models.load_model(model, effects=effects), session.setup()
@@ -144,9 +146,6 @@ def predict(
 
 def _table(observable: str, conditions: int, everything: bool, driven: bool) -> str:
     """The table that a prediction is.  UsageError: a drive of what is none."""
-    from tirelog.errors import UsageError
-    from tirelog.vocabulary.observables import SCALARS
-
     numbers = observable in SCALARS and not everything
     if not driven:
         along = "predict-all" if everything or conditions > 1 else "predict"
@@ -237,7 +236,6 @@ def modes(
     feels them.
     """
     from tirelog.api import models
-    from tirelog.errors import UsageError
 
     if log and plot is None:
         raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from tirelog.errors import UsageError
+
 if TYPE_CHECKING:
     from tirelog.data.recording import Conditions
     from tirelog.data.setup import RoadSetup, Setup
@@ -24,8 +26,6 @@ _FIELDS = {
 
 def values_of(text: str, option: str) -> list[float]:
     """The values that an option gives.  UsageError: words that are none."""
-    from tirelog.errors import UsageError
-
     try:
         numbers = [float(part) for part in text.split(":" if ":" in text else ",")]
         if all(map(math.isfinite, numbers)) and len(numbers) <= MOST:
@@ -46,8 +46,6 @@ def values_of(text: str, option: str) -> list[float]:
 
 def refuse_many(conditions: int, points: int) -> None:
     """UsageError for more rows than memory is meant for: so many `points` of each condition."""
-    from tirelog.errors import UsageError
-
     rows = conditions * points
     if rows > MOST_ROWS:
         raise UsageError(
@@ -65,7 +63,6 @@ def conditions_given(
     UsageError: no number, one that no tire is driven under, or more than MOST of them together.
     """
     from tirelog.api.models import conditions_of
-    from tirelog.errors import UsageError
 
     given = {
         _FIELDS[name]: values_of(text, f"--{name}")
@@ -90,7 +87,6 @@ def conditions_given(
 def road_words(words: str, setup: Setup | None) -> RoadSetup:
     """The road of --road: in words, or `setup` for the setup's [road]."""
     from tirelog.data.setup import parse_road
-    from tirelog.errors import UsageError
 
     if words != "setup":
         return parse_road(words)
@@ -131,8 +127,6 @@ def speed_ramps(words: list[str]) -> list[tuple[float, float, float]]:
 
 
 def _numbers(text: str, option: str, form: str, count: int) -> list[float]:
-    from tirelog.errors import UsageError
-
     try:
         numbers = [float(part) for part in text.split(":")]
     except ValueError:
@@ -145,8 +139,6 @@ def _numbers(text: str, option: str, form: str, count: int) -> list[float]:
 
 
 def _later(option: str, text: str, time_s: float, before_s: float) -> None:
-    from tirelog.errors import UsageError
-
     if time_s < before_s:
         raise UsageError(
             f"{option} {text} goes back in time",

@@ -15,19 +15,20 @@ observable's unit; squares of a band are mean squares, so that bands add up to t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.diagnosis.answer import AnswerTable, excess_of, plain_fields
 from tirelog.diagnosis.obstacles.fit import NUISANCES, Hit, fit_hit
-from tirelog.diagnosis.results import excess_of, plain_values
 from tirelog.inference.obstacle_log import WINDOW_S, TransientLog, around
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import shown
 from tirelog.vocabulary.quality import OK, Quality, quality_text
 
 #: Rows of the table by time [s], and edges of the bands [Hz] of the table by frequency: thirds of
@@ -223,10 +224,24 @@ class TransientComparison:
         numbers["covered"] = 1.0 - max(numbers["missed"] ** 2 - floor, 0.0) / max(
             numbers["added"] ** 2 - floor, 1e-300
         )
-        told: dict[str, Any] = plain_values(
-            {**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows}
-        )
-        return told
+        return plain_fields({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
+
+    def hits_table(self, log_name: Callable[[str], str] = str) -> AnswerTable:
+        """Hit by hit: what the obstacle added, what of it the model misses, errors and floor."""
+        factor, unit = shown(self.observable, self.unit)
+        sizes = ("added", "missed", "rmse", "rmse_steady", "noise_floor", "excess")
+        rows = [
+            [
+                f"  {log_name(row['log'])} at {row['time_s']:.4f} +- {row['time_se_s']:.1g} s",
+                row["speed_m_s"],
+                *(row[name] * factor for name in sizes),
+                f"{100.0 * row['covered']:.0f}",
+                row["quality"],
+            ]
+            for row in self.tables["hit"]
+        ]
+        words = ("m/s", "added", "missed", "rmse", "steady", "floor", "excess", "covered [%]")
+        return AnswerTable(f"Hit by hit, in {unit}", [f"in {unit}", *words, "quality"], rows)
 
 
 def compare_transients(

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, plain_fields
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
-from tirelog.diagnosis.results import plain_values
 from tirelog.diagnosis.rules import GAIN_SIGMAS
 from tirelog.diagnosis.wording import percent, probability
 from tirelog.physics.model.model import Model
@@ -71,8 +71,8 @@ class Locked:
         return 1.0 - max(self.after**2 - self.floor**2, 0.0) / before
 
 
-@dataclass(frozen=True)
-class Proposal:
+@dataclass(frozen=True, repr=False)
+class Proposal(AnswerRecord):
     """What is unknown, written down; or why there is nothing to propose.
 
     status      "formula", "shape" (a measured shape stands for it) or "nothing"
@@ -87,6 +87,9 @@ class Proposal:
     asked       the measured shape was asked for: formulas may do as well
     leading_before, leading_after  (m,) the leading shape of what is left, at `phi_rad` (m,)
     """
+
+    drawn_by = "tirelog.plots.models.propose"
+    panel = "shape"
 
     status: str
     reason: str
@@ -167,7 +170,7 @@ class Proposal:
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the arrays of the picture and the whole diagnosis."""
-        told: dict[str, Any] = plain_values(
+        return plain_fields(
             {
                 "status": self.status,
                 "sentence": self.sentence,
@@ -198,7 +201,27 @@ class Proposal:
                 "notes": self.notes,
             }
         )
-        return told
+
+    @property
+    def headline(self) -> str:
+        """The answer in one sentence."""
+        return self.sentence
+
+    def below(self) -> tuple[list[AnswerTable], list[str]]:
+        """The numbers of the formulas, if there are any; what else a reader should know."""
+        return [self.terms_table()] if self.terms else [], self.sentences()
+
+    def terms_table(self) -> AnswerTable:
+        """The numbers of the formulas that are proposed."""
+        rows: list[list[Any]] = []
+        for term in self.terms:
+            words = [term.name, term.formula.acts_on, term.formula.expression]
+            for name, n in term.numbers.items():
+                error = "not determined" if n["se"] is None else n["se"]
+                rows.append([*words, name, n["value"], error, n["unit"]])
+                words = ["", "", ""]
+        names = ["effect", "acts on", "expression", "number", "value", "error", "unit"]
+        return AnswerTable("Numbers of the formulas", names, rows)
 
 
 def _said(formula: FoundFormula) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.results import plain_values
+from tirelog.diagnosis.answer import plain_fields
 from tirelog.vocabulary.arrays import FloatArray
 
 #: share of false ones among tires that are said to lack something; doubled, twice as many
@@ -106,10 +106,7 @@ class Stability:
         rows = [
             asdict(a) | {"same": alike(a, self.whole) if a.tested else None} for a in self.without
         ]
-        told: dict[str, Any] = plain_values(
-            {"by": self.by, "sentence": self.sentence, "without": rows}
-        )
-        return told
+        return plain_fields({"by": self.by, "sentence": self.sentence, "without": rows})
 
 
 def alike(one: GroupVerdict, other: GroupVerdict) -> bool:
@@ -176,7 +173,7 @@ class Each:
             asdict(a) | {"p_adjusted": q, "lacking": a in self.lacking}
             for a, q in zip(self.answers, self.adjusted, strict=True)
         ]
-        told: dict[str, Any] = plain_values(
+        return plain_fields(
             {
                 "by": self.by,
                 "sentence": self.sentence,
@@ -184,7 +181,6 @@ class Each:
                 "each": rows,
             }
         )
-        return told
 
 
 def benjamini_hochberg(p: Sequence[float]) -> FloatArray:

@@ -15,8 +15,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from tirelog.physics.effects import BY_ID
-from tirelog.physics.effects.base import Drive, Effect
+from tirelog.physics.effects import BY_ID, Drive, Effect
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 

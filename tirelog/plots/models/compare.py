@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.diagnosis.answer import in_unit
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.plots.style import EDGE, SLIDE, by_value, figure_page, label, on_a_slide
 from tirelog.plots.wheel import around_the_wheel
@@ -35,8 +36,6 @@ def figure(result: Comparison, kind: str = "page") -> Any:
 
     UsageError: not of a number per revolution, which has no waveform.
     """
-    from tirelog.diagnosis.results import in_unit
-
     refuse_unknown(kind, COMPARE, f"no picture is called {kind!r}", do="choose one")
     if kind != "page":
         return _of_waveforms(result, kind)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.diagnosis.answer import in_unit
 from tirelog.plots.models.compare import coloured, edges
 from tirelog.plots.models.compare import draw as draw_comparison
 from tirelog.plots.style import COLOURS, figure_page
@@ -127,8 +128,6 @@ def _by_angle(map_: Map) -> tuple[Any, Any]:
 
 
 def _error(one: Comparison, factor: float) -> str:
-    from tirelog.diagnosis.results import in_unit
-
     if one.rmse_heldout is None:
         return f"error of the fit {in_unit(one.rmse, factor)}"
     return f"held-out error {in_unit(one.rmse_heldout, factor)}"

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.diagnosis.told import separation_sentence, strengths
-from tirelog.diagnosis.wording import NUISANCES_SAID
+from tirelog.diagnosis.wording import NUISANCES_SAID, separation_sentence, strengths
 from tirelog.report.figures import (
     GREY,
     INK,

@@ -15,19 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.diagnosis.answer import AnswerTable, in_unit
 from tirelog.diagnosis.candidates.ranking import removed_errors
-from tirelog.diagnosis.told import (
-    ToldTable,
-    errors_sentence,
-    errors_table,
-    floor_sentences,
-    further_sentences,
-    nuisances_sentence,
-    parameters_table,
-    ranking_table,
-    steps_table,
-    together_table,
-)
+from tirelog.diagnosis.results import steps_table
 from tirelog.report.figures import (
     DASHES,
     INK,
@@ -76,11 +66,11 @@ def shown_number(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def page_table(told: ToldTable) -> PageTable:
+def page_table(table: AnswerTable) -> PageTable:
     """A table of an answer as the page shows it."""
-    header = [word.replace("m/s^2", "m/s²") for word in told.names]
-    rows = [[shown_number(cell) for cell in row] for row in told.rows]
-    return PageTable(told.caption.replace("m/s^2", "m/s²"), header, rows)
+    header = [word.replace("m/s^2", "m/s²") for word in table.names]
+    rows = [[shown_number(cell) for cell in row] for row in table.rows]
+    return PageTable(table.caption.replace("m/s^2", "m/s²"), header, rows)
 
 
 def logs_of(result: Comparison) -> list[str]:
@@ -120,8 +110,8 @@ def _together(result: Comparison, command: str) -> Section:
         ],
         (),
         [
-            page_table(together_table(result)),
-            page_table(parameters_table(result)),
+            page_table(result.together_table()),
+            page_table(result.parameters_table()),
         ],
     )
 
@@ -132,8 +122,6 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
     Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and
     angle and time.
     """
-    from tirelog.diagnosis.results import in_unit
-
     factor, unit = shown_value(result.observable, result.unit)
     words = [
         "Error of one revolution's value at one angle, on manoeuvres held out from the fit: "
@@ -144,7 +132,7 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
         *_with_nuisances(result),
         where(result),
-        *floor_sentences(result),
+        *result.floor_sentences(),
         *(f"{remark}." for remark in result.remarks),
     ]
     figures = [
@@ -160,15 +148,15 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         words,
         figures,
         [
-            page_table(errors_table(result, lambda log: Path(log).name)),
-            page_table(parameters_table(result, fixed=True)),
+            page_table(result.errors_table(lambda log: Path(log).name)),
+            page_table(result.parameters_table(fixed=True)),
         ],
     )
 
 
 def _with_nuisances(result: Comparison) -> list[str]:
     """What the errors are beside nuisances, if any earns a place."""
-    said = nuisances_sentence(result)
+    said = result.nuisances_sentence()
     return [f"{said[:1].upper()}{said[1:]}."] if said else []
 
 
@@ -300,16 +288,16 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
     command.
     """
-    errors = errors_sentence(result)
+    errors = result.errors_sentence()
     words = [
         f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
         result.certainty.sentence,
         f"{errors[:1].upper()}{errors[1:]}.",
-        *(f"{said[:1].upper()}{said[1:]}" for said in further_sentences(result)),
+        *(f"{said[:1].upper()}{said[1:]}" for said in result.further_sentences()),
     ]
     ranked = result.effects
     figures = [_ranking(ranked, removed_errors(result.found))] if ranked else []
-    tables = [page_table(ranking_table(result))]
+    tables = [page_table(result.ranking_table())]
     return Section("diagnosis", "The diagnosis", command, words, figures, tables)
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tirelog.diagnosis.told import hits_table
 from tirelog.plots.models.transient import SHOWN_S
 from tirelog.report.figures import GREY, INK, Figure, LogColours, dots, layout, line
 from tirelog.report.page import PageTable, Section
@@ -62,7 +61,7 @@ def obstacles(result: TransientComparison, command: str, colours: LogColours) ->
         for number, hit in enumerate(result.hits[:_MOST])
         for figure in _hit(hit, number, result.observable, factor, unit, colours)
     ]
-    table = page_table(hits_table(result, lambda log: Path(log).name))
+    table = page_table(result.hits_table(lambda log: Path(log).name))
     return Section("obstacles", "Obstacles", command, words, figures, [table])
 
 

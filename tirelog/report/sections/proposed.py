@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tirelog.diagnosis.told import terms_table
 from tirelog.physics.model.own.empirical import FRAMES
 from tirelog.report.figures import GREY, INK, Figure, band, layout, line
 from tirelog.report.page import PageTable, Section
@@ -28,7 +27,7 @@ def proposed(result: Proposal, command: str) -> Section:
     if result.status == "nothing":
         return Section("propose", "What is unknown, written down", command, [result.sentence])
     terms = result.terms if result.status == "formula" else ()
-    tables = [page_table(terms_table(result))] if terms else []
+    tables = [page_table(result.terms_table())] if terms else []
     return Section(
         "propose",
         "What is unknown, written down",
