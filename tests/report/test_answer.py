@@ -7,6 +7,7 @@ import importlib.util
 import json
 import re
 from collections.abc import Iterator
+from functools import partial
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +19,7 @@ import pytest
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tests.report.test_page import data, numbers
 from tirelog.diagnosis.history import history_file
+from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
 from tirelog.diagnosis.results import Map
@@ -383,6 +385,7 @@ def test_obstacles_are_told_hit_by_hit() -> None:
         tables={"hit": [row] * 5},
         to_json=lambda: total,
     )
+    result.hits_table = partial(TransientComparison.hits_table, result)
     section = obstacles.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
     assert "5 hits on an obstacle" in section.text[0]
     assert "the model covers 98 %" in section.text[0]

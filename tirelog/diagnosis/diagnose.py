@@ -15,6 +15,8 @@ The verdicts:
                      these data
     unknown          there is repeatable structure that no effect explains (under 50 %)
     too_few          fewer manoeuvres than a test needs: a ranking, no alarm
+
+The file is longer than others: the decision stands beside the record that says it.
 """
 
 from __future__ import annotations
