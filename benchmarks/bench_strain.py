@@ -13,7 +13,7 @@ import numpy as np
 from tests.strain.conftest import make_drive
 from tests.strain.strain_truth import Beam, Ring
 from tests.strain.test_slip_onset import mixed
-from tirelog.dsp.lowpass import Cutoff
+from tirelog.dsp.filters import Cutoff
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.footprint.footprint import footprint
 from tirelog.strain.passages.find import find_passages

@@ -49,15 +49,8 @@ from benchmarks.hidden import KINDS as HIDDEN
 from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import FIRST_DRAWN, CaseOf, several
 from benchmarks.nuisances import Row, append_rows, names, read_rows, row_of, seeds_of, written
-from tirelog.diagnosis.trust import certainty
-from tirelog.diagnosis.trust.certainty import (
-    CLASSES,
-    NEGLIGIBLE,
-    OF_CLASS,
-    TERMS,
-    certainty_of,
-    class_of,
-)
+from tirelog.diagnosis import certainty
+from tirelog.diagnosis.certainty import CLASSES, NEGLIGIBLE, OF_CLASS, TERMS, certainty_of, class_of
 from tirelog.errors import TirelogError
 from tirelog.vocabulary.arrays import FloatArray
 

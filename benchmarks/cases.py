@@ -18,9 +18,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tirelog.errors import UsageError, nearest
-from tirelog.simulation.scenario.planted import FORMS, PLANTABLE, Planted
 from tirelog.simulation.scenario.schema import (
+    FORMS,
+    PLANTABLE,
     Manoeuvre,
+    Planted,
     Road,
     Scenario,
     Sensor,

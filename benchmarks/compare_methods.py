@@ -25,8 +25,7 @@ from tirelog.diagnosis.candidates.naming import first_step
 from tirelog.diagnosis.candidates.signatures import all_signatures, candidate_effects
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import make_cells
-from tirelog.inference.stacks.cut import stacks_from_logs
-from tirelog.inference.stacks.spooled import joined
+from tirelog.inference.stacks.cut import joined, stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 

@@ -23,8 +23,7 @@ from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation import scenario_of
 from tirelog.simulation.scenario.drive import drive_of, roughness_of
-from tirelog.simulation.scenario.planted import PLANTABLE
-from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray
 

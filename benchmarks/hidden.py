@@ -27,8 +27,7 @@ from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import PLANTABLE
-from tirelog.simulation.scenario.schema import Manoeuvre, Scenario
+from tirelog.simulation.scenario.schema import PLANTABLE, Manoeuvre, Scenario
 
 KINDS = (
     "null",

@@ -32,8 +32,7 @@ from tirelog.diagnosis.propose.results import FoundFormula, Term
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import PLANTABLE, Plantable, Planted
-from tirelog.simulation.scenario.schema import Scenario
+from tirelog.simulation.scenario.schema import PLANTABLE, Plantable, Planted, Scenario
 from tirelog.simulation.steady import strains
 from tirelog.simulation.steady.loads import Instants
 from tirelog.simulation.steady.operators import Ring

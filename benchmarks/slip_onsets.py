@@ -19,9 +19,9 @@ import numpy as np
 
 from benchmarks.case_rows import run_or_sum_up
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import (
     Manoeuvre,
+    Planted,
     Scenario,
     Sensor,
     TrueConditions,

@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tirelog.errors import UsageError, nearest
-from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import (
     Manoeuvre,
+    Planted,
     Road,
     Scenario,
     Sensor,

@@ -35,9 +35,10 @@ from tirelog.inference.measured import measured_together
 from tirelog.physics.model.from_setup import new_model
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import PLANTABLE, Planted
 from tirelog.simulation.scenario.schema import (
+    PLANTABLE,
     Manoeuvre,
+    Planted,
     Road,
     Scenario,
     Sensor,

@@ -22,8 +22,7 @@ import numpy as np
 from benchmarks.case_rows import run_or_sum_up
 from benchmarks.wheel_cases import WHEEL_PLANS, Instruments, wheel_scenario
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import Planted
-from tirelog.simulation.scenario.schema import Scenario, TrueTire
+from tirelog.simulation.scenario.schema import Planted, Scenario, TrueTire
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.phase_shift import measure_phase_shift
 

@@ -16,24 +16,23 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.data import setup
+from tirelog.diagnosis.certainty import CLASSES, calibration
 from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
-from tirelog.diagnosis.trust.certainty import CLASSES, calibration
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
 from tirelog.physics.model import presets
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
-from tirelog.physics.model.own.empirical import FRAMES as SHAPE_FRAMES
 from tirelog.physics.model.presets import PRESETS
+from tirelog.physics.model.user_effects import FRAMES as SHAPE_FRAMES
 from tirelog.simulation.scenario import schema
 from tirelog.storage.schema import KeyKind, OneOf, kinds_of
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
-from tirelog.vocabulary.pictures import COMPARE, FOOTPRINT
 from tirelog.vocabulary.quality import OK, Quality
-from tirelog.vocabulary.tables import LOG_TABLES, LogTable
+from tirelog.vocabulary.tables import COMPARE, FOOTPRINT, LOG_TABLES, LogTable
 from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]

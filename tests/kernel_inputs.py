@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.readers.text.digits import bytes_of
+from tirelog.readers.text.kernels import bytes_of
 
 Arguments = Mapping[str, list[tuple[Any, ...]]]
 
 #: what makes the inputs of a module's kernels, by the module's name in the package
-_MAKERS: dict[str, Callable[[np.random.Generator], Arguments]] = {}
+_MAKERS: list[tuple[str, Callable[[np.random.Generator], Arguments]]] = []
 #: kernels that give room which is filled later
 UNSET: set[str] = set()
 
@@ -28,7 +28,7 @@ def inputs_of(module: str) -> Callable[[Callable[[np.random.Generator], Argument
     """Registers the inputs of a module's kernels."""
 
     def register(make: Callable[[np.random.Generator], Arguments]) -> None:
-        _MAKERS[module] = make
+        _MAKERS.append((module, make))
 
     return register
 
@@ -38,7 +38,7 @@ def inputs() -> dict[str, list[tuple[Any, ...]]]:
     """By the kernel's name in the package: all arguments that it is called with."""
     return {
         f"{module}.{name}": cases
-        for module, make in _MAKERS.items()
+        for module, make in _MAKERS
         for name, cases in make(np.random.default_rng(zlib.crc32(module.encode()))).items()
     }
 
@@ -53,7 +53,7 @@ def holed(rng: np.random.Generator, *shape: int, share: float = 0.05) -> np.ndar
 # ---- dsp
 
 
-@inputs_of("dsp.noise")
+@inputs_of("dsp.filters")
 def _(rng: np.random.Generator) -> Arguments:
     return {
         "sixth_differences": [
@@ -63,7 +63,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("dsp.derivatives")
+@inputs_of("dsp.filters")
 def _(rng: np.random.Generator) -> Arguments:
     windows = holed(rng, 4, 70)
     windows[1], windows[2, :9] = np.nan, np.nan
@@ -77,7 +77,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("dsp.differentiator")
+@inputs_of("dsp.filters")
 def _(rng: np.random.Generator) -> Arguments:
     values = holed(rng, 60)
     values[[0, 1, 30, 31, 32, -1]] = np.nan
@@ -94,7 +94,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("dsp.encoder.angle")
+@inputs_of("dsp.encoder")
 def _(rng: np.random.Generator) -> Arguments:
     time = np.cumsum(rng.uniform(0.004, 0.02, 30))
     time[12] = time[11]
@@ -103,7 +103,7 @@ def _(rng: np.random.Generator) -> Arguments:
     return {"_hermite": [(at, time, count, rate, 0.05, np.zeros(at.size))]}
 
 
-@inputs_of("dsp.encoder.kernels")
+@inputs_of("dsp.encoder_kernels")
 def _(rng: np.random.Generator) -> Arguments:
     size, period = 900, 23.0
     phase = np.arange(size) / period + 0.002 * (np.arange(size) / period) ** 2
@@ -128,10 +128,10 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("dsp.encoder.knots")
+@inputs_of("dsp.pitch")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.dsp.encoder.kernels import SUMS
-    from tirelog.dsp.encoder.knots import MOST_REACH
+    from tirelog.dsp.encoder_kernels import SUMS
+    from tirelog.dsp.pitch import MOST_REACH
 
     n = 120
     time = np.cumsum(1e-3 * (1.0 + 0.05 * rng.normal(size=n)))
@@ -145,9 +145,9 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("dsp.encoder.pitch")
+@inputs_of("dsp.pitch")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.dsp.encoder.kernels import SUMS
+    from tirelog.dsp.encoder_kernels import SUMS
 
     turn, n = 12, 80
     time = np.cumsum(1e-3 * (1.0 + 0.02 * np.sin(2 * np.pi * np.arange(n) / turn)))
@@ -159,7 +159,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("dsp.encoder.teeth")
+@inputs_of("dsp.teeth")
 def _(rng: np.random.Generator) -> Arguments:
     steps = rng.uniform(9.5, 10.5, 40)
     odd = steps.copy()
@@ -170,7 +170,7 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- readers and runs
 
 
-@inputs_of("readers.mcap.walk")
+@inputs_of("readers.mcap.records")
 def _(rng: np.random.Generator) -> Arguments:
     records = [
         bytes([op]) + len(body).to_bytes(8, "little") + body
@@ -213,7 +213,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("readers.text.digits")
+@inputs_of("readers.text.kernels")
 def _(rng: np.random.Generator) -> Arguments:
     cells = (
         b"1550.0003", b"-12,5e3", b"+7", b"000.1000", b"9223372036854775807", b"1e99999", b".",
@@ -237,7 +237,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("readers.text.rounding")
+@inputs_of("readers.text.kernels")
 def _(rng: np.random.Generator) -> Arguments:
     u64 = np.uint64
     mantissas = [u64(m) for m in rng.integers(1 << 53, (1 << 63) - 1, 4)]
@@ -248,7 +248,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("runs.stamp_kernels")
+@inputs_of("runs.stamps")
 def _(rng: np.random.Generator) -> Arguments:
     k = np.cumsum(rng.integers(1, 3, 40))
     stamps = 0.01 * k + 1e-4 * rng.normal(size=40)
@@ -266,7 +266,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("data.counts")
+@inputs_of("data.setup")
 def _(rng: np.random.Generator) -> Arguments:
     lost = -(1 << 31)
     counts = rng.integers(-60_000, 60_000, 50).astype(np.int32)
@@ -274,7 +274,7 @@ def _(rng: np.random.Generator) -> Arguments:
     return {"si_of_counts": [(counts, 1e-4, 1549.0, lost, np.zeros(50))]}
 
 
-@inputs_of("inference.stacks.turn_kernels")
+@inputs_of("inference.stacks.align")
 def _(rng: np.random.Generator) -> Arguments:
     from scipy.interpolate import CubicSpline
 
@@ -301,7 +301,7 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("runs.bursts")
+@inputs_of("runs.in_memory")
 def _(rng: np.random.Generator) -> Arguments:
     low = holed(rng, 130)
     high, room = low + 1.0, np.empty(7)
@@ -406,7 +406,7 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- strain
 
 
-@inputs_of("strain.footprint.windows")
+@inputs_of("strain.footprint.refine")
 def _(rng: np.random.Generator) -> Arguments:
     starts = np.array([-3, 20, 95])
     return {
@@ -416,10 +416,9 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("strain.footprint.family_kernels")
+@inputs_of("strain.footprint.family")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.footprint.family import _mass
-    from tirelog.strain.footprint.family_kernels import ORDERS, SHAPES, TERMS
+    from tirelog.strain.footprint.family import ORDERS, SHAPES, TERMS, _mass
 
     kappa = np.arange(1.0, 40.0, 3.0) / 0.3
     shape, mass = np.array([0.06, 0.012, 0.4, 0.8, 0.1, -0.2]), _mass()
@@ -580,9 +579,9 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("strain.passages.search_kernels")
+@inputs_of("strain.passages.search")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.passages.search_kernels import PULSE
+    from tirelog.strain.passages.search import PULSE
 
     f32 = np.float32
     values, row = holed(rng, 203), rng.normal(size=60).cumsum().astype(f32)
@@ -613,9 +612,9 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("strain.passages.fit_kernels")
+@inputs_of("strain.passages.template")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.passages import fit_kernels as k
+    from tirelog.strain.passages import template as k
 
     phi = np.linspace(-0.4, 0.4, 81)
     table = np.zeros(81, k.POINT)
@@ -706,7 +705,7 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- inference
 
 
-@inputs_of("inference.stacks.hum_kernel")
+@inputs_of("inference.stacks.hum")
 def _(rng: np.random.Generator) -> Arguments:
     turning = np.exp(1j * rng.normal(size=(6, 9)))
     left, first = rng.uniform(size=(6, 9)), np.array([0, 1, 3, 4])
@@ -719,7 +718,7 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- models
 
 
-@inputs_of("physics.interpolation")
+@inputs_of("physics.spectral")
 def _(rng: np.random.Generator) -> Arguments:
     at = np.array([[0, 1, 9, 10], [11, 0, 5, 10], [3, 11, 0, 0]])  # either end of the round
     weights = [rng.normal(size=at.shape) for _ in range(4)]
@@ -762,7 +761,7 @@ def _(rng: np.random.Generator) -> Arguments:
 
 def factored(rng: np.random.Generator, size: int) -> Any:
     """Factors of a circulant with a large diagonal."""
-    from tirelog.simulation.rolling import circulant_kernel as banded
+    from tirelog.simulation.rolling import belt as banded
 
     system = banded.factors.py_func(size)  # type: ignore[attr-defined]
     system.stencil[:] = rng.normal(size=11)
@@ -771,7 +770,7 @@ def factored(rng: np.random.Generator, size: int) -> Any:
     return system
 
 
-@inputs_of("simulation.rolling.circulant_kernel")
+@inputs_of("simulation.rolling.belt")
 def _(rng: np.random.Generator) -> Arguments:
     system, x = factored(rng, 24), rng.normal(size=24)
     return {
@@ -786,7 +785,7 @@ def _(rng: np.random.Generator) -> Arguments:
 def _(rng: np.random.Generator) -> Arguments:
     from tests.simulation.rolls import LEVEL, belt, orders, rolling, strain_rider
     from tirelog.simulation.rolling import step_kernel as kernel
-    from tirelog.simulation.rolling.profile import TrueProfile
+    from tirelog.simulation.rolling.tire import TrueProfile
 
     made = belt(32, bristle_stiffness_N_m2=3e7, radial_damping_N_s_m2=300.0)
     hill = TrueProfile(

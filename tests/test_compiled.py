@@ -13,15 +13,15 @@ import pytest
 
 from tests.kernel_inputs import inputs
 from tirelog import cli
-from tirelog.kernels import built
+from tirelog.kernels import dispatch
 from tirelog.kernels.build import CALLS
-from tirelog.kernels.kinds import examples, kind_of, spelled
+from tirelog.kernels.dispatch import examples, kind_of, spelled
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
 
 PROGRAM = """
 import numpy as np
-from tirelog.strain.passages.search_kernels import turning_points
+from tirelog.strain.passages.search import turning_points
 points = np.empty(5, np.int64)
 count = turning_points(np.array([0, 3, 1, 4], np.float32), 1.0, points)
 print(count, points[:count].tolist(), hasattr(turning_points, "py_func"))
@@ -118,7 +118,7 @@ def test_calls_that_are_compiled_ahead_are_those_of_the_commands(tmp_path):
             assert spelled(map(kind_of, examples(json.dumps(kinds)))) == json.dumps(kinds)
 
 
-@pytest.mark.skipif(not built.at_hand(), reason="kernels are not compiled ahead here")
+@pytest.mark.skipif(not dispatch.at_hand(), reason="kernels are not compiled ahead here")
 @pytest.mark.parametrize("words", ["tables {drive}", "speed {run}", "tables {run}"])
 def test_tables_need_no_numba_once_kernels_are_built(tmp_path, words):
     """`run` holds counts of a grating without a twin, which stay counts in memory."""
@@ -131,7 +131,7 @@ def test_tables_need_no_numba_once_kernels_are_built(tmp_path, words):
     program = (
         f"import sys; from tirelog.cli import run\nprint(run({asked!r}), 'numba' in sys.modules)"
     )
-    environment = {**os.environ, built.RECORD: str(record)}
+    environment = {**os.environ, dispatch.RECORD: str(record)}
     said = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True
     ).stdout
@@ -142,7 +142,7 @@ def test_tables_need_no_numba_once_kernels_are_built(tmp_path, words):
 def copied(tmp_path: Path) -> Path:
     """The package in a folder of its own, with the extension if there is one."""
     package = tmp_path / "tirelog"
-    shutil.copytree(built.PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(dispatch.PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
     return package
 
 
@@ -162,24 +162,24 @@ def of_copy(package: Path, program: str) -> list[str]:
 def test_an_edited_source_is_not_run_as_it_was(tmp_path):
     """The extension of a folder whose sources differ from those it was made of is not used."""
     package = copied(tmp_path)
-    program = "from tirelog.kernels import built; print(built.PACKAGE, built.at_hand())"
-    assert of_copy(package, program) == [str(package), str(built.at_hand())]
+    program = "from tirelog.kernels import dispatch as d; print(d.PACKAGE, d.at_hand())"
+    assert of_copy(package, program) == [str(package), str(dispatch.at_hand())]
     # one has kernels, the other a number that is in one of them
-    for name in ("dsp/derivatives.py", "vocabulary/arrays.py"):
+    for name in ("dsp/filters.py", "vocabulary/arrays.py"):
         source, text = package / name, (package / name).read_text()
         source.write_text(text + "\n")
         assert of_copy(package, program) == [str(package), "False"]
         source.write_text(text)
-    assert of_copy(package, program) == [str(package), str(built.at_hand())]
+    assert of_copy(package, program) == [str(package), str(dispatch.at_hand())]
 
 
 def test_a_damaged_extension_is_left_aside(tmp_path):
     """Kernels are then compiled when they are first called; no command ends for it."""
     package = copied(tmp_path)
-    sources = built.fingerprints(["dsp/derivatives.py"])
-    extension = package / "kernels" / built.EXTENSION.name
+    sources = dispatch.fingerprints(["dsp/filters.py"])
+    extension = package / "kernels" / dispatch.EXTENSION.name
     whole = {"extension": extension.name, "sources": sources, "functions": {"a": {}}}
     for table in ({}, [], whole):
         extension.write_bytes(b"no machine code")
-        (package / "kernels" / built.TABLE.name).write_text(json.dumps(table))
+        (package / "kernels" / dispatch.TABLE.name).write_text(json.dumps(table))
         assert of_copy(package, PROGRAM)[-1] == "True"

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from tests.kernel_inputs import UNSET, inputs
-from tirelog.kernels.kernel import Kernel
+from tirelog.kernels.dispatch import Kernel
 
 numba = pytest.importorskip("numba")
 if numba.config.DISABLE_JIT:

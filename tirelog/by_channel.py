@@ -23,7 +23,7 @@ from tirelog.data.recording import Channel, Recording, Scaled
 
 if TYPE_CHECKING:
     from tirelog.apart import Here, Wire
-    from tirelog.dsp.lowpass import Cutoff
+    from tirelog.dsp.filters import Cutoff
     from tirelog.strain.footprint.measure import Measured
     from tirelog.strain.footprint.settle import Settled
     from tirelog.strain.passages.find import Passages
@@ -33,11 +33,11 @@ Options = Mapping[str, Any]
 
 #: what the tables of strain channels are made with, beside what is loaded already
 _OF_CHANNELS = (
-    "tirelog.runs.bursts",
+    "tirelog.runs.in_memory",
     "tirelog.runs.in_memory",
     "tirelog.strain.dissipation_table",
-    "tirelog.strain.footprint.table",
-    "tirelog.strain.passages.surface",
+    "tirelog.strain.footprint.footprint",
+    "tirelog.strain.passages.find",
     "tirelog.strain.speed",
 )
 #: a channel of fewer samples is not worth a second process: an hour at 10 kHz takes a fifth less
@@ -143,7 +143,7 @@ def by_channel(
 
 def cutoff_in(options: Options) -> Cutoff:
     """The low-pass of the footprint's plain lengths.  UsageError: none is called that."""
-    from tirelog.dsp.lowpass import Cutoff
+    from tirelog.dsp.filters import Cutoff
 
     return Cutoff.parse(str(options.get("cutoff", "auto")))
 
@@ -200,11 +200,10 @@ def _by_stretches(
     One process learns the form while another makes the tables that need none; then both measure
     stretches of passages.
     """
-    from tirelog.runs.bursts import mended
-    from tirelog.strain.footprint.footprint import Measuring
+    from tirelog.runs.in_memory import mended
+    from tirelog.strain.footprint.footprint import Measuring, refuse_cutoff
     from tirelog.strain.footprint.settle import settle
-    from tirelog.strain.footprint.table import refuse_cutoff
-    from tirelog.strain.passages.surface import passages_of
+    from tirelog.strain.passages.find import passages_of
 
     channel = mended(stored)
     passages = passages_of(making.recording, channel) if found is None else found
@@ -300,8 +299,8 @@ def _make(
     forms: _Forms | _FormsApart,
 ) -> Made:
     """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
-    from tirelog.runs.bursts import mended
-    from tirelog.strain.passages.surface import passages_of
+    from tirelog.runs.in_memory import mended
+    from tirelog.strain.passages.find import passages_of
 
     footprint = [name for name in making.wanted if name == "footprint"]
     only_passages = found is not None and set(making.wanted) == {"speed"}

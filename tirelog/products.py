@@ -162,8 +162,7 @@ def _channel_tables(
     processes: bool,
 ) -> Iterator[Part]:
     """The tables that are made channel by channel, each channel's passages found once."""
-    from tirelog.strain.channels import not_turning, strain_channels
-    from tirelog.strain.speed import radius_remarks, speed_channels
+    from tirelog.strain.speed import not_turning, radius_remarks, speed_channels, strain_channels
 
     only_speed = set(wanted) == {"speed"}
     stored = speed_channels(recording) if only_speed else strain_channels(recording)
@@ -195,8 +194,8 @@ def _all_passages(
     recording: Recording, channels: list[Channel], workers: int, keep: bool
 ) -> tuple[list[Channel], list[Passages | None]]:
     """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
-    from tirelog.runs.bursts import mended
-    from tirelog.strain.passages.surface import passages_of
+    from tirelog.runs.in_memory import mended
+    from tirelog.strain.passages.find import passages_of
 
     if keep and len(channels) == 1:
         channels = [mended(channels[0])]  # gone through once more by whoever takes it
@@ -241,7 +240,7 @@ def _speed_of_log(recording: Recording, options: Options) -> Iterator[Part]:
 
 
 def _footprint(work: Work, options: Options) -> Part:
-    from tirelog.strain.footprint.table import footprint_of_channel
+    from tirelog.strain.footprint.footprint import footprint_of_channel
 
     found = footprint_of_channel(
         work.recording,
@@ -269,8 +268,8 @@ def _footprint_by_strain(recording: Recording, options: Options) -> bool:
 
 
 def _footprint_of_accelerometers(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.strain.channels import not_turning
     from tirelog.strain.footprint.fronts import accelerometer_footprints
+    from tirelog.strain.speed import not_turning
 
     found = accelerometer_footprints(recording)
     if not any(len(one.passages) for one in found):

@@ -6,7 +6,7 @@ import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
 from tirelog.campaign import runner
-from tirelog.campaign.work import make_tables
+from tirelog.campaign.runner import make_tables
 
 MANIFEST = """[campaign]
 name = "test"

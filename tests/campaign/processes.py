@@ -15,7 +15,7 @@ from pathlib import Path
 
 from tirelog.campaign.folder import moved_into
 from tirelog.campaign.ledger import Entry
-from tirelog.campaign.work import LogTask, make_tables
+from tirelog.campaign.runner import LogTask, make_tables
 from tirelog.storage import remote
 
 #: a busy machine may take so long [s] for what takes one second

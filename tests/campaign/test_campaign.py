@@ -16,7 +16,7 @@ from tests.campaign.processes import killed_in_the_midst
 from tests.cli.conftest import SETUP
 from tests.diagnosis.toy import stack
 from tirelog.campaign.folder import folder_at
-from tirelog.campaign.pieces_file import pieces_bytes, read_pieces
+from tirelog.campaign.ledger import pieces_bytes, read_pieces
 from tirelog.cli import run
 from tirelog.data.setup import parse_setup
 from tirelog.inference.cells.pieces import joined_pieces, pieces_of

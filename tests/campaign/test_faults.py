@@ -17,14 +17,12 @@ from tests.campaign.conftest import MANIFEST, dataset
 from tests.campaign.processes import PATIENCE_S, begun, dying_on_the_first
 from tests.cli.conftest import Command
 from tests.diagnosis.toy import stack
-from tirelog.campaign.folder import folder_at
-from tirelog.campaign.ledger import Entry, Ledger, _entry
+from tirelog.campaign.folder import folder_at, json_of
+from tirelog.campaign.ledger import Entry, Ledger, _entry, pieces_bytes, read_pieces
 from tirelog.campaign.manifest import load_manifest
-from tirelog.campaign.names import json_of
-from tirelog.campaign.pieces_file import pieces_bytes, read_pieces
 from tirelog.campaign.runner import plan_tasks
 from tirelog.cli import run
-from tirelog.cli.working import CampaignProgress
+from tirelog.cli.session import CampaignProgress
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.wheel.calibration import Calibration, SpeedMap

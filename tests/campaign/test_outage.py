@@ -17,7 +17,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_a
 
 from tests.campaign.conftest import dataset, make_campaign
 from tests.cli.conftest import pulse_rows
-from tirelog.campaign import runner, work
+from tirelog.campaign import runner
 from tirelog.campaign.ledger import Entry, Ledger
 from tirelog.cli import run
 
@@ -45,7 +45,7 @@ def test_what_the_machine_refuses_stays_open_and_is_tried_again(
 ) -> None:
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
     with monkeypatch.context() as broken:
-        broken.setattr(work, "open_recording", refusing(number))
+        broken.setattr(runner, "open_recording", refusing(number))
         assert campaign(manifest) == 3
     assert capfd.readouterr().err.count("stays open") == 2
     assert states(manifest) == ["open", "open"]
@@ -58,7 +58,7 @@ def test_five_in_a_row_end_the_run_with_one_sentence(
 ) -> None:
     manifest = make_campaign(tmp_path, logs=6, seconds=0.5)
     with monkeypatch.context() as broken:
-        broken.setattr(work, "open_recording", refusing(errno.ETIMEDOUT))
+        broken.setattr(runner, "open_recording", refusing(errno.ETIMEDOUT))
         assert campaign(manifest) == 2
     said = capfd.readouterr().err
     assert said.count("\n") == 1
@@ -71,7 +71,7 @@ def test_an_early_end_is_summed_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """What was done before stands in it; no log that stays open is called failed."""
-    manifest, usual, asked = make_campaign(tmp_path, logs=7, seconds=0.5), work.open_recording, 0
+    manifest, usual, asked = make_campaign(tmp_path, logs=7, seconds=0.5), runner.open_recording, 0
 
     def first_alone(*given: Any, **more: Any) -> Any:
         nonlocal asked
@@ -79,7 +79,7 @@ def test_an_early_end_is_summed_up(
         return usual(*given, **more) if asked == 1 else refusing(errno.ETIMEDOUT)()
 
     with monkeypatch.context() as broken:
-        broken.setattr(work, "open_recording", first_alone)
+        broken.setattr(runner, "open_recording", first_alone)
         assert run(["campaign", "run", str(manifest)]) == 2
     said = capfd.readouterr().err
     assert said.count(": stays open; ") == 5
@@ -107,13 +107,13 @@ class Disturbed(RuleBasedStateMachine):
     @rule(number=st.sampled_from([errno.EIO, errno.EMFILE, errno.ETIMEDOUT]))
     def outage(self, number: int) -> None:
         with pytest.MonkeyPatch.context() as broken:
-            broken.setattr(work, "open_recording", refusing(number))
+            broken.setattr(runner, "open_recording", refusing(number))
             campaign(self.manifest)
 
     @rule(after=st.integers(0, 1))
     def kill(self, after: int) -> None:
-        def killed(tasks: list[work.LogTask], workers: int) -> Iterator[Entry]:
-            yield from map(work.make_tables, tasks[:after])
+        def killed(tasks: list[runner.LogTask], workers: int) -> Iterator[Entry]:
+            yield from map(runner.make_tables, tasks[:after])
             raise KeyboardInterrupt
 
         with pytest.MonkeyPatch.context() as broken:

@@ -179,7 +179,7 @@ def test_no_terminal_is_too_narrow(
         (place / "l.toml").write_text(f"[channels.{name}]\n{keys}")
     shown = io.StringIO()
     console = Console(file=shown, width=width, highlight=False, markup=False, soft_wrap=True)
-    monkeypatch.setattr("tirelog.cli.logs.pages.page", lambda _: console)
+    monkeypatch.setattr("tirelog.cli.pages.page", lambda _: console)
     assert tirelog("info", "l.csv").status == 0
     lines = shown.getvalue().splitlines()
     assert name in "".join(line.strip() for line in lines)

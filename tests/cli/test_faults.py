@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from tests.readers.mcap_files import START_NS, write_json
-from tirelog.cli.models.pages import ladder_bars
+from tirelog.cli.pages import ladder_bars
 
 from .conftest import SETUP, Command, pulse_rows
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tirelog.cli import completion
+from tirelog.cli import options
 from tirelog.cli.app import command
 from tirelog.cli.help import EXAMPLES, GROUPS
 
@@ -110,10 +110,10 @@ def test_commands_share_their_options():
 
 
 def test_values_are_completed():
-    assert completion.formats("c") == ["csv"]
-    assert "water_film" in completion.effects("water")
-    assert completion.nuisances("d") == ["drift"]
-    assert completion.tables("sp") == ["speed"]
+    assert options.formats("c") == ["csv"]
+    assert "water_film" in options.effects("water")
+    assert options.nuisances("d") == ["drift"]
+    assert options.tables("sp") == ["speed"]
 
 
 def test_channels_are_those_of_the_setup(tmp_path):
@@ -121,7 +121,7 @@ def test_channels_are_those_of_the_setup(tmp_path):
     shutil.copy(SAMPLES / "drive.csv.gz", tmp_path)
 
     def asked(**given):
-        return completion.channels(SimpleNamespace(params=given), "")
+        return options.channels(SimpleNamespace(params=given), "")
 
     beside = asked(logs=[str(tmp_path / "drive.csv.gz")])
     assert beside

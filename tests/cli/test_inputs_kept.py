@@ -211,7 +211,7 @@ def test_a_library_s_warning_is_no_message(
         warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
 
     shown: list[object] = []
-    monkeypatch.setattr("tirelog.cli.logs.pages.print_summary", warns)
+    monkeypatch.setattr("tirelog.cli.pages.print_summary", warns)
     monkeypatch.setattr(warnings, "showwarning", lambda *what, **_: shown.append(what))
     assert tirelog("info", "log.csv").status == 0
     assert shown == []

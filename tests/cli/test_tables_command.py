@@ -122,7 +122,7 @@ def test_a_file_where_the_folder_should_be(folder: Path, tirelog: Command) -> No
 def test_a_channel_that_fails_is_not_waited_for(
     several: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tirelog.strain.passages import surface as passage_surface
+    from tirelog.strain.passages import find as passage_surface
     from tirelog.strain.passages.find import Passages
 
     found = passage_surface.find_passages

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from tirelog.cli import working
-from tirelog.cli.working import Working
+from tirelog.cli import session
+from tirelog.cli.session import Working
 from tirelog.errors import TirelogError
 
 
@@ -25,7 +25,7 @@ def on_terminal(monkeypatch):
         monkeypatch.setattr("sys.stderr", seen)
         return seen
 
-    monkeypatch.setattr(working, "PATIENCE_S", 0.01)
+    monkeypatch.setattr(session, "PATIENCE_S", 0.01)
     monkeypatch.setenv("TERM", "xterm")
     return begin
 
@@ -55,7 +55,7 @@ def test_what_is_quick_or_not_shown_leaves_nothing(on_terminal, monkeypatch):
     with Working(shown=False) as line:
         line.say("reading a.csv")
         time.sleep(0.05)
-    monkeypatch.setattr(working, "PATIENCE_S", 60.0)
+    monkeypatch.setattr(session, "PATIENCE_S", 60.0)
     with Working(shown=True) as line:
         line.say("reading a.csv")
     assert terminal.getvalue() == ""
@@ -69,9 +69,9 @@ def test_a_table_ends_with_its_summary_in_a_terminal_only(tirelog, folder, on_te
     piped = tirelog("speed", log, "-o", str(out)).err
     assert "row" not in piped
     terminal = on_terminal()
-    working.summary(out, rows, 1, time.monotonic())
+    session.summary(out, rows, 1, time.monotonic())
     assert f"speed.csv: {rows} rows, 0.0 s" in terminal.getvalue()
-    working.summary(out, 1, 2, time.monotonic())
+    session.summary(out, 1, 2, time.monotonic())
     assert "speed.csv: 1 row of 2 logs" in terminal.getvalue()
 
 

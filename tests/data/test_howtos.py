@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tirelog.physics.model.own.user_effects import effects_of_file
+from tirelog.physics.model.user_effects import effects_of_file
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^<!-- (\S+), (?:new|before `([^`]+)`) -->\n```\w+\n(.*?)^```$", re.M | re.S)
@@ -25,14 +25,14 @@ import numpy as np
 import tirelog
 from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import parse_setup
-from tirelog.diagnosis.rest.followed import factors_of
+from tirelog.diagnosis.residual_structure import factors_of
 from tirelog.diagnosis.candidates.separation import ALLOWED
 from tirelog.diagnosis.wording import not_varied
 from tirelog.errors import ModelError, SetupError
-from tirelog.inference.stacks.conditions import conditions_of
-from tirelog.inference.stacks.numbers import MEASURED
+from tirelog.inference.stacks.manoeuvres import conditions_of
+from tirelog.inference.stacks.manoeuvres import MEASURED
 from tirelog.physics import BY_ID, Model
-from tirelog.physics.model.own.user_effects import effect_by_expression
+from tirelog.physics.model.user_effects import effect_by_expression
 from tirelog.vocabulary.observables import SCALARS, shown
 
 assert tirelog.__file__.startswith(FOLDER), tirelog.__file__

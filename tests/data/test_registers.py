@@ -7,7 +7,7 @@ import pytest
 
 import tirelog
 from tirelog.cli.app import command
-from tirelog.inference.stacks.numbers import MEASURED
+from tirelog.inference.stacks.manoeuvres import MEASURED
 from tirelog.physics.effects.base import ENTERS
 from tirelog.physics.model.laws import LAWS
 from tirelog.products import MAKERS

@@ -15,8 +15,8 @@ from benchmarks.calibration import fitted, is_right, report, rows_of, table, wei
 from benchmarks.hidden import Row as Hidden
 from benchmarks.nuisance_worlds import kind_of
 from benchmarks.nuisances import Row, append_rows, read_rows
-from tirelog.diagnosis.trust.certainty import Marks, certainty_of, unlike
-from tirelog.diagnosis.trust.certainty import calibration as shipped
+from tirelog.diagnosis.certainty import Marks, certainty_of, unlike
+from tirelog.diagnosis.certainty import calibration as shipped
 from tirelog.physics.model.model import Model
 
 MARKS = Marks("missing", "beam", 22, 2.0, 1.0, 10.0, 1.0)

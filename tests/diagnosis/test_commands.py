@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.cases import Case, case
 from tirelog.cli import run
-from tirelog.inference.stacks import spooled as stacks
+from tirelog.inference.stacks import cut as stacks
 from tirelog.simulation import simulate, write_log
 
 pytestmark = pytest.mark.xdist_group("hidden logs")  # one worker makes what these tests share

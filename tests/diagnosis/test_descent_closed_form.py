@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tirelog.errors import ModelError
-from tirelog.inference.fit.descent import descend
-from tirelog.inference.fit.errors import errors_of
+from tirelog.inference.fit.cells import descend, errors_of
 
 RANDOM = np.random.default_rng(7)
 X = RANDOM.standard_normal((60, 3)) * [1.0, 1e-3, 1e4]

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.candidates.drive_next import (
+from tirelog.diagnosis.candidates.separation import (
+    ALLOWED,
     by_the_minute,
     drive_sentences,
     expected_gain,
     probability_after,
 )
-from tirelog.diagnosis.candidates.separation import ALLOWED
 
 BY_NAME = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
 

@@ -9,10 +9,10 @@ import pytest
 
 from tests.diagnosis.planted import MODEL, stack
 from tirelog.diagnosis.compare import start
-from tirelog.diagnosis.effect_curves import effect_curves
+from tirelog.diagnosis.results import effect_curves
 from tirelog.physics import Model
-from tirelog.physics.model.own.user_effects import effect_by_expression
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.model.user_effects import effect_by_expression
+from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 
 SIZE = 3e-5

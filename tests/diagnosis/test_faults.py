@@ -13,11 +13,10 @@ from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.errors import ModelError, OutputError, UsageError
-from tirelog.inference.stacks.cut import stacks_from_logs
-from tirelog.inference.stacks.spooled import Stacks
+from tirelog.inference.stacks.cut import Stacks, stacks_from_logs
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.own.user_effects import effect_by_expression
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.model.user_effects import effect_by_expression
+from tirelog.physics.spectral import Parameter
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre
 
@@ -84,15 +83,15 @@ def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, m
 def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(
     one_cruise, model, monkeypatch
 ):
-    from tirelog.diagnosis.candidates import trials
+    from tirelog.diagnosis.candidates import naming
 
     def refuse(base, candidate, tried):
         if candidate.id == asked[0]:
             raise ModelError("the fit with it failed")
         return refit(base, candidate, tried)
 
-    refit = trials.refit_candidate
-    monkeypatch.setattr(trials, "refit_candidate", refuse)
+    refit = naming.refit_candidate
+    monkeypatch.setattr(naming, "refit_candidate", refuse)
     stacks = stacks_from_logs(one_cruise)
     asked = ["nothing"]
     first = diagnose(stacks, model).effects[0].effect

@@ -13,18 +13,24 @@ import pytest
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
-from tirelog.diagnosis.gratings.evidence import frames_of, strengths_of
-from tirelog.diagnosis.gratings.found import ROAD, WHEEL, Frame
-from tirelog.diagnosis.gratings.gather import MOST_SEARCHED, gathered, spread_out
-from tirelog.diagnosis.gratings.members import members_held, members_of
+from tirelog.diagnosis.gratings import (
+    MOST_SEARCHED,
+    ROAD,
+    WHEEL,
+    Frame,
+    frames_of,
+    gathered,
+    members_held,
+    members_of,
+    spread_out,
+    strengths_of,
+)
 from tirelog.errors import UsageError
 from tirelog.inference.base import TogetherBase
-from tirelog.inference.cells.levers import ratio_name, ratio_of
-from tirelog.inference.cells.together import StacksTogether
+from tirelog.inference.cells.together import StacksTogether, ratio_name, ratio_of
 from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.nuisances import shared_effects
-from tirelog.inference.stacks.places import Places, places_of
-from tirelog.inference.stacks.spooled import Stacks
+from tirelog.inference.stacks.cut import Places, Stacks, places_of
 from tirelog.physics import Model
 from tirelog.simulation import scenario_of, simulate, to_recording
 from tirelog.vocabulary.arrays import FloatArray

@@ -9,11 +9,11 @@ import json
 import pytest
 
 from benchmarks.cases import Case, case
+from tirelog.diagnosis import by_group
+from tirelog.diagnosis.certainty import certainty_of
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.ladder import ladder
-from tirelog.diagnosis.trust import by_group
-from tirelog.diagnosis.trust.certainty import certainty_of
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording

@@ -13,8 +13,7 @@ from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.pieces import one_waveform
 from tirelog.inference.floor import at_mean_speed
-from tirelog.inference.stacks.align import refine_passages
-from tirelog.inference.stacks.samples import Samples
+from tirelog.inference.stacks.align import Samples, refine_passages
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -12,22 +12,21 @@ from tirelog.data.setup import Setup, Tire
 from tirelog.inference import floor
 from tirelog.inference.base import prepare
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.gathering import pieces_of_all
+from tirelog.inference.cells.pieces import pieces_of_all
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric.offsets import Levelled
-from tirelog.inference.stacks import samples as samples_of
+from tirelog.inference.metric import Levelled
+from tirelog.inference.stacks import align as samples_of
 from tirelog.inference.stacks.align import (
     PassageAngle,
+    Samples,
     front_fit,
     knots_for,
     refine_passages,
     split_turns,
     template,
 )
-from tirelog.inference.stacks.conditions import _channel_mean
-from tirelog.inference.stacks.cut import stacks_from_logs
-from tirelog.inference.stacks.samples import Samples
-from tirelog.inference.stacks.spooled import joined
+from tirelog.inference.stacks.cut import joined, stacks_from_logs
+from tirelog.inference.stacks.manoeuvres import _channel_mean
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 

@@ -14,12 +14,10 @@ from tirelog.apart import POSSIBLE
 from tirelog.data.recording import Channel, Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.inference.cells.gathering import pieces_of_all
-from tirelog.inference.cells.pieces import joined_pieces, pieces_of
+from tirelog.inference.cells.pieces import joined_pieces, pieces_of, pieces_of_all
 from tirelog.inference.measured import measured
 from tirelog.inference.stacks import align
-from tirelog.inference.stacks.cut import _cuts, stacks_from_logs
-from tirelog.inference.stacks.spooled import Stacks, joined
+from tirelog.inference.stacks.cut import Stacks, _cuts, joined, stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
 

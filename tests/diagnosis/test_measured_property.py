@@ -14,21 +14,20 @@ import pytest
 
 from tests.diagnosis.toy import stack
 from tirelog.campaign import models, runner
-from tirelog.campaign.pieces_file import pieces_bytes
-from tirelog.campaign.work import make_tables, pieces_name
+from tirelog.campaign.ledger import pieces_bytes
+from tirelog.campaign.runner import make_tables, pieces_name
 from tirelog.cli import run
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.fitted import fit_channels_measured
 from tirelog.diagnosis.ladder import ladder
-from tirelog.inference.cells import gathering
-from tirelog.inference.cells.gathering import pieces_of_all, pieces_of_logs
+from tirelog.inference.cells import pieces
+from tirelog.inference.cells.pieces import pieces_of_all, pieces_of_logs
 from tirelog.inference.measured import measured
-from tirelog.inference.stacks.spooled import Stacks
-from tirelog.physics.model.file import load_model
+from tirelog.inference.stacks.cut import Stacks
+from tirelog.physics.model.file import load_model, save_model
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.save import save_model
-from tirelog.report.asked import Asked
 from tirelog.report.sections.diagnosed import model_story
+from tirelog.report.sources import Asked
 from tirelog.runs.ingest import open_recording
 
 pytestmark = pytest.mark.xdist_group("measured")  # one worker makes what these tests share
@@ -225,7 +224,7 @@ def several(sizes):
 
 @pytest.mark.parametrize("most", [200, 12, 3])
 def test_a_campaign_s_pieces_are_those_of_its_logs_together(most, monkeypatch):
-    monkeypatch.setattr(gathering, "room", lambda angles, most_of_all=0: most)
+    monkeypatch.setattr(pieces, "room", lambda angles, most_of_all=0: most)
     stacks = several((3, 20, 9))
     whole = pieces_of_logs(stacks)
     files = {}

@@ -5,11 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from tests.diagnosis.toy import stack
-from tirelog.inference.cells.cells import make_cells
-from tirelog.inference.cells.shared import SharedEffects
-from tirelog.inference.metric.offsets import Levelled, Offsets, ProjectedOut
-from tirelog.inference.metric.projection import orthonormal, solve_scaled, without
-from tirelog.inference.metric.whitening import whitener
+from tirelog.inference.cells.cells import SharedEffects, make_cells
+from tirelog.inference.metric import (
+    Levelled,
+    Offsets,
+    ProjectedOut,
+    orthonormal,
+    solve_scaled,
+    whitener,
+    without,
+)
 
 
 def test_whitener_is_the_inverse_root_of_noise_and_random_effects():

@@ -8,28 +8,30 @@ import pytest
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
 from tirelog.diagnosis import diagnose
-from tirelog.diagnosis.candidates.beside import allowed_nuisances, best_nuisance, groups_of
 from tirelog.diagnosis.candidates.naming import quiet
+from tirelog.diagnosis.candidates.nuisance_selection import (
+    allowed_nuisances,
+    best_nuisance,
+    groups_of,
+)
 from tirelog.diagnosis.candidates.nuisance_sizes import nuisances_found
 from tirelog.diagnosis.candidates.search import search_effects
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude
-from tirelog.diagnosis.rest.leftover import describe
-from tirelog.inference.base import prepare, settled
-from tirelog.inference.bends import bends
-from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.gathering import pieces_of_logs
-from tirelog.inference.cells.shared import SharedEffects
+from tirelog.diagnosis.residual_structure import describe
+from tirelog.inference.base import bends, prepare, settled
+from tirelog.inference.cells.cells import SharedEffects, cells_of
+from tirelog.inference.cells.pieces import pieces_of_logs
 from tirelog.inference.fit.cells import take_cells
 from tirelog.inference.nuisances import relative_changes, shared_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import (
     ForceVariation,
     LoadWander,
     Nuisances,
+    Planted,
     RollingRadius,
     RunOut,
 )

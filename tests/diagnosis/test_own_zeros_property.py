@@ -12,7 +12,7 @@ from tirelog.diagnosis.candidates.signatures import refuse_stand_in
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.ladder import ladder
 from tirelog.errors import ModelError
-from tirelog.inference.stacks.spooled import Stacks
+from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics import Model
 from tirelog.physics.effects import BY_ID
 

@@ -10,8 +10,7 @@ from tirelog.diagnosis.compare import compare
 from tirelog.errors import ModelError
 from tirelog.inference.nuisances import asked_for, freed
 from tirelog.physics import Model
-from tirelog.physics.model.file import parse_model
-from tirelog.physics.model.save import as_toml
+from tirelog.physics.model.file import as_toml, parse_model
 
 TRUE = {
     "patch_half_length_m": 0.06,

@@ -13,8 +13,8 @@ from tirelog.diagnosis.compare import compare as compare_logs
 from tirelog.diagnosis.results import Map, Waveforms
 from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
-from tirelog.plots.models import compare, diagnose
-from tirelog.plots.models.compare import coloured
+from tirelog.plots import answers
+from tirelog.plots.answers import coloured
 from tirelog.plots.style import COLOURS
 from tirelog.report.figures import LogColours
 from tirelog.report.sections.models import wave_traces
@@ -69,7 +69,7 @@ def test_1_and_40_are_told_on_one_scale():
 
 
 def test_before_and_after_have_one_scale_and_the_ranking_its_order(tmp_path):
-    made = diagnose.figure(RESULT)
+    made = answers.diagnose_figure(RESULT)
     maps = [axes for axes in made.axes if axes.get_title().startswith(("before", "after"))]
     assert [axes.get_title() for axes in maps] == [
         "before: held-out error 9 microstrain",
@@ -82,7 +82,7 @@ def test_before_and_after_have_one_scale_and_the_ranking_its_order(tmp_path):
     assert [bar.get_width() for bar in bars.patches] == pytest.approx([99.0, 10.0])
     assert [text.get_text() for text in bars.texts] == ["p < 0.001", "p = 0.3, or aero_load"]
     assert bars.patches[0].get_facecolor() != bars.patches[1].get_facecolor()
-    assert diagnose.draw(RESULT, tmp_path / "d.svg") == []
+    assert answers.draw_diagnose(RESULT, tmp_path / "d.svg") == []
     assert b"<svg" in (tmp_path / "d.svg").read_bytes()
 
 
@@ -122,7 +122,7 @@ def test_logs_whose_names_hold_commas_are_two_on_the_page():
 
 
 def test_edges_close_up_show_what_is_left_behind_the_exit():
-    drawn = compare.figure(with_waveforms(), "edges")
+    drawn = answers.compare_figure(with_waveforms(), "edges")
     assert "residual" not in [axes.get_title() for axes in drawn.axes]
     entry, exit_ = drawn.axes[2:4]
     assert entry.get_ylabel() == "measured - predicted [microstrain]"
@@ -133,7 +133,7 @@ def test_edges_close_up_show_what_is_left_behind_the_exit():
 
 
 def test_the_polar_picture_has_the_pressure_that_carries_the_load():
-    drawn = compare.figure(with_waveforms(), "polar")
+    drawn = answers.compare_figure(with_waveforms(), "polar")
     wheel, patch = drawn.axes
     assert wheel.name == "polar"
     for line, load in zip(patch.lines[:2], (3000.0, 4000.0)):
@@ -146,13 +146,13 @@ def test_the_polar_picture_has_the_pressure_that_carries_the_load():
 
 def test_a_number_per_revolution_has_no_edges():
     with pytest.raises(UsageError, match="a number per revolution"):
-        compare.figure(with_waveforms("patch_length"), "edges")
+        answers.compare_figure(with_waveforms("patch_length"), "edges")
 
 
 def test_logs_one_after_the_other_are_parted():
     axes = Figure().add_subplot()
     map_ = replace(map_of(1.0), axis_name="time_s", begins=(12.0,))
-    compare._map(axes.figure, axes, map_, "residual", 1.0, 1.0, "residual", "time [s]", 0.2)
+    answers._map(axes.figure, axes, map_, "residual", 1.0, 1.0, "residual", "time [s]", 0.2)
     assert axes.get_ylabel() == "time [s], logs one after the other"
     assert [12.0, 12.0] in [list(line.get_ydata()) for line in axes.lines]
 

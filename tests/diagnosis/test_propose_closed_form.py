@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import MODEL, since_exit, stack
-from tirelog.diagnosis.candidates.free_shapes import hats_on
+from tirelog.diagnosis.candidates.signatures import hats_on
 from tirelog.diagnosis.compare import start
-from tirelog.diagnosis.propose.formulas import polished
+from tirelog.diagnosis.propose.formulas import (
+    Atom,
+    columns_of,
+    polish,
+    polished,
+    scan,
+    strengths,
+    unit_columns,
+)
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
 from tirelog.diagnosis.propose.ground import Ground
 from tirelog.diagnosis.propose.measured_shapes import measured_shapes
-from tirelog.diagnosis.propose.scan import Atom, columns_of, polish, scan, strengths, unit_columns
 from tirelog.vocabulary.arrays import FloatArray
 
 

@@ -18,18 +18,16 @@ from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.candidates.search import Found, search_effects
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.diagnose import diagnose
-from tirelog.diagnosis.propose.formulas import Choice, Draft, entry_of
+from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, Scanned, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
 from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
 from tirelog.diagnosis.propose.results import Proposal
-from tirelog.diagnosis.propose.scan import Atom, Scanned
-from tirelog.diagnosis.rest.leftover import describe
+from tirelog.diagnosis.residual_structure import describe
 from tirelog.diagnosis.wording import next_command
 from tirelog.errors import UsageError
 from tirelog.inference.base import Base, refit
 from tirelog.physics import Model
-from tirelog.physics.model.file import load_model
-from tirelog.physics.model.save import save_model
+from tirelog.physics.model.file import load_model, save_model
 from tirelog.vocabulary.arrays import FloatArray
 
 

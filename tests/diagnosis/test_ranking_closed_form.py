@@ -6,7 +6,7 @@ import pytest
 
 import tirelog
 from tests.diagnosis.planted import MODEL, stack
-from tirelog.cli.models.pages import comparison_page
+from tirelog.cli.pages import comparison_page
 from tirelog.inference.measured import MeasuredLogs
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.diagnosis.toy import stack, waveform
 from tirelog.data.recording import Channel, Stack, TimeAxis
 from tirelog.inference.cells.cells import make_cells
-from tirelog.inference.stacks.samples import step_of
+from tirelog.inference.stacks.align import step_of
 
 
 def locked(noise, seed, level=0.5):

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from tirelog.inference.metric.offsets import Levelled
-from tirelog.inference.metric.projection import RANK, solve_scaled
+from tirelog.inference.metric import RANK, Levelled, solve_scaled
 from tirelog.inference.scatter import Scatter, _deviations, agreement
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tirelog.inference.cells.lines import without_line
-from tirelog.inference.cells.of_numbers import scatter_of_numbers
+from tirelog.inference.cells.cells import scatter_of_numbers
+from tirelog.inference.cells.pieces import without_line
 
 
 @dataclass

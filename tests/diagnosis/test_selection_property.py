@@ -5,7 +5,7 @@ and sees what repeats.
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.candidates.sign_flips import (
+from tirelog.diagnosis.candidates.assessment import (
     Scores,
     flip_signs,
     flip_test,

@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import stack
-from tirelog.diagnosis.trust import by_group
-from tirelog.diagnosis.trust.inclusion import Inclusion, StepInclusion
-from tirelog.diagnosis.trust.stability import Each, GroupVerdict, Stability, benjamini_hochberg
+from tirelog.diagnosis import by_group
+from tirelog.diagnosis.certainty import (
+    Each,
+    GroupVerdict,
+    Inclusion,
+    Stability,
+    StepInclusion,
+    benjamini_hochberg,
+)
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.cells.gathering import pieces_of_logs
+from tirelog.inference.cells.pieces import pieces_of_logs
 
 WHOLE = GroupVerdict("", ("a", "b", "c"), "missing", ("wear",))
 

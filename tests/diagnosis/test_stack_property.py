@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from tests.diagnosis.toy import channel, stack, waveform
 from tirelog.inference.cells.cells import make_cells
-from tirelog.inference.stacks.align import PassageAngle, refine_passages, split_turns
+from tirelog.inference.stacks.align import PassageAngle, Samples, refine_passages, split_turns
 from tirelog.inference.stacks.manoeuvres import SHORTEST, accelerations, regimes, segment
-from tirelog.inference.stacks.samples import Samples
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.cli.models.pages import comparison_page
+from tirelog.cli.pages import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.candidates.quiet import quiet
+from tirelog.diagnosis.candidates.at_noise_floor import quiet
 from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
@@ -23,8 +23,7 @@ from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.cells.together import StacksTogether, joined_cells, one_drive, parts_of
 from tirelog.inference.measured import measured_together
 from tirelog.physics import Model
-from tirelog.physics.model.file import parse_model
-from tirelog.physics.model.save import as_toml
+from tirelog.physics.model.file import as_toml, parse_model
 
 R, F, M = 0.3126, 3600.0, 96
 PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi

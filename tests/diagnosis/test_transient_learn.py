@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from tests.diagnosis.test_transient_property import MODEL, NOISE, made
-from tirelog.diagnosis.obstacles.learn import learn_motion
+from tirelog.diagnosis.obstacles import learn_motion
 from tirelog.errors import UsageError
-from tirelog.inference.motion import motion_names, without_motion_parameters
+from tirelog.inference.measured import motion_names, without_motion_parameters
 
 
 def freed(*names):

@@ -10,11 +10,16 @@ import pytest
 from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.candidates import search
-from tirelog.diagnosis.candidates.drive_next import drive_next, drive_sentences
+from tirelog.diagnosis.candidates.assessment import least_p
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import Found, search_effects
-from tirelog.diagnosis.candidates.separation import ALLOWED, driven, separations
-from tirelog.diagnosis.candidates.sign_flips import least_p
+from tirelog.diagnosis.candidates.separation import (
+    ALLOWED,
+    drive_next,
+    drive_sentences,
+    driven,
+    separations,
+)
 from tirelog.diagnosis.candidates.signatures import candidate_effects
 from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
@@ -304,7 +309,7 @@ def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, mon
     assert drive_next(found, "scatter", 0.5) == []
     # what the logs hold already is not
     monkeypatch.setattr(
-        "tirelog.diagnosis.candidates.drive_next.driven", lambda base, manoeuvre: True
+        "tirelog.diagnosis.candidates.separation.driven", lambda base, manoeuvre: True
     )
     assert drive_next(found, "nothing_missing", 0.9) == []
 

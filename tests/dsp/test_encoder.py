@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.encoder.counter import counter_knots
-from tirelog.dsp.encoder.knots import KnotBuilder, angle_function
-from tirelog.dsp.encoder.pitch import PitchLearner
-from tirelog.dsp.encoder.signal import Crossings, crossings, probe
-from tirelog.dsp.encoder.teeth import Teeth, count_teeth
+from tirelog.dsp.encoder import counter_knots
+from tirelog.dsp.pitch import KnotBuilder, PitchLearner, angle_function
+from tirelog.dsp.teeth import Crossings, Teeth, count_teeth, crossings, probe
 
 RATE, STEPS = 10_000.0, 48
 

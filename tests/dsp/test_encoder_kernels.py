@@ -8,10 +8,10 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import brentq
 
-from tirelog.dsp.encoder import signal as encoder_signal
-from tirelog.dsp.encoder.angle import AngleFunction
-from tirelog.dsp.encoder.kernels import CHUNK, WINDOW, extremes, sliding_maximum, without_spikes
-from tirelog.dsp.encoder.knots import MOST_REACH, SLOPE, VALUE
+from tirelog.dsp import teeth as encoder_signal
+from tirelog.dsp.encoder import AngleFunction
+from tirelog.dsp.encoder_kernels import CHUNK, WINDOW, extremes, sliding_maximum, without_spikes
+from tirelog.dsp.pitch import MOST_REACH, SLOPE, VALUE
 
 RATE = 10_000.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from tirelog.dsp.sliding import ROWS, sliding_mean, sliding_median
+from tirelog.dsp.filters import ROWS, sliding_mean, sliding_median
 
 
 @pytest.mark.parametrize("size", [1, 5, 100, ROWS + 3])

@@ -17,11 +17,9 @@ from benchmarks.layouts import writers
 from benchmarks.layouts.generated import setup
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError
-from tirelog.readers.extra import apart
-from tirelog.readers.extra.bag import check_names
-from tirelog.readers.extra.datasets import proper
-from tirelog.readers.extra.formats import FORMATS, extra_format
-from tirelog.readers.extra.mdf import unsafe_formula
+from tirelog.readers.other import conversion as apart
+from tirelog.readers.other.conversion import FORMATS, extra_format
+from tirelog.readers.other.datasets import check_names, proper, unsafe_formula
 from tirelog.runs.ingest import open_recording
 
 N = 400
@@ -137,12 +135,10 @@ def test_what_takes_too_much_is_ended_and_said(
     assert [one.name for one in tmp_path.iterdir()] == ["log"]
 
 
-def test_a_library_that_is_gone_when_it_is_wanted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    broken = dataclasses.replace(FORMATS["Feather"], module="no_such_module")
+def test_a_converter_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = dataclasses.replace(FORMATS["Feather"], module="no_such_format")
     monkeypatch.setitem(FORMATS, "Feather", broken)
-    assert "ModuleNotFoundError" in refusal(feather(tmp_path))
+    assert "no_such_format" in refusal(feather(tmp_path))
 
 
 def test_a_child_that_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,7 @@ import pytest
 from tirelog.cli import run
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError
-from tirelog.readers.hdf5.reader import open_hdf5
-from tirelog.readers.hdf5.series import datasets
+from tirelog.readers.hdf5.reader import datasets, open_hdf5
 from tirelog.vocabulary.quality import Quality
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"

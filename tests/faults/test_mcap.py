@@ -431,8 +431,7 @@ SWOLLEN = {
 def test_a_small_file_that_unpacks_to_much_costs_that_chunk_and_no_memory(
     path, monkeypatch, what, alone
 ):
-    for module in ("walk", "records"):
-        monkeypatch.setattr(f"tirelog.readers.mcap.{module}.LARGEST_DEFINITION_BYTES", 2000)
+    monkeypatch.setattr("tirelog.readers.mcap.records.LARGEST_DEFINITION_BYTES", 2000)
     monkeypatch.setattr("tirelog.readers.mcap.records.MOST_DEFINITION_BYTES", 4000)
     monkeypatch.setattr("tirelog.readers.mcap.decode.LARGEST_MESSAGE_BYTES", 50_000)
     records, said = SWOLLEN[what]

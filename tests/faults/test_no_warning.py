@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import TimeAxis
-from tirelog.dsp.sliding import sliding_mean
-from tirelog.strain.passages.kinematics import may_have_stopped
+from tirelog.dsp.filters import sliding_mean
+from tirelog.strain.passages.marks import may_have_stopped
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 

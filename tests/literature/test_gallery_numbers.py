@@ -16,8 +16,8 @@ from tests.strain.strain_truth import Beam
 from tirelog.api.models import forces, revolutions
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
+from tirelog.physics.model.forces import worn_model
 from tirelog.physics.model.presets import preset_model
-from tirelog.physics.model.worn import worn_model
 from tirelog.simulation import load_scenario, simulate, write_log
 from tirelog.simulation.scenario.schema import Manoeuvre
 

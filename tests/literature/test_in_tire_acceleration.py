@@ -15,7 +15,7 @@ from tirelog.data.recording import Channel, Conditions, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.inference.base import prepare
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.gathering import pieces_of_logs
+from tirelog.inference.cells.pieces import pieces_of_logs
 from tirelog.inference.measured import measured
 from tirelog.physics import Model
 from tirelog.strain.footprint.fronts import accelerometer_footprints

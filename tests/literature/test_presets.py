@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Conditions
-from tirelog.physics.brush import slip_stiffness
-from tirelog.physics.carcass.beam import critical_speed
+from tirelog.physics.carcass.structures import critical_speed
 from tirelog.physics.model.presets import PRESETS, preset_model
+from tirelog.physics.pressure import slip_stiffness
 
 BEAM = {
     "flexural_stiffness_N_m2": 5e7 * 1.66e-8,

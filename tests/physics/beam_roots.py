@@ -5,7 +5,7 @@ The second way to the same line: the package solves it in Fourier modes.
 
 import numpy as np
 
-from tirelog.physics.carcass.beam import refuse_supercritical
+from tirelog.physics.carcass.structures import refuse_supercritical
 from tirelog.vocabulary.arrays import FloatArray
 
 

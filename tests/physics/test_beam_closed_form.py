@@ -10,7 +10,7 @@ from tests.physics.collocation import solve_closed_line
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.carcass.beam import critical_speed
+from tirelog.physics.carcass.structures import critical_speed
 
 EJ, K, MU, L, Y, F, R = 4.0, 2.0e6, 4.5, 0.055, 3e-4, 3600.0, 0.3126
 BEAM = Model.new("beam", radius_m=R)

@@ -6,8 +6,8 @@ import pytest
 from tests.physics.beam_roots import exact_displacement
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.physics.brush import slip_stiffness, traction, transition
-from tirelog.physics.carcass.beam import critical_speed
+from tirelog.physics.carcass.structures import critical_speed
+from tirelog.physics.pressure import slip_stiffness, traction, transition
 
 # Table 1 with mu = rho x cross-section (errata)
 EJ, K, MU, L, M, H, R, C = 5e7 * 1.66e-8, 7.790e6, 0.676, 0.05, 400 * 9.81, 0.018, 0.3126, 11.11

@@ -16,7 +16,7 @@ from tirelog.physics.carcass.contact_modes import (
     pressure_modes,
     pressure_modes_near,
 )
-from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
+from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 
 R, STEP = 0.3, 2 * np.pi / 3072
 CARCASS = RingCarcass(

@@ -8,8 +8,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.model.file import load_model, parse_model
-from tirelog.physics.model.save import save_model
+from tirelog.physics.model.file import load_model, parse_model, save_model
 
 RING = {"radial_damping_N_s_m2": 60.0, "tangential_damping_N_s_m2": 60.0}
 

@@ -11,7 +11,7 @@ from scipy.linalg import expm, solve
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.carcass import contact
-from tirelog.physics.carcass.ring import modal_impedance
+from tirelog.physics.carcass.structures import modal_impedance
 from tirelog.physics.moving.modes import matrices
 from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing

@@ -33,7 +33,7 @@ from tirelog.physics.moving.modes import natural_modes
 from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat
-from tirelog.simulation.rolling.profile import TrueProfile
+from tirelog.simulation.rolling.tire import TrueProfile
 
 pytestmark = pytest.mark.xdist_group("coupled truth")  # one worker makes what these tests share
 

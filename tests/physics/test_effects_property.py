@@ -13,7 +13,7 @@ from tirelog.errors import ModelError
 from tirelog.physics import BY_ID, CATALOGUE, Model, ModelEffect, Parameter
 from tirelog.physics.effects import definition
 from tirelog.physics.effects.base import ACTS_ON, Effect, Structure
-from tirelog.physics.model.own.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
+from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 from tirelog.vocabulary.conditions import CONDITIONS
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
@@ -481,7 +481,7 @@ def test_dissipation_factor_is_the_integral_of_the_squared_gradient():
 
 
 def test_users_effects_are_off_at_zero_and_do_what_they_say():
-    from tirelog.physics.parameters import Parameter
+    from tirelog.physics.spectral import Parameter
 
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
     base, xi = Model.new("beam"), 0.3126 * PHI
@@ -535,7 +535,7 @@ REACHED = {
 @pytest.mark.parametrize("observable", list(REACHED))
 @pytest.mark.parametrize("acts_on", EXPRESSION_ACTS_ON)
 def test_a_users_effect_moves_what_it_acts_on_or_is_refused(observable, acts_on):
-    from tirelog.physics.parameters import Parameter
+    from tirelog.physics.spectral import Parameter
 
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
     effect = (
@@ -556,7 +556,7 @@ def test_a_users_effect_moves_what_it_acts_on_or_is_refused(observable, acts_on)
 
 
 def test_a_users_acceleration_is_added_and_a_sensors_factor_multiplies_all_of_it():
-    from tirelog.physics.parameters import Parameter
+    from tirelog.physics.spectral import Parameter
 
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
     base = Model.new("ring", "radial_acceleration", "prescribed")
@@ -588,7 +588,7 @@ def test_wear_shortens_the_lever_of_a_grating_and_leaves_an_accelerometer_alone(
 
 
 def test_a_users_wedge_is_the_catalogues_wedge():
-    from tirelog.physics.parameters import Parameter
+    from tirelog.physics.spectral import Parameter
 
     parameters = tuple(Parameter(n, "", "own", 0.1, -10.0, 10.0, probe=0.1) for n in ("a",))
     text = (
@@ -633,7 +633,7 @@ def test_bins_without_a_sample_have_no_value_and_spoil_no_other(acts_on):
     """An angle bin that no sample fell into has no angle (NaN); a user's formula must not be blamed
     for it.
     """
-    from tirelog.physics.parameters import Parameter
+    from tirelog.physics.spectral import Parameter
 
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
     effect = effect_by_expression("mine", acts_on, "q * exp(-(xi / 0.1)**2)", (q,))

@@ -7,7 +7,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.model import few_speeds, stages
+from tirelog.physics.model import prediction, stages
 from tirelog.physics.spectral import Angles
 
 N = 90
@@ -113,7 +113,7 @@ def test_a_speed_near_the_critical_one_takes_more_speeds_and_one_above_is_refuse
     model, given = Model.new("beam"), conditions(speed_m_s=np.linspace(8.0, 34.5, N))
     many, one = model.predict(given, PHI, phi_variance=SPREAD), alone(model, given)
     assert np.abs(many - one).max() < 1e-8 * np.abs(one).max()
-    assert max(computed) > few_speeds.COUNTS[0]
+    assert max(computed) > prediction.COUNTS[0]
     above = np.append(SPEED[1:], 60.0)
     with pytest.raises(ModelError):
         model.predict(conditions(speed_m_s=above), PHI)

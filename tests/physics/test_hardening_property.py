@@ -5,7 +5,7 @@ import pytest
 from scipy.fft import irfft, rfft
 
 from tirelog.errors import ModelError
-from tirelog.physics.carcass.hardening import hardened_load
+from tirelog.physics.carcass.structures import hardened_load
 from tirelog.physics.pressure import parabola
 from tirelog.physics.spectral import MODES
 

@@ -9,14 +9,13 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.physics.carcass.contact import solve_contact
+from tirelog.physics.carcass.contact import LOSSES, NONE, solve_contact, solve_lossy
 from tirelog.physics.carcass.contact_modes import (
     ContactState,
     pressure_modes,
     pressure_modes_near,
 )
-from tirelog.physics.carcass.lossy_contact import LOSSES, NONE, solve_lossy
-from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
+from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 
 R, STEP, SPIN = 0.3, 2 * np.pi / 3072, 60.0
 CARCASS = RingCarcass(

@@ -7,12 +7,10 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.file import load_model, parse_model
-from tirelog.physics.model.own.empirical import FRAMES, effect_by_shape
-from tirelog.physics.model.own.user_effects import effect_by_expression
-from tirelog.physics.model.save import as_toml, save_model
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
+from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.user_effects import FRAMES, effect_by_expression, effect_by_shape
+from tirelog.physics.spectral import Parameter
 
 AT = Conditions.of(
     3, speed_m_s=np.array([8.0, 14.0, 22.0]), acceleration_m_s2=0.0, time_s=0.0, load_N=3434.0

@@ -6,7 +6,7 @@ import pytest
 
 from tirelog.errors import ModelError
 from tirelog.physics.model.file import load_model
-from tirelog.physics.model.own.empirical import MOST_NODES
+from tirelog.physics.model.user_effects import MOST_NODES
 
 FILE = """[model]
 observable = "strain"

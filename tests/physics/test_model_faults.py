@@ -13,12 +13,11 @@ from tirelog.cli import run
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.model.file import load_model, parse_model
-from tirelog.physics.model.own.expression import LONGEST
-from tirelog.physics.model.own.expression import parse_expression as parse_expression
-from tirelog.physics.model.own.user_effects import effects_of_file
-from tirelog.physics.model.save import as_toml, save_model
-from tirelog.storage import let_run
+from tirelog.physics.model import user_effects
+from tirelog.physics.model.expression import LONGEST
+from tirelog.physics.model.expression import parse_expression as parse_expression
+from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
+from tirelog.physics.model.user_effects import effects_of_file
 
 PHI = np.linspace(-1.0, 1.0, 9)
 
@@ -305,7 +304,7 @@ NAMES_OWN = (
 def own(tmp_path, monkeypatch):
     """A Python file that notes each time it runs; nothing has been let run yet."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    monkeypatch.setattr("tirelog.storage.let_run._now", set())
+    monkeypatch.setattr("tirelog.physics.model.user_effects._now", set())
     path = tmp_path / "mine.py"
     path.write_text(
         OWN + f"\nwith open({str(tmp_path / 'ran')!r}, 'a') as ran:\n    ran.write('.')\n"
@@ -329,7 +328,7 @@ def test_a_model_remembers_where_its_own_effects_are(own, tmp_path, monkeypatch)
         path = tmp_path / folder / "m.toml"
         save_model(model, path)
         assert f'effects_file = "{name}"' in path.read_text()
-        monkeypatch.setattr("tirelog.storage.let_run._now", set())  # as another process
+        monkeypatch.setattr("tirelog.physics.model.user_effects._now", set())  # as another process
         monkeypatch.chdir(tmp_path / folder)
         assert load_model("m.toml").values["mine.a"] == 2e-6
         again = load_model(path).with_values({"mine.a": 3e-6})
@@ -398,16 +397,16 @@ def test_a_full_list_remembers_the_newest_and_does_not_grow(tmp_path, monkeypatc
         place.write_text(text[:full])  # the end is cut off, as a full disk leaves it
         place.chmod(0o600)
         for content in (b"new", b"newer"):
-            let_run.let_run(content, "own.py")
-            let_run._now.clear()  # as another process
-        assert let_run.may_run(b"new")
-        assert let_run.may_run(b"newer")
-        assert not let_run.may_run(b"never named")
+            user_effects.let_run(content, "own.py")
+            user_effects._now.clear()  # as another process
+        assert user_effects.may_run(b"new")
+        assert user_effects.may_run(b"newer")
+        assert not user_effects.may_run(b"never named")
         kept = place.read_bytes()
         assert len(kept) < 1 << 20
         assert place.stat().st_mode & 0o777 == 0o600
-        let_run.let_run(b"newer", "own.py")
-        let_run._now.clear()
+        user_effects.let_run(b"newer", "own.py")
+        user_effects._now.clear()
         assert place.read_bytes() == kept
         assert [path.name for path in place.parent.iterdir()] == ["let_run"]
 

@@ -6,8 +6,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import OutputError
 from tirelog.physics import CATALOGUE, Model
-from tirelog.physics.model.file import load_model, parse_model
-from tirelog.physics.model.save import as_toml, save_model
+from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
 
 CONTRACT = """
 # the tire on the drum

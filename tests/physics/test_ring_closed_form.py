@@ -8,7 +8,7 @@ import pytest
 from tests.physics.collocation import solve_closed_line
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
+from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 
 EI, KW, KV, P0, B, R, RHO_A, L, F, Y = 2.0, 6.3e5, 5.1e5, 1.2e5, 0.14, 0.3, 3.15, 0.04, 1000.0, 3e-4
 PHI = np.linspace(-np.pi, np.pi, 1501)[:-1]

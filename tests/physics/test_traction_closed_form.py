@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Conditions
-from tirelog.physics import Model, brush
+from tirelog.physics import Model, pressure
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
 ONE = Conditions.of(1, speed_m_s=12.0, load_N=3400.0, acceleration_m_s2=0.0)
@@ -29,9 +29,9 @@ def test_pressure_and_shear_under_traction_are_told_apart(carcass, sigma):
         for name in ("contact_pressure", "shear_traction")
     )
     assert np.allclose(p, base.predict(one, phi, observable="contact_pressure")[0], rtol=1e-12)
-    wanted = brush.traction(phi * R, np.array([F]), np.array([L]), np.array([sigma]))
+    wanted = pressure.traction(phi * R, np.array([F]), np.array([L]), np.array([sigma]))
     steep = (
-        np.abs(phi * R - brush.transition(np.array([sigma]), np.array([L]))) < 0.06 * L
+        np.abs(phi * R - pressure.transition(np.array([sigma]), np.array([L]))) < 0.06 * L
     )  # the jump at x_s ripples
     assert np.abs(tau - wanted)[~steep].max() < 0.02 * np.abs(wanted).max()
     assert np.sign(np.median(tau)) == np.sign(sigma)
@@ -39,21 +39,21 @@ def test_pressure_and_shear_under_traction_are_told_apart(carcass, sigma):
 
 
 @pytest.mark.parametrize(
-    "grip", [brush.Grip(), brush.Grip(1.1, 0.7, 4.0), brush.Grip(0.3, 0.3, 0.5)]
+    "grip", [pressure.Grip(), pressure.Grip(1.1, 0.7, 4.0), pressure.Grip(0.3, 0.3, 0.5)]
 )
 @pytest.mark.parametrize("sigma", [0.05, -0.3, 0.9])
 def test_friction_and_slip_stiffness_are_those_of_the_brush(grip, sigma):
     """(15): adhesion reaches f_s p at x_s; and the modes are those of tau(xi), by quadrature."""
     F, L, R = np.array([[3400.0]]), np.array([[0.055]]), 0.31
     gamma, s = 0.75 * F / L**3, np.array([[sigma]])
-    x_s = brush.transition(s, L, grip.stiffness_ratio)
-    stiffness = grip.stiffness_ratio * brush.slip_stiffness(F, L, grip.static_friction)
+    x_s = pressure.transition(s, L, grip.stiffness_ratio)
+    stiffness = grip.stiffness_ratio * pressure.slip_stiffness(F, L, grip.static_friction)
     if x_s > -L:
         held = abs(sigma) * stiffness * (x_s + L)
         assert held == pytest.approx(grip.static_friction * gamma * (L**2 - x_s**2))
         assert abs(sigma) == pytest.approx((L - x_s) * gamma * grip.static_friction / stiffness)
     pieces = [np.linspace(-L[0, 0], x_s[0, 0], 40001), np.linspace(x_s[0, 0], L[0, 0], 40001)]
-    modes = brush.traction_modes(F, L, s, R, grip)[0]
+    modes = pressure.traction_modes(F, L, s, R, grip)[0]
     for n in (0, 1, 7):
         whole = 0.0
         for number, xi in enumerate(pieces):
@@ -76,8 +76,8 @@ def test_friction_and_slip_stiffness_are_those_of_the_brush(grip, sigma):
     phi = np.linspace(-0.9, 0.9, 301) * 0.055 / R
     half = model.half_length_m(one)
     told = model.predict(one, phi, observable="shear_traction")[0]
-    wanted = brush.traction(phi * R, one.load_N, half, np.array([sigma]), grip)
-    onset = brush.transition(np.array([sigma]), half, grip.stiffness_ratio)
+    wanted = pressure.traction(phi * R, one.load_N, half, np.array([sigma]), grip)
+    onset = pressure.transition(np.array([sigma]), half, grip.stiffness_ratio)
     smooth = np.abs(phi * R - onset) > 0.06 * half
     assert np.abs(told - wanted)[smooth].max() < 0.03 * np.abs(wanted).max()
 

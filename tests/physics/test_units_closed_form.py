@@ -7,10 +7,9 @@ import pytest
 from tests.physics.test_model_file_property import CONTRACT
 from tirelog.diagnosis.propose.grammar import LAW_UNITS, LAWS, forms
 from tirelog.errors import ModelError
-from tirelog.physics.model.file import load_model, parse_model, unit_remarks
-from tirelog.physics.model.own.dimensions import RESULT_UNITS, dimension_of, disagreement, said
-from tirelog.physics.model.own.user_effects import EXPRESSION_ACTS_ON
-from tirelog.physics.model.save import as_toml
+from tirelog.physics.model.expression import RESULT_UNITS, dimension_of, disagreement, said
+from tirelog.physics.model.file import as_toml, load_model, parse_model, unit_remarks
+from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON
 from tirelog.vocabulary.conditions import CONDITIONS
 
 SINCE = "((xi - L) % (2 * pi * R))"

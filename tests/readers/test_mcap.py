@@ -20,7 +20,7 @@ from tests.readers.mcap_files import (
     write_ros2,
 )  # fmt: skip
 from tirelog.readers.mcap import decode as mcap_decode
-from tirelog.readers.mcap import order as mcap_order
+from tirelog.readers.mcap import records as mcap_order
 from tirelog.readers.mcap.source import parse_path, topic_and_field
 
 STEP_NS = 400_000

@@ -8,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tirelog.readers.mcap.decode import ChannelDecoder
+from tirelog.readers.mcap.records import MessageTable
 from tirelog.readers.mcap.source import FieldColumn, Want
-from tirelog.readers.mcap.walk import MessageTable
 
 NUMBER = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tirelog.readers.rates import rate_in_words, unit_by_size
+from tirelog.readers.base import rate_in_words, unit_by_size
 
 LINES = {
     "Samples per Second\t1": 1.0,

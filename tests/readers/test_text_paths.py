@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tirelog.readers.base import counted_floats
 from tirelog.readers.text import source as text_source
-from tirelog.readers.text.flat import flat
+from tirelog.readers.text.parse import flat
 from tirelog.readers.text.reader import TextReader, open_text
 from tirelog.readers.text.source import ByteSource
 

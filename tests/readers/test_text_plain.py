@@ -13,12 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tirelog.readers.base import LOST_COUNT, counted_floats
-from tirelog.readers.text.digits import WIDE, as_count, as_float, digits_number
-from tirelog.readers.text.flat import flat
-from tirelog.readers.text.kernels import collapsed
-from tirelog.readers.text.parse import parse_block
+from tirelog.readers.text.kernels import WIDE, as_count, as_float, collapsed, digits_number
+from tirelog.readers.text.parse import Parsed, RowPlan, flat, parse_block
 from tirelog.readers.text.reader import open_text
-from tirelog.readers.text.rows import Parsed, RowPlan
 
 from .text_logs import all_plain, read, setup_of
 

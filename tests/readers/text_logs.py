@@ -8,9 +8,8 @@ import numpy as np
 
 from tirelog.data.setup import Setup, parse_setup
 from tirelog.readers.base import RawBlock, counted_floats
-from tirelog.readers.text.plain import plain_rows
+from tirelog.readers.text.parse import Parsed, RowPlan, concatenated_rows, plain_rows
 from tirelog.readers.text.reader import TextReader, open_text
-from tirelog.readers.text.rows import Parsed, RowPlan, concatenated_rows
 
 
 def setup_of(channels: Mapping[str, Mapping[str, Any]], log: str = "") -> Setup:

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 
 from tests.readers.mcap_files import read
 from tirelog.errors import ReadError
-from tirelog.readers.mcap import walk as mcap_walk
+from tirelog.readers.mcap import records as mcap_walk
 from tirelog.readers.mcap.reader import McapLog
 
 REAL = Path(__file__).parents[3] / "shared" / "real" / "rosbag2_mcap"

@@ -19,21 +19,19 @@ import pytest
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tests.report.test_page import data, numbers
 from tirelog.diagnosis.history import history_file
-from tirelog.diagnosis.obstacles.compare import TransientComparison
+from tirelog.diagnosis.obstacle_comparison import TransientComparison
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
 from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
 from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
-from tirelog.report.asked import Asked
 from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
 from tirelog.report.page import Report, Section, render
-from tirelog.report.papers import PAPERS, used_papers
-from tirelog.report.sections import obstacles
-from tirelog.report.sections.diagnosed import model_story
+from tirelog.report.sections import diagnosed
+from tirelog.report.sections.diagnosed import model_story, proposed
 from tirelog.report.sections.models import residual_map
-from tirelog.report.sections.proposed import proposed
+from tirelog.report.sources import PAPERS, Asked, used_papers
 from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
@@ -386,7 +384,7 @@ def test_obstacles_are_told_hit_by_hit() -> None:
         to_json=lambda: total,
     )
     result.hits_table = partial(TransientComparison.hits_table, result)
-    section = obstacles.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
+    section = diagnosed.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
     assert "5 hits on an obstacle" in section.text[0]
     assert "the model covers 98 %" in section.text[0]
     assert "20 microstrain added, 3 missed, at a floor of 1" in section.text[0]
@@ -403,7 +401,7 @@ def test_a_model_that_does_not_move_says_so() -> None:
     log = SimpleNamespace(
         log="f/a.csv", hits_s=np.array([1.0, 2.0]), road=SimpleNamespace(kind="cleat")
     )
-    section = obstacles.not_answered([log], "beam", "tirelog compare")
+    section = diagnosed.not_answered([log], "beam", "tirelog compare")
     assert section.text[0].startswith("2 hits on an obstacle")
     assert "coupled_ring" in section.text[0]
     assert section.tables[0].rows == [["a.csv", "cleat", "2", "1.000, 2.000"]]

@@ -10,7 +10,7 @@ import pytest
 
 from tests.cli.conftest import Command, folder, tirelog
 from tests.report.test_page import data, numbers
-from tirelog.report.asked import Asked
+from tirelog.report.sources import Asked
 
 __all__ = ["folder", "tirelog"]
 

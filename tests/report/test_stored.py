@@ -11,7 +11,7 @@ from tirelog.cli import run
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, packed_array
 from tirelog.report.page import Card, PageTable, Rung, Section
-from tirelog.report.stored import model_pages, read_stored, stored
+from tirelog.report.sources import model_pages, read_stored, stored
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 

@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.rolling.belt import Belt
-from tirelog.simulation.rolling.circulant_kernel import HALF
-from tirelog.simulation.rolling.profile import TrueProfile
-from tirelog.simulation.rolling.splines import Splines
+from tirelog.simulation.rolling.belt import HALF, Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
 from tirelog.simulation.rolling.tire import (
     POINTS,
@@ -18,6 +15,7 @@ from tirelog.simulation.rolling.tire import (
     RollingTire,
     Standing,
     TireMotion,
+    TrueProfile,
     standing,
 )
 from tirelog.simulation.scenario.schema import TrueTire

@@ -16,8 +16,7 @@ from tirelog.data.recording import Conditions
 from tirelog.inference.cells.together import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
-from tirelog.simulation.scenario.planted import PLANTABLE
-from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 from tirelog.simulation.steady.loads import Instants
 from tirelog.simulation.steady.waveforms import World
 

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.cases import IN_CATALOGUE, ORDINARY, OUTSIDE, PAIRS, PLANS, Case, case, planted
 from tirelog.errors import UsageError
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import PLANTABLE
+from tirelog.simulation.scenario.schema import PLANTABLE
 
 QUICK = Case(plan="short", logs=2)
 

@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.simulation.scenario.planted import Planted
-from tirelog.simulation.scenario.schema import Sensor
-from tirelog.simulation.steady.carcass import carcass, curvature_operator
-from tirelog.simulation.steady.contact import FlatRoadContact
+from tirelog.simulation.scenario.schema import Planted, Sensor
+from tirelog.simulation.steady.carcass import FlatRoadContact, carcass, curvature_operator
 from tirelog.simulation.steady.loads import friction, true_parabola
 from tirelog.simulation.steady.operators import Ring, central_weights
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
-from tirelog.simulation.sensors.wheel import tread_angle
+from tirelog.simulation.sensors.sampling import tread_angle
 
 from .worlds import tables
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tirelog.simulation import scenario_of, simulate
-from tirelog.simulation.scenario.planted import PLANTABLE
-from tirelog.simulation.scenario.schema import Sensor
-from tirelog.simulation.sensors.wheel import passages, tread_angle
+from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
+from tirelog.simulation.sensors.sampling import passages, tread_angle
 
 from .worlds import instants, tables, world
 

@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 from scipy.linalg import circulant as dense_circulant
 
-from tirelog.simulation.rolling import circulant_kernel as banded
+from tirelog.simulation.rolling import belt as banded
 from tirelog.simulation.rolling import step_kernel as kernel
-from tirelog.simulation.rolling.profile import TrueProfile
-from tirelog.simulation.rolling.splines import Splines, circulant
-from tirelog.simulation.rolling.tire import Standing, standing
+from tirelog.simulation.rolling.belt import Splines, circulant
+from tirelog.simulation.rolling.tire import Standing, TrueProfile, standing
 
 from .rolls import EI, K_V, K_W, LINE_MASS, PB, RADIUS, belt, moved, orders, rolling, strain_rider
 

@@ -10,8 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tirelog.simulation.rolling.profile import TrueProfile
-from tirelog.simulation.rolling.tire import TireMotion, standing
+from tirelog.simulation.rolling.tire import TireMotion, TrueProfile, standing
 from tirelog.simulation.scenario.schema import Sensor
 
 from .rolls import (

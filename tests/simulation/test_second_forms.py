@@ -10,8 +10,7 @@ import pytest
 from benchmarks.forms import Compared, nearest, table
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.simulation.scenario.planted import PLANTABLE
-from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.scenario.schema import PLANTABLE, Sensor
 
 from .worlds import instants, world
 

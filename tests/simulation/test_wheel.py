@@ -11,8 +11,13 @@ from benchmarks.wheel_cases import WHEEL_PLANS, Instruments, wheel_scenario
 from tirelog.errors import UsageError
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.scenario.schema import Sensor
-from tirelog.simulation.sensors.sampling import Trace, coupled
-from tirelog.simulation.sensors.wheel import longitudinal_force, phase_shift, tread_angle
+from tirelog.simulation.sensors.sampling import (
+    Trace,
+    coupled,
+    longitudinal_force,
+    phase_shift,
+    tread_angle,
+)
 
 from .worlds import tables, world
 

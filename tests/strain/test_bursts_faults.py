@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.runs.bursts import mended
+from tirelog.runs.in_memory import mended
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.footprint.footprint import footprint
 from tirelog.strain.passages.find import find_passages

@@ -11,11 +11,10 @@ import pytest
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Recording, TimeAxis
 from tirelog.data.setup import LogConditions, Setup, Tire
-from tirelog.dsp.differentiator import bridged, differentiator
-from tirelog.plots.tables.dissipation import said
+from tirelog.dsp.filters import bridged, differentiator
+from tirelog.plots.footprint import said
 from tirelog.products import tables_of
-from tirelog.strain.dissipation import dissipation, moving_average, steady_stretches
-from tirelog.strain.dissipation_fit import regression
+from tirelog.strain.dissipation import dissipation, moving_average, regression, steady_stretches
 from tirelog.strain.dissipation_table import by_speed, regressions
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.dsp.differentiator import bridged, differentiator
+from tirelog.dsp.filters import bridged, differentiator
 from tirelog.strain.dissipation import ENERGY, revolution_sums, scratch_of
 
 

@@ -10,14 +10,20 @@ from scipy.integrate import quad
 from scipy.special import eval_legendre, spherical_jn
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.derivatives import closed, derivatives, lowpassed, window_spectra
+from tirelog.dsp.filters import closed, derivatives, lowpassed, window_spectra
 from tirelog.strain.footprint import kernels
-from tirelog.strain.footprint.family import EdgeFamily, EdgeShape
-from tirelog.strain.footprint.family_kernels import ORDERS, SHAPES, inverted, spherical_bessel
+from tirelog.strain.footprint.family import (
+    ORDERS,
+    SHAPES,
+    EdgeFamily,
+    EdgeShape,
+    inverted,
+    spherical_bessel,
+)
 from tirelog.strain.footprint.kernels import MOST_BEND, class_sums, fit_rows
 from tirelog.strain.footprint.onset_kernels import ONSET, onset_rows, traction_gains
 from tirelog.strain.footprint.plain_edges import find_edges, least
-from tirelog.strain.footprint.windows import gather_windows
+from tirelog.strain.footprint.refine import gather_windows
 
 SIGMA, ODD_SD = 0.02, 0.3
 #: the table's grid: first, step, squared speed, shift, half window

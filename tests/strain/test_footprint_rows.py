@@ -10,12 +10,12 @@ import pytest
 from tests.strain.strain_truth import Beam
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import Setup, Tire
-from tirelog.dsp.lowpass import Cutoff
+from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.footprint.footprint import footprint
-from tirelog.strain.footprint.windows import window_class
+from tirelog.strain.footprint.refine import window_class
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, good, having

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.lowpass import Cutoff
+from tirelog.dsp.filters import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
 from tirelog.strain.footprint.learn import learn_reference
 from tirelog.strain.footprint.plain_edges import find_edges

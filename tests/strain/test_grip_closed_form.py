@@ -11,10 +11,10 @@ from tests.strain.strain_truth import Beam
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
-from tirelog.physics.brush import traction, transition
-from tirelog.strain.grip import EXPONENT_SD, friction_used, grip_columns, refuse_frictions
+from tirelog.physics.pressure import traction, transition
+from tirelog.strain.slip import EXPONENT_SD, friction_used, grip_columns, refuse_frictions
 from tirelog.strain.strain_shift import strain_shift_of
-from tirelog.wheel.angle_table import wheel_angle_of
+from tirelog.wheel.table import wheel_angle_of
 
 ONE = np.ones((1, 1))
 BRAKES = np.array([-3.0, -3.0, -0.3])

@@ -10,8 +10,7 @@ import pytest
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import Setup, Tire
 from tirelog.errors import UsageError
-from tirelog.strain.inflation import inflation
-from tirelog.strain.inflation_table import inflation_of
+from tirelog.strain.inflation import inflation, inflation_of
 
 SLOPE_1_Pa = 2.4e-9
 RATE_HZ = 2500.0

@@ -14,19 +14,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.noise import DIFFERENCE_GAIN, NORMAL_MEDIAN, ORDER, PIECE_SAMPLES, white_noise
-from tirelog.strain.passages.decimate import decimate
+from tirelog.dsp.filters import (
+    DIFFERENCE_GAIN,
+    DIFFERENCE_ORDER,
+    NORMAL_MEDIAN,
+    PIECE_SAMPLES,
+    white_noise,
+)
 from tirelog.strain.passages.fit import Signal, Start, curve_sums, fit_passages, gather
-from tirelog.strain.passages.fit_kernels import MOST_SAMPLES
-from tirelog.strain.passages.search_kernels import (
+from tirelog.strain.passages.search import (
     PULSE,
     bucket_medians,
+    decimate,
     half_level,
     medians_around,
     running_medians,
     turning_points,
 )
-from tirelog.strain.passages.template import INTERVALS, TABLE, Template
+from tirelog.strain.passages.template import INTERVALS, MOST_SAMPLES, TABLE, Template
 
 
 def holed(rng, size, share):
@@ -149,7 +154,7 @@ def test_medians_around(share):
 def test_white_noise_is_the_median_of_sixth_differences(size):
     values = np.random.default_rng(1803).normal(size=size)
     values[size // 2 + 5 :: 97] = np.nan
-    sizes = np.abs(np.diff(values, ORDER))
+    sizes = np.abs(np.diff(values, DIFFERENCE_ORDER))
     expected = np.median(sizes[np.isfinite(sizes)]) / NORMAL_MEDIAN / DIFFERENCE_GAIN
     assert white_noise(values) == pytest.approx(expected, rel=1e-12)
 

@@ -5,7 +5,7 @@ import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.fit import Signal, Start, fit_passages, gather, residuals
-from tirelog.strain.passages.search_kernels import fill_lost
+from tirelog.strain.passages.search import fill_lost
 from tirelog.strain.passages.template import Template
 
 SHARES = (0.0, 0.02, 0.5, 0.98)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.strain.passages.decimate import decimate, refined
 from tirelog.strain.passages.find import find_passages
+from tirelog.strain.passages.search import decimate, refined
 from tirelog.strain.speed import speed_quality
 from tirelog.vocabulary.quality import Quality, having
 

@@ -15,8 +15,7 @@ import pytest
 from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.simulation import Scenario, simulate, to_recording
-from tirelog.simulation.scenario.planted import Planted
-from tirelog.simulation.scenario.schema import Manoeuvre, Sensor
+from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Sensor
 from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import footprint
 from tirelog.strain.footprint.settle import settle

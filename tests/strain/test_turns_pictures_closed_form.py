@@ -10,10 +10,18 @@ from matplotlib.figure import Figure
 
 from tests.cli.conftest import Command, folder, tirelog
 from tirelog.physics.moving.modes import Mode
-from tirelog.plots.orders import amplitudes, map_of, on_the_belt, order_maps
-from tirelog.plots.tables.turns import KINDS, TurnsSketch, filled, speed_classes
-from tirelog.plots.wheel import around_the_wheel
-from tirelog.vocabulary.pictures import FOOTPRINT
+from tirelog.plots.turns import (
+    KINDS,
+    TurnsSketch,
+    amplitudes,
+    around_the_wheel,
+    filled,
+    map_of,
+    on_the_belt,
+    order_maps,
+    speed_classes,
+)
+from tirelog.vocabulary.tables import FOOTPRINT
 
 __all__ = ["folder", "tirelog"]
 
@@ -151,10 +159,8 @@ def test_of_many_revolutions_each_nth_is_kept(monkeypatch: pytest.MonkeyPatch) -
         FakeStack(numbers[7:12]),
         FakeStack(numbers[12:]),
     ]
-    monkeypatch.setattr("tirelog.plots.tables.turns._MOST_TURNS", 10)
-    monkeypatch.setattr(
-        "tirelog.plots.tables.turns.stacks_from_logs", lambda *given: Stacks(stacks)
-    )
+    monkeypatch.setattr("tirelog.plots.turns._MOST_TURNS", 10)
+    monkeypatch.setattr("tirelog.plots.turns.stacks_from_logs", lambda *given: Stacks(stacks))
     tire = SimpleNamespace(static_footprint_length_m=None)
     recording: Any = SimpleNamespace(log="a.csv", setup=SimpleNamespace(tire=tire))
     channel: Any = SimpleNamespace(channel=SimpleNamespace(name="strain_1"))

@@ -33,12 +33,11 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 REGISTER = PACKAGE / "vocabulary" / "quality.py"
 #: other things of the same name: a column, an option, a regime of the simulation, a repair's count
 NAMESAKES = {
-    "implausible": ("api/setups.py", "drafts/check.py", "cli/logs/setup.py", "cli/logs/pages.py"),
+    "implausible": ("api/setups.py", "drafts/setup.py", "cli/files.py", "cli/pages.py"),
     "leak": {
         "vocabulary/columns.py",
         "vocabulary/tables.py",
         "strain/inflation.py",
-        "strain/inflation_table.py",
     },
     "cutoff": {
         "vocabulary/tables.py",

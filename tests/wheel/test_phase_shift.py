@@ -232,9 +232,9 @@ def test_the_table_has_the_contracts_columns_in_order():
 def test_rows_do_not_depend_on_the_blocks(monkeypatch):
     drive, tread = Drive(*DYNAMIC), moving(seed=13_000)
     whole = run(drive, tread)
-    monkeypatch.setattr("tirelog.dsp.encoder.signal.BLOCK", 40_000)
-    monkeypatch.setattr("tirelog.wheel.fronts.dips.PIECE", 30_000)
-    monkeypatch.setattr("tirelog.wheel.fronts.samples.PIECE", 20_000)
+    monkeypatch.setattr("tirelog.dsp.teeth.BLOCK", 40_000)
+    monkeypatch.setattr("tirelog.wheel.dips.PIECE", 30_000)
+    monkeypatch.setattr("tirelog.wheel.dips.SAMPLES_PIECE", 20_000)
     parts = run(drive, tread)
     np.testing.assert_allclose(parts.shift_deg, whole.shift_deg, atol=1e-6)
     np.testing.assert_allclose(parts.width_deg, whole.width_deg, atol=1e-6)

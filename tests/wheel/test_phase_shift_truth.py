@@ -10,8 +10,7 @@ import pytest
 from benchmarks.wheel_cases import Instruments, wheel_scenario
 from benchmarks.wheel_manoeuvres import scenario
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario.planted import Planted
-from tirelog.simulation.scenario.schema import Manoeuvre, Road
+from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Road
 from tirelog.wheel.phase_shift import measure_phase_shift
 
 

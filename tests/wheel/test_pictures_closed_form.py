@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tirelog.plots.tables.phase_shift import _passages
+from tirelog.plots.speed import _passages
 
 
 def test_bars_are_two_standard_errors_to_each_side() -> None:

@@ -7,7 +7,7 @@ import tirelog
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
-from tirelog.inference.stacks.conditions import conditions_of
+from tirelog.inference.stacks.manoeuvres import conditions_of
 
 R, TEETH = 0.31, 48
 SETUP = """[tire]

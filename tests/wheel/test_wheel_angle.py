@@ -19,8 +19,7 @@ from tests.wheel.phase_truth import (
 from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary.quality import Quality
 from tirelog.wheel.angle import SPEED_WINDOW_S, encoder_of, rolling_radius
-from tirelog.wheel.angle_table import wheel_angle_of
-from tirelog.wheel.speed_table import encoder_speed
+from tirelog.wheel.table import encoder_speed, wheel_angle_of
 
 
 def wheel_of(drive, signal, **more):

@@ -15,33 +15,28 @@ from pathlib import Path as File
 from tirelog.api.logs import Logs, Path, each_log
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
+from tirelog.diagnosis import by_group
 from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
-from tirelog.diagnosis import form as forming
+from tirelog.diagnosis import fitted as forming
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.answer import AnswerTable
+from tirelog.diagnosis.certainty import MOST_DRAWS
 from tirelog.diagnosis.diagnose import Diagnosis
-from tirelog.diagnosis.fitted import AS_COMPARE, FitOfLogs, fit_channels_measured
-from tirelog.diagnosis.form import TireForm
-from tirelog.diagnosis.gratings.found import GratingsFound
+from tirelog.diagnosis.fitted import AS_COMPARE, FitOfLogs, TireForm, fit_channels_measured
+from tirelog.diagnosis.gratings import GratingsFound
 from tirelog.diagnosis.history import read_history, remember
-from tirelog.diagnosis.obstacles.compare import TransientComparison, compare_transients
-from tirelog.diagnosis.obstacles.learn import Learned, learn_motion
+from tirelog.diagnosis.obstacle_comparison import TransientComparison, compare_transients
+from tirelog.diagnosis.obstacles import Learned, learn_motion
 from tirelog.diagnosis.propose import propose as proposing
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Comparison, Ladder
-from tirelog.diagnosis.trust import by_group
-from tirelog.diagnosis.trust.inclusion import MOST_DRAWS
 from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.measured import (
-    MeasuredLogs,
-    measured_for,
-)
-from tirelog.inference.motion import motion_names
+from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.own.user_effects import own_effects
-from tirelog.report.asked import Asked
+from tirelog.physics.model.user_effects import own_effects
+from tirelog.report.sources import Asked
 from tirelog.vocabulary.observables import (
     WAVEFORMS,
     waveform_of,

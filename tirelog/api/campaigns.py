@@ -12,8 +12,7 @@ from tirelog.api.logs import Path
 from tirelog.campaign.folder import folder_at
 from tirelog.campaign.ledger import Entry, Ledger
 from tirelog.campaign.manifest import Campaign, load_manifest
-from tirelog.campaign.runner import plan_tasks, run_tasks, strangers, to_do, write_summary
-from tirelog.campaign.work import LogTask
+from tirelog.campaign.runner import LogTask, plan_tasks, run_tasks, strangers, to_do, write_summary
 from tirelog.errors import OutputError, UsageError, is_outside_log
 
 __all__ = [

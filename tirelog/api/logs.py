@@ -15,8 +15,7 @@ from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import UsageError
 from tirelog.inference.shared_samples import fingerprint
-from tirelog.runs.ingest import IngestSummary, is_file, open_recording, write_run
-from tirelog.runs.overview import channel_rows
+from tirelog.runs.ingest import IngestSummary, channel_rows, is_file, open_recording, write_run
 from tirelog.runs.store import changed_columns, is_run, open_run
 from tirelog.storage.remote import address
 
@@ -51,7 +50,7 @@ class OpenLog(Recording):
 
     def _repr_html_(self) -> str:
         """The channels, for a notebook."""
-        from tirelog.tables.html import document, table
+        from tirelog.tables.writer import document, table
 
         rows = {name: column for name, column in channel_rows(self).items() if name != "log"}
         return document(self.log, [table(list(rows), zip(*rows.values()))], self.remarks)

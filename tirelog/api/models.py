@@ -17,8 +17,8 @@ from tirelog.diagnosis.history import history_rows as ladder_rows
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.physics.effects import Effect, serves
 from tirelog.physics.model import file
-from tirelog.physics.model.difference import difference_rows, parameter_rows
-from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns
+from tirelog.physics.model.file import refuse_another, save_model
+from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
 from tirelog.physics.model.from_setup import (
     known_conditions,
     known_surface,
@@ -26,12 +26,10 @@ from tirelog.physics.model.from_setup import (
     with_gauge_length,
 )
 from tirelog.physics.model.limits import check_conditions, check_model
-from tirelog.physics.model.model import Model
+from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.nuisances import BY_NAME as NUISANCES
-from tirelog.physics.model.own.user_effects import catalogue_with, effect_called
 from tirelog.physics.model.presets import PRESETS
-from tirelog.physics.model.save import refuse_another, save_model
-from tirelog.physics.model.worn import worn_model
+from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
@@ -175,7 +173,7 @@ def added(
 
 def draw_effects(effects: Sequence[Effect], path: Path) -> None:
     """What each effect does to the strain, as a picture.  UsageError: to no strain."""
-    from tirelog.plots.models.effects import signatures
+    from tirelog.plots.answers import signatures
 
     signatures(effects, File(path))
 
@@ -194,8 +192,8 @@ def draw_modes(
 
     UsageError: a log has no such channel, or too few revolutions.
     """
-    from tirelog.plots.models.modes import modes_picture
-    from tirelog.plots.orders import map_of_log, modes_over_orders
+    from tirelog.plots.answers import modes_picture
+    from tirelog.plots.turns import map_of_log, modes_over_orders
 
     maps = [(log.log, map_of_log(log, channel)) for log in logs]
     if maps:
@@ -357,8 +355,7 @@ def passage(
     `sensors_deg` as `passage_columns` (180 by default). UsageError and ModelError as `predict`, and
     if the tire cannot drive there.
     """
-    from tirelog.physics.moving.course import course_of, passage_columns
-    from tirelog.physics.moving.transient import driven
+    from tirelog.physics.moving.transient import course_of, driven, passage_columns
 
     given = _checked(model, conditions)
     load_N = float(given.load_N[0]) if given.known("load_N") else model.values["load_N"]

@@ -12,9 +12,9 @@ from typing import Any
 from tirelog.api.logs import Logs, Path, as_logs, open_log
 from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
-from tirelog.report.asked import Asked
 from tirelog.report.build import build
 from tirelog.report.page import plotting_library, render
+from tirelog.report.sources import Asked
 from tirelog.storage.whole import whole_file
 
 __all__ = ["Asked", "ReportOrder", "write_report"]

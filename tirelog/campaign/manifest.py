@@ -39,7 +39,6 @@ from typing import Any
 from tirelog.data.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
 from tirelog.errors import SetupError, TirelogError, UsageError
 from tirelog.products import OF_A_DRIVE, checked
-from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.storage.remote import address, match_remote, open_input, read_remote
 from tirelog.storage.schema import (
     ANYTHING,
@@ -51,6 +50,7 @@ from tirelog.storage.schema import (
     Table,
     words,
 )
+from tirelog.storage.whole import toml_tables, toml_text
 
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
 MODEL_COMMANDS = ("compare", "diagnose", "ladder")

@@ -10,7 +10,7 @@ What differs between logs (load, pressure, water, age) is what lets `diagnose` s
 single log shows. A result carries the key of everything it was made of, so it is made again only
 when a log, a setup, the model or tirelog changes.
 
-Memory: the means of like revolutions that `inference.cells.gathering` has room for, whatever the
+Memory: the means of like revolutions that `inference.cells.pieces` has room for, whatever the
 campaign's size, and nothing of the revolutions; logs share that room as those of one `diagnose` do,
 so that both give the same numbers. A result says how many there were.
 """
@@ -25,14 +25,14 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from tirelog.campaign.folder import json_of
 from tirelog.campaign.ledger import Ledger
 from tirelog.campaign.manifest import Campaign, CampaignModel
-from tirelog.campaign.names import json_of
-from tirelog.campaign.work import LogTask, pieces_name
+from tirelog.campaign.runner import LogTask, pieces_name
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
-from tirelog.physics.model.own.user_effects import own_effects
+from tirelog.physics.model.user_effects import own_effects
 from tirelog.version import __version__
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def _with_each(
     by: str,
 ) -> Diagnosis:
     """The diagnosis with that of each log or tire alone, and of all without it."""
-    from tirelog.diagnosis.trust import by_group
+    from tirelog.diagnosis import by_group
 
     if len(groups) < 2:
         said = f"There is one {by} alone: nothing is to be held against it."
@@ -183,7 +183,7 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
     from tirelog.physics.effects import BY_ID
     from tirelog.report.sections import models as model_sections
     from tirelog.report.sections.diagnosed import story_of
-    from tirelog.report.stored import stored
+    from tirelog.report.sources import stored
 
     command = shlex.join(["tirelog", "campaign", "run", manifest])
     found, climbed = (
@@ -201,8 +201,7 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
 
 def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:
     """Each log's share of pieces, and what to say of it."""
-    from tirelog.inference.cells.gathering import chosen_logs, left_out, room, share_out
-    from tirelog.inference.cells.pieces import joined_pieces
+    from tirelog.inference.cells.pieces import chosen_logs, joined_pieces, left_out, room, share_out
     from tirelog.vocabulary.observables import SCALARS
 
     most = room(1 if observable in SCALARS else 2)
@@ -236,7 +235,7 @@ def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Piec
 
 def _kept(task: LogTask, observable: str, ledger: Ledger) -> Pieces:
     """The pieces that a log's worker kept.  ReadError: the file is damaged."""
-    from tirelog.campaign.pieces_file import read_pieces
+    from tirelog.campaign.ledger import read_pieces
 
     name = pieces_name(observable, task.name)
     try:

@@ -86,7 +86,7 @@ def _on_notice(text: str) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Carry out a command line; its exit status."""
-    from tirelog.cli.streams import drop_output, endings_unwind
+    from tirelog.cli.session import drop_output, endings_unwind
     from tirelog.runtime import hearing
 
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -128,7 +128,7 @@ def run(arguments: list[str] | None = None) -> int:
 
 def main() -> None:
     """Entry point of the console script."""
-    from tirelog.cli.streams import drop_output, open_streams
+    from tirelog.cli.session import drop_output, open_streams
     from tirelog.runtime import few_collections, leave, one_heap, one_thread, share_work
 
     one_thread()  # first of all: a command's inputs are looked at before it begins

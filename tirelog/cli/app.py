@@ -16,23 +16,23 @@ import typer
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 #: a table whose command does more than write it
-OF_THEIR_OWN = {"phase-shift": "logs.phase_shift:phase_shift"}
+OF_THEIR_OWN = {"phase-shift": "log_tables:phase_shift"}
 #: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in
 #: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
-BEFORE_TABLES = {"ingest": "logs.ingest:ingest", "info": "logs.info:info"}
+BEFORE_TABLES = {"ingest": "files:ingest", "info": "files:info"}
 AFTER_TABLES = {
-    "setup": "logs.setup:app",
-    "simulate": "logs.simulate:simulate",
-    "effects": "models.model:effects",
-    "model": "models.model:app",
-    "compare": "models.answers:compare",
-    "diagnose": "models.answers:diagnose",
-    "propose": "models.answers:propose",
-    "form": "models.answers:form",
-    "ladder": "models.answers:ladder",
+    "setup": "files:app",
+    "simulate": "files:simulate",
+    "effects": "model:effects",
+    "model": "model:app",
+    "compare": "answers:compare",
+    "diagnose": "answers:diagnose",
+    "propose": "answers:propose",
+    "form": "answers:form",
+    "ladder": "answers:ladder",
     "report": "report:report",
     "campaign": "campaign:app",
-    "check": "logs.check:check",
+    "check": "files:check",
 }
 
 
@@ -43,7 +43,7 @@ def _commands() -> Iterator[tuple[str, Callable[[], Any]]]:
         return resolve_name(f"tirelog.cli.{place}")
 
     def of_table(name: str, table: LogTable) -> Any:
-        from tirelog.cli.logs.log_table import table_command
+        from tirelog.cli.log_tables import table_command
 
         return own(OF_THEIR_OWN[name]) if name in OF_THEIR_OWN else table_command(table)
 
@@ -54,7 +54,7 @@ def _commands() -> Iterator[tuple[str, Callable[[], Any]]]:
 
     yield from ((name, partial(own, place)) for name, place in BEFORE_TABLES.items())
     yield from of_a_log(driven=True)
-    yield "tables", partial(own, "logs.tables:tables")
+    yield "tables", partial(own, "log_tables:tables")
     yield from of_a_log(driven=False)
     yield from ((name, partial(own, place)) for name, place in AFTER_TABLES.items())
 

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli import options
-from tirelog.cli.session import Session, say
-from tirelog.cli.working import CampaignProgress
+from tirelog.cli.session import CampaignProgress, Session, say
 from tirelog.errors import ExitStatus, printable
 
 app = typer.Typer(

@@ -2,15 +2,268 @@
 
 from __future__ import annotations
 
+import errno
+import math
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.cli import completion
-from tirelog.cli.targets import drawable, in_a_folder
 from tirelog.errors import UsageError, refuse_unknown
+from tirelog.vocabulary.tables import TABLE_FORMATS
+
+if TYPE_CHECKING:
+    from tirelog.data.recording import Conditions
+    from tirelog.data.setup import RoadSetup, Setup
+
+
+# ---- What a shell may complete: values that are known by name.
+#
+# Nothing here reads a log: an answer has to come while one types.
+
+
+def formats(incomplete: str) -> list[str]:
+    """Formats of tables."""
+    return _beginning(TABLE_FORMATS, incomplete)
+
+
+def effects(incomplete: str) -> list[str]:
+    """Effects of the catalogue."""
+    from tirelog.api.models import catalogue_with
+
+    return _beginning(tuple(catalogue_with()), incomplete)
+
+
+def nuisances(incomplete: str) -> list[str]:
+    """Nuisances of a model."""
+    from tirelog.api.models import NUISANCES
+
+    return _beginning(tuple(NUISANCES), incomplete)
+
+
+def presets(incomplete: str) -> list[str]:
+    """Presets of a new model."""
+    from tirelog.api.models import PRESETS
+
+    return _beginning(PRESETS, incomplete)
+
+
+def tables(incomplete: str) -> list[str]:
+    """Tables of a log."""
+    from tirelog.vocabulary.tables import LOG_TABLES
+
+    return _beginning(tuple(LOG_TABLES), incomplete)
+
+
+def channels(ctx: Any, incomplete: str) -> list[str]:
+    """Channels of the setup that is given, or stands beside the first log."""
+    from tirelog.data.setup import load_setup, setup_beside
+    from tirelog.errors import TirelogError
+
+    found: tuple[str, ...] = ()
+    with suppress(TirelogError, OSError):
+        logs = ctx.params.get("logs") or []
+        place = ctx.params.get("setup") or (setup_beside(logs[0]) if logs else None)
+        if place is not None:
+            found = tuple(load_setup(place).channels)
+    return _beginning(found, incomplete)
+
+
+def _beginning(words: tuple[str, ...], incomplete: str) -> list[str]:
+    return [word for word in words if word.startswith(incomplete)]
+
+
+# ---- Refusals before the work: what could not be written, drawn or saved in the end.
+#
+# Callbacks of options that name outputs: each gives its path back, or raises.
+
+
+def in_a_folder(path: Path | None) -> Path | None:
+    """The path of a file to write.  OutputError: its folder is not there, or it is one itself."""
+    from tirelog.storage.remote import address
+    from tirelog.storage.whole import output_error
+
+    if path is None or address(path) is not None:
+        return path
+    number = 0
+    if path.is_dir():
+        number = errno.EISDIR
+    elif not path.parent.is_dir():
+        number = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
+    if number:
+        raise output_error(path, OSError(number, os.strerror(number)))
+    return path
+
+
+def folder(path: Path | None) -> Path | None:
+    """The path of a folder to write into, made if missing.  OutputError: a file is in its way."""
+    from tirelog.storage.remote import address
+    from tirelog.storage.whole import output_error
+
+    if path is not None and address(path) is None:
+        there = next(place for place in (path, *path.absolute().parents) if place.exists())
+        if not there.is_dir():
+            number = errno.EEXIST if there == path else errno.ENOTDIR
+            raise output_error(path, OSError(number, os.strerror(number)))
+    return path
+
+
+def drawable(path: Path | None) -> Path | None:
+    """The path of a picture to draw.
+
+    UsageError: it has no picture's suffix, or matplotlib is missing; OutputError as `in_a_folder`.
+    """
+    if path is None:
+        return None
+    from importlib.util import find_spec
+
+    from tirelog.vocabulary.tables import no_matplotlib, refuse_no_picture
+
+    refuse_no_picture(path)
+    if find_spec("matplotlib") is None:
+        raise no_matplotlib()
+    return in_a_folder(path)
+
+
+# ---- Conditions and drives as options of `tirelog model predict` give them, as numbers.
+
+
+#: revolutions that one command computes, and rows that it writes of them; twice as many rows take
+#: twice the memory, some 500 MB
+MOST, MOST_ROWS = 2000, 2_100_000
+_FIELDS = {
+    "speed": "speed_m_s",
+    "load": "load_N",
+    "pressure": "inflation_pressure_Pa",
+    "acceleration": "acceleration_m_s2",
+    "slip": "slip",
+}
+
+
+def values_of(text: str, option: str) -> list[float]:
+    """The values that an option gives.  UsageError: words that are none."""
+    try:
+        numbers = [float(part) for part in text.split(":" if ":" in text else ",")]
+        if all(map(math.isfinite, numbers)) and len(numbers) <= MOST:
+            if ":" not in text:
+                return numbers
+            low, high, step = numbers
+            count = math.floor((high - low) / step + 1e-9) + 1
+            if 1 <= count <= MOST:
+                return [low + i * step for i in range(count)]
+    except (ValueError, ZeroDivisionError, OverflowError):
+        pass
+    raise UsageError(
+        f"{option} {text}",
+        allowed=f"allowed are a number, several with commas, or FROM:TO:STEP, {MOST} at most",
+        do=f"write {option} 20, {option} 10,20 or {option} 5:25:5",
+    )
+
+
+def refuse_many(conditions: int, points: int) -> None:
+    """UsageError for more rows than memory is meant for: so many `points` of each condition."""
+    rows = conditions * points
+    if rows > MOST_ROWS:
+        raise UsageError(
+            f"{rows} rows",
+            allowed=f"{MOST_ROWS} are allowed in one command",
+            do="ask for fewer --points or conditions at once",
+        )
+
+
+def conditions_given(
+    setup: Setup | None, more: Mapping[str, float | None], **options: str | None
+) -> Conditions:
+    """Each value of each option with each of the others, and what the setup knows besides.
+
+    UsageError: no number, one that no tire is driven under, or more than MOST of them together.
+    """
+    from tirelog.api.models import conditions_of
+
+    given = {
+        _FIELDS[name]: values_of(text, f"--{name}")
+        for name, text in options.items()
+        if text is not None
+    }
+    count = math.prod(len(values) for values in given.values())
+    if count > MOST:
+        raise UsageError(
+            f"{count} conditions",
+            allowed=f"{MOST} are allowed in one command",
+            do="ask for fewer values at once",
+        )
+    other = {name: value for name, value in more.items() if value is not None}
+    called = {_FIELDS[name]: f"--{name}" for name in options} | {
+        "time_s": "--time",
+        "temperature_K": "--temperature",
+    }
+    return conditions_of(given, setup, called=called, **other)
+
+
+def road_words(words: str, setup: Setup | None) -> RoadSetup:
+    """The road of --road: in words, or `setup` for the setup's [road]."""
+    from tirelog.data.setup import parse_road
+
+    if words != "setup":
+        return parse_road(words)
+    if setup is None or setup.road.kind == "flat":
+        raise UsageError(
+            "--road setup, and the setup has no [road]",
+            allowed="a road in words is allowed, such as cleat,height_m=0.01,length_m=0.04",
+        )
+    return setup.road
+
+
+def load_steps(words: list[str]) -> list[tuple[float, float]]:
+    """(time [s], load [N]) of each --load-step TIME:LOAD.  UsageError: words that are none."""
+    steps: list[tuple[float, float]] = []
+    before = 0.0
+    for text in words:
+        time, load = _numbers(text, "--load-step", "TIME:LOAD", 2)
+        _later("--load-step", text, time, before)
+        before = time + 1e-6  # a step takes a moment
+        steps.append((time, load))
+    return steps
+
+
+def speed_ramps(words: list[str]) -> list[tuple[float, float, float]]:
+    """(from [s], to [s], speed [m/s]) of each --speed-ramp FROM:TO:SPEED.
+
+    UsageError: words that are none.
+    """
+    ramps: list[tuple[float, float, float]] = []
+    before = 0.0
+    for text in words:
+        begin, end, speed = _numbers(text, "--speed-ramp", "FROM:TO:SPEED", 3)
+        _later("--speed-ramp", text, begin, before)
+        _later("--speed-ramp", text, end, begin)
+        before = end
+        ramps.append((begin, end, speed))
+    return ramps
+
+
+def _numbers(text: str, option: str, form: str, count: int) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(":")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise UsageError(
+            f"{option} {text}", allowed=f"{form} in s and SI units is allowed", do="correct it"
+        )
+    return numbers
+
+
+def _later(option: str, text: str, time_s: float, before_s: float) -> None:
+    if time_s < before_s:
+        raise UsageError(
+            f"{option} {text} goes back in time",
+            allowed="times that grow, from 0 s on, are allowed",
+            do="correct it",
+        )
 
 
 def plot_kind(kinds: Mapping[str, str]) -> Any:
@@ -50,9 +303,7 @@ Output = Annotated[
 ]
 Format = Annotated[
     str | None,
-    typer.Option(
-        "--format", help="csv, ndjson, parquet or json.", autocompletion=completion.formats
-    ),
+    typer.Option("--format", help="csv, ndjson, parquet or json.", autocompletion=formats),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
 Plot = Annotated[
@@ -73,7 +324,7 @@ ChannelName = Annotated[
         "--channel",
         help="Channel to compare; the first that fits by default. Of strain several gratings in "
         "one fit: their names with commas between, or all.",
-        autocompletion=completion.channels,
+        autocompletion=channels,
     ),
 ]
 Channels = Annotated[
@@ -81,7 +332,7 @@ Channels = Annotated[
     typer.Option(
         "--channel",
         help="Only this channel; several times for several (default: all that fit).",
-        autocompletion=completion.channels,
+        autocompletion=channels,
     ),
 ]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.")]

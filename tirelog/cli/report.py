@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from tirelog.cli import options
+from tirelog.cli.options import in_a_folder
 from tirelog.cli.session import Session
-from tirelog.cli.targets import in_a_folder
 
 
 def report(

@@ -12,17 +12,21 @@ at all could be read).
 
 from __future__ import annotations
 
+import io
 import json
+import os
+import signal
 import sys
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tirelog.cli.working import Working, summary
 from tirelog.errors import (
     DataLoss,
     ExitStatus,
@@ -32,15 +36,245 @@ from tirelog.errors import (
     UsageError,
     printable,
 )
+from tirelog.runtime import PATIENCE_S
+from tirelog.storage.whole import output_error
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from tirelog.api.campaigns import Entry
     from tirelog.api.parts import Part
     from tirelog.api.setups import Contents
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
     from tirelog.tables.writer import TableWriter
+
+
+# ---- The process's standard streams and the signals that end it, as every command may rely on
+# them.
+#
+# standard output   closed, full or of another encoding: an OutputError or an escaped letter,
+# never a
+#                   crash
+# SIGTERM, SIGHUP   unwind like an interrupt, so that what is not finished is removed
+
+
+#: signals that end a process from outside; a shell shows 128 more than their number as the status
+_ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal to end the process."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.status = 128 + number
+
+
+@contextmanager
+def endings_unwind() -> Iterator[None]:
+    """While open, SIGTERM and SIGHUP raise Stopped, once; an ignored one (`nohup`) stays so."""
+
+    def stop(number: int, _: FrameType | None) -> None:
+        for ending in mine:
+            signal.signal(ending, signal.SIG_IGN)  # the second must not disturb the sweeping
+        raise Stopped(number)
+
+    here = threading.current_thread() is threading.main_thread()
+    mine = [number for number in _ENDINGS if here and signal.getsignal(number) is signal.SIG_DFL]
+    for number in mine:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in mine:
+            signal.signal(number, signal.SIG_DFL)
+
+
+class _Out(io.FileIO):
+    """Standard output's bytes.
+
+    What cannot be written is an OutputError, a reader that leaves is not.
+    """
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            raise
+        except OSError as problem:
+            raise output_error("standard output", problem) from problem
+
+
+def open_streams() -> None:
+    """Standard streams that are there, whoever started the process.
+
+    To be called before any file is opened.
+
+    A closed one is replaced by the null device in the direction that fails, or the next file that
+    is opened would take its number.
+    """
+    for number, way in ((0, os.O_WRONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, way)
+    if sys.stdin is None:
+        sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    stream = io.BufferedWriter(_Out(1, "w", closefd=False))
+    sys.stdout = io.TextIOWrapper(stream, encoding, "backslashreplace", line_buffering=os.isatty(1))
+
+
+def drop_output() -> None:
+    """Point standard output at nothing, so that no flush at exit complains."""
+    with suppress(OSError, ValueError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
+
+
+# ---- Tables to read, on a terminal: columns as wide as their widest cell.
+
+
+def console_table(
+    names: Sequence[str], rows: Iterable[Sequence[Any]], left: Collection[int] = (0,)
+) -> Any:
+    """A table for a `page`: numbers with four digits, nothing for None; `left` columns of words."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for i, name in enumerate(names):
+        table.add_column(name, justify="left" if i in left else "right")
+    for row in rows:
+        table.add_row(
+            *(f"{v:.4g}" if isinstance(v, float) else "" if v is None else str(v) for v in row)
+        )
+    return table
+
+
+def aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
+    """Rows of text in columns, all to the left, as a text."""
+    rows = list(rows)
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
+    return "\n".join(
+        (indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows
+    )
+
+
+# ---- What a terminal shows while a command works: a line from two seconds on, a summary at the
+# end.
+#
+# Nothing of it is written if standard error is no terminal.
+
+
+class Working:
+    """A line that says what is worked on and for how long; with several things how many are done.
+
+    Entered once; the line comes after two seconds and goes when it is left.
+    """
+
+    def __init__(self, *, shown: bool) -> None:
+        self._shown, self._lock = shown, threading.Lock()
+        self._text, self._done, self._total = "", 0, 0
+        self._line: Any = None
+        self._task: Any = None
+        self._timer: threading.Timer | None = None
+
+    def __enter__(self) -> Working:
+        if self._shown:
+            self._timer = threading.Timer(PATIENCE_S, self._begin)
+            self._timer.daemon = True
+            self._timer.start()
+        return self
+
+    def say(self, text: str, done: int = 0, total: int = 0) -> None:
+        """What is worked on now; `done` of a `total` before it."""
+        with self._lock:
+            self._text, self._done, self._total = printable(text), done, total
+            self._update()
+
+    def _begin(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        with self._lock:
+            if not self._shown:
+                return
+            self._line = Progress(
+                SpinnerColumn(),
+                TextColumn("{task.description}", markup=False),
+                BarColumn(bar_width=20),
+                TimeElapsedColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._task = self._line.add_task(self._text, total=None)
+            self._update()
+            self._line.start()
+
+    def _update(self) -> None:
+        if self._line is not None:
+            several = self._total > 1
+            self._line.update(
+                self._task,
+                description=self._text,
+                completed=self._done if several else 0,
+                total=self._total if several else None,
+            )
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with self._lock:
+            self._shown = False
+            if self._timer is not None:
+                self._timer.cancel()
+            if self._line is not None:
+                self._line.stop()
+                self._line = None
+
+
+def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
+    """One line on a terminal: the file, its rows, of how many logs, in how long."""
+    if not sys.stderr.isatty():
+        return
+    of = f" of {logs} logs" if logs > 1 else ""
+    sys.stderr.write(
+        f"{printable(str(output))}: {rows:,} row{'' if rows == 1 else 's'}{of}, "
+        f"{time.monotonic() - began:.1f} s\n"
+    )
+
+
+class CampaignProgress:
+    """A line with the time left, overwritten on a terminal; elsewhere a plain line per log."""
+
+    def __init__(self, quiet: bool, of: int) -> None:
+        self.quiet, self.begun, self.terminal = quiet, time.monotonic(), sys.stderr.isatty()
+        if self.terminal and of and not quiet:  # the first log may take minutes
+            sys.stderr.write(f"\r\x1b[Ktirelog: 0/{of}, working")
+            sys.stderr.flush()
+
+    def __call__(self, entry: Entry, finished: int, of: int) -> None:
+        if self.quiet:
+            return
+        left = (time.monotonic() - self.begun) / finished * (of - finished)
+        made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
+        outcome = (
+            ("stays open" if entry.fault == "machine" else "failed")
+            if entry.error
+            else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
+        )
+        line = printable(f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left")
+        sys.stderr.write(
+            f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n"
+        )
+        sys.stderr.flush()
 
 
 def say(text: str) -> None:

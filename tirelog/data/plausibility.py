@@ -14,9 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.data.bounds import OF_KIND, PLAUSIBLE, bounds_of, override
 from tirelog.data.recording import Channel, Recording
-from tirelog.data.setup import ChannelSetup
+from tirelog.data.setup import OF_KIND, PLAUSIBLE, ChannelSetup, bounds_of, override
 from tirelog.errors import SetupError
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS

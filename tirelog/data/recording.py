@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.counts import si_of_counts
-from tirelog.data.setup import Setup
+from tirelog.data.setup import Setup, si_of_counts
 from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.quality import Doubt
@@ -186,7 +185,7 @@ class Channel:
     unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only), `resolution` the
     step of the source in SI (0 if unknown), `flags` (start, stop, word) sample ranges that reader
     or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...);
-    `mended`: bursts of bad samples are lost already (`runs.bursts`).
+    `mended`: bursts of bad samples are lost already (`runs.in_memory`).
     """
 
     name: str

@@ -25,8 +25,8 @@ from scipy.special import chdtrc  # tail of chi-square, without the second of sc
 
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, TogetherBase, apart
-from tirelog.inference.fit.errors import NULL, errors_of
-from tirelog.inference.metric.offsets import Offsets
+from tirelog.inference.fit.cells import NULL, errors_of
+from tirelog.inference.metric import Offsets
 from tirelog.vocabulary.arrays import FloatArray
 
 #: a direction of which an observable knows less than this share, or the others do, is no matter of

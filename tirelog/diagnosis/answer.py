@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from tirelog.tables.html import document, table
+from tirelog.tables.writer import document, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,22 +21,15 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
 from tirelog.diagnosis.answer import excess_of
-from tirelog.diagnosis.candidates.beside import (
+from tirelog.diagnosis.candidates.at_noise_floor import out_of_range
+from tirelog.diagnosis.candidates.nuisance_selection import (
     form_explains,
     groups_of,
     with_best_nuisances,
     with_form_errors,
 )
-from tirelog.diagnosis.rest.leftover import half_angle
-from tirelog.diagnosis.results import (
-    ERRORS,
-    Comparison,
-    ErrorTables,
-    Map,
-    Rows,
-    Waveforms,
-)
-from tirelog.diagnosis.validity import out_of_range
+from tirelog.diagnosis.residual_structure import half_angle
+from tirelog.diagnosis.results import ERRORS, Comparison, ErrorTables, Map, Rows, Waveforms
 from tirelog.diagnosis.wording import rounding_sentences
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
@@ -48,12 +41,15 @@ from tirelog.inference.base import (
     prepare_together,
 )
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.gathering import MOST_PIECES, pieces_of_logs
-from tirelog.inference.cells.levers import without_ratios
-from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
+from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
+from tirelog.inference.cells.together import (
+    PiecesTogether,
+    StacksTogether,
+    model_of,
+    without_ratios,
+)
 from tirelog.inference.floor import Plain
-from tirelog.inference.motion import without_motion_parameters
+from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model

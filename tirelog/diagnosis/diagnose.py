@@ -32,13 +32,13 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
-from tirelog.diagnosis.candidates.beside import (
+from tirelog.diagnosis.candidates.at_noise_floor import out_of_range, quiet
+from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
+from tirelog.diagnosis.candidates.nuisance_selection import (
     groups_of,
     with_form_errors,
     with_nuisances_on,
 )
-from tirelog.diagnosis.candidates.drive_next import drive_next, drive_sentences
-from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisance_sizes import (
     NuisanceFound,
     alike_sentences,
@@ -49,11 +49,26 @@ from tirelog.diagnosis.candidates.nuisance_sizes import (
     observed,
     scatter_sentences,
 )
-from tirelog.diagnosis.candidates.quiet import quiet
-from tirelog.diagnosis.candidates.ranking import ranking_of, removed_errors
-from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
-from tirelog.diagnosis.candidates.separation import advise
+from tirelog.diagnosis.candidates.search import (
+    Found,
+    Progress,
+    ranking_of,
+    removed_errors,
+    search_effects,
+)
+from tirelog.diagnosis.candidates.separation import advise, drive_next, drive_sentences
 from tirelog.diagnosis.candidates.signatures import candidate_effects
+from tirelog.diagnosis.certainty import (
+    Certainty,
+    Each,
+    Inclusion,
+    Marks,
+    Stability,
+    certainty_of,
+    marks_of,
+    unlike,
+)
+from tirelog.diagnosis.checks import Check, Suspect, check_sentences, posterior_checks, suspects
 from tirelog.diagnosis.compare import (
     Measured,
     comparison_of,
@@ -62,10 +77,8 @@ from tirelog.diagnosis.compare import (
     single_revolutions,
     start_from,
 )
-from tirelog.diagnosis.gratings.found import GratingsFound
-from tirelog.diagnosis.gratings.gather import Gathered, gathered
-from tirelog.diagnosis.rest.leftover import Leftover, describe
-from tirelog.diagnosis.rest.scattered import scattered
+from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
+from tirelog.diagnosis.residual_structure import Leftover, describe, scattered
 from tirelog.diagnosis.results import Candidate, Comparison
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
@@ -80,17 +93,6 @@ from tirelog.diagnosis.rules import (
     Evidence,
     verdict_of,
 )
-from tirelog.diagnosis.trust.certainty import Certainty, Marks, certainty_of, marks_of, unlike
-from tirelog.diagnosis.trust.checks import (
-    Check,
-    Suspect,
-    check_sentences,
-    posterior_checks,
-    suspects,
-)
-from tirelog.diagnosis.trust.inclusion import Inclusion
-from tirelog.diagnosis.trust.stability import Each, Stability
-from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import (
     NUISANCES_SAID,
     next_command,
@@ -117,7 +119,7 @@ class Diagnosis(AnswerRecord):
     `before` and `after`: the model as it came and with what was selected.
     """
 
-    drawn_by = "tirelog.plots.models.diagnose"
+    drawn_by = "tirelog.plots.answers"
     panel = "ranking"
 
     verdict: str

@@ -17,29 +17,28 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.answer import excess_of
-from tirelog.diagnosis.candidates.beside import with_nuisances_on
+from tirelog.diagnosis.candidates.at_noise_floor import out_of_range, quiet
 from tirelog.diagnosis.candidates.naming import Step, without_needless
+from tirelog.diagnosis.candidates.nuisance_selection import with_nuisances_on
 from tirelog.diagnosis.candidates.nuisance_sizes import (
     nuisance_sentences,
     nuisances_found,
     observed,
 )
-from tirelog.diagnosis.candidates.quiet import quiet
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
-from tirelog.diagnosis.gratings.gather import gathered
-from tirelog.diagnosis.locked import locked_away, untouched
+from tirelog.diagnosis.gratings import gathered
+from tirelog.diagnosis.history import locked_away, untouched
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
-from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, settled
 from tirelog.inference.cells.together import PiecesTogether
 from tirelog.inference.fit.cells import Problem
-from tirelog.inference.metric.projection import Normal, solve_scaled
+from tirelog.inference.metric import Normal, solve_scaled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.candidates.sign_flips import least_p
+from tirelog.diagnosis.candidates.assessment import least_p
 from tirelog.diagnosis.rules import QUIET_FLOORS
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.model import Model

@@ -20,18 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.together import predicted
 from tirelog.inference.fit.cells import Fit, priors
-from tirelog.inference.metric.offsets import Levelled
-from tirelog.inference.metric.projection import (
+from tirelog.inference.metric import (
+    Levelled,
+    Whitener,
     in_blocks,
     per_group,
     side_by_side,
     solve_scaled,
 )
-from tirelog.inference.metric.whitening import Whitener
 from tirelog.inference.scatter import Scatter
 from tirelog.vocabulary.arrays import FloatArray
 

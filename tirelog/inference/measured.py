@@ -23,11 +23,20 @@ from tirelog.errors import UsageError, nearest
 from tirelog.inference.cells.together import StacksTogether
 from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, transient_log
 from tirelog.inference.shared_samples import once_each
-from tirelog.inference.stacks.cut import STRETCH, observe_channel, stacks_from_logs, stretches_of
-from tirelog.inference.stacks.outward import outward
-from tirelog.inference.stacks.places import Places, places_of
-from tirelog.inference.stacks.spooled import Stacks, joined
-from tirelog.tables.html import document, table
+from tirelog.inference.stacks.cut import (
+    STRETCH,
+    Places,
+    Stacks,
+    joined,
+    observe_channel,
+    outward,
+    places_of,
+    stacks_from_logs,
+    stretches_of,
+)
+from tirelog.physics.carcass.numbers import MOTION
+from tirelog.physics.model.model import Model
+from tirelog.tables.writer import document, table
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.observables import (
     OBSERVABLES,
@@ -347,3 +356,20 @@ def _waveforms(recording: Recording, source: Channel, stack: Stack) -> Stack:
         return stack
     observable = waveform_of([source.kind])
     return joined(stretches_of(recording, source, observable))
+
+
+# ---- Parameters that only a motion tells.
+#
+# Masses, damping and bristles of a coupled ring that meets an obstacle.
+
+
+def motion_names(model: Model) -> tuple[str, ...]:
+    """The free parameters that only a motion tells."""
+    return tuple(name for name in model.free if name in MOTION and model.carcass == "coupled_ring")
+
+
+def without_motion_parameters(model: Model) -> Model:
+    """The model as the steady waveform is fitted: without what only a motion tells."""
+    return model.with_parameters(
+        {name: model.parameters[name].fixed() for name in motion_names(model)}
+    )

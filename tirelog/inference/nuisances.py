@@ -30,10 +30,8 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.levers import at_lever
-from tirelog.inference.cells.shared import SharedEffects
-from tirelog.inference.cells.together import joined_effects, model_of, parts_of
+from tirelog.inference.cells.cells import Cells, SharedEffects
+from tirelog.inference.cells.together import at_lever, joined_effects, model_of, parts_of
 from tirelog.inference.fit.apart import fits_apart
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.scatter import load_derivative
@@ -41,7 +39,7 @@ from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import BY_NAME, Nuisance
 from tirelog.physics.model.nuisances import FORM as FORM
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
 

@@ -7,7 +7,7 @@ What its steady revolutions look like, what repeats in them, and where something
     Stack --`steady_revolutions`--> the revolutions off the obstacle, for the steady comparison
 
 An obstacle shows as samples that leave T(phi) by far more than the steady revolutions do. Times of
-hits are rough here, within a revolution; `diagnosis.obstacles.fit` refines them with the model's
+hits are rough here, within a revolution; `diagnosis.obstacles` refines them with the model's
 answer. Passages that an obstacle disturbs do not tell the wheel's angle: it is drawn smoothly
 through those before and after.
 """

@@ -20,9 +20,15 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import model_of, predicted
 from tirelog.inference.fit.cells import Fit
-from tirelog.inference.metric.offsets import Offsets, ProjectedOut
-from tirelog.inference.metric.projection import Normal, per_group, solve_scaled
-from tirelog.inference.metric.whitening import Whitener, whitener
+from tirelog.inference.metric import (
+    Normal,
+    Offsets,
+    ProjectedOut,
+    Whitener,
+    per_group,
+    solve_scaled,
+    whitener,
+)
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 

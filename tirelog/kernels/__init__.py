@@ -22,7 +22,7 @@ from collections.abc import Callable
 from types import FunctionType
 from typing import TypeVar, cast
 
-from tirelog.kernels.kernel import Kernel
+from tirelog.kernels.dispatch import Kernel
 
 Source = TypeVar("Source", bound=Callable[..., object])
 

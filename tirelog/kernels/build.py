@@ -27,21 +27,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from tirelog.kernels import built
-from tirelog.kernels.kernel import Kernel
-from tirelog.kernels.kinds import examples
+from tirelog.kernels import dispatch
+from tirelog.kernels.dispatch import Kernel, examples
 
 #: kinds of arguments by kernel, as commands call them
 CALLS = Path(__file__).parent / "calls.json"
 
 
-def build(folder: Path = built.EXTENSION.parent) -> list[Path]:
+def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
     """Make the extension in a folder, and give the files.
 
     ImportError: numba or setuptools is not there. Whatever numba and the C compiler raise if they
     can't.
     """
-    from tirelog.kernels.jit import without_blas
+    from tirelog.kernels.dispatch import without_blas
 
     without_blas()
     with warnings.catch_warnings():
@@ -59,8 +58,8 @@ def build(folder: Path = built.EXTENSION.parent) -> list[Path]:
         chosen.release_gil, chosen.error_model = True, "numpy"
         return chosen
 
-    extension, table = folder / built.EXTENSION.name, folder / built.TABLE.name
-    module = pycc.CC(built.MODULE, source_module=__name__)
+    extension, table = folder / dispatch.EXTENSION.name, folder / dispatch.TABLE.name
+    module = pycc.CC(dispatch.MODULE, source_module=__name__)
     functions: dict[str, dict[str, str]] = {}
     sources: set[Path] = set()
     for kernel, kinds, symbol in _functions():
@@ -75,10 +74,10 @@ def build(folder: Path = built.EXTENSION.parent) -> list[Path]:
             module.compile()
         finally:
             compiler.Flags = usual
-        names = [source.relative_to(built.PACKAGE).as_posix() for source in sources]
+        names = [source.relative_to(dispatch.PACKAGE).as_posix() for source in sources]
         told = {
             "extension": extension.name,
-            "sources": built.fingerprints(names),
+            "sources": dispatch.fingerprints(names),
             "functions": functions,
         }
         for path, content in (
@@ -108,7 +107,7 @@ def _with_imported(source: Path) -> frozenset[Path]:
     """A source and those of the package that it imports from: their constants are in its code."""
     nodes = ast.walk(ast.parse(source.read_text(encoding="utf-8")))
     names = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
-    modules = (built.PACKAGE.joinpath(*name.split(".")[1:]) for name in names)
+    modules = (dispatch.PACKAGE.joinpath(*name.split(".")[1:]) for name in names)
     return frozenset(
         {source, *(path for one in modules if (path := one.with_suffix(".py")).is_file())}
     )

@@ -20,7 +20,7 @@ import numpy as np
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.storage.whole import whole_file
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.pictures import no_matplotlib, refuse_no_picture
+from tirelog.vocabulary.tables import no_matplotlib, refuse_no_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,16 +12,19 @@ axis from the stamps (`tirelog.runs.clock`) and writes the run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.setup import Setup
+from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, TirelogError
+from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.quality import Quality
 
 #: float64 values, or int32 counts
@@ -127,3 +130,204 @@ class LogReader(Protocol):
     def blocks(self) -> Iterator[RawBlock]:
         """All blocks, once."""
         ...
+
+
+# ---- What became of a log that was made another format.
+
+
+#: sentences of a kind that are kept
+_MOST_SAID = 5
+
+
+@dataclass(frozen=True)
+class Converted:
+    """What a log's numbers were made: `losses` make status 3, `start` as ISO 8601 if it tells."""
+
+    losses: tuple[str, ...] = ()
+    passed_over: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    start: str | None = None
+
+    @property
+    def said(self) -> list[str]:
+        """The remarks, and one on what was passed over, if anything was."""
+        some = "; ".join(self.passed_over[:3]) + ("; ..." if len(self.passed_over) > 3 else "")
+        return [*self.remarks[:_MOST_SAID], *([f"not read: {some}"] if some else [])]
+
+
+# ---- What instruments call their sampling rate, wherever a file keeps it.
+#
+# An attribute, a field, a variable beside the data.
+
+
+#: name -> True if the value is a period in seconds, False if it is a rate in Hz
+RATES = {
+    "sampling_rate_Hz": False,
+    "sample_rate_Hz": False,
+    "sampling_rate": False,
+    "sampling_frequency": False,
+    "sample_rate": False,
+    "SampleRate": False,
+    "samplingrate": False,
+    "sampling_freq": False,
+    "fs": False,
+    "rate": False,
+    "dt": True,
+    "wf_increment": True,
+    "wf_dt": True,
+    "sampling_interval": True,
+    "sample_interval": True,
+    "sampling_period": True,
+    "sampling_period_s": True,
+    "dt_s": True,
+}
+
+
+#: a rate or a period in words, and the number and unit behind it: "data_rate = 2000.0 Hz",
+#: "Samples per Second<tab>1", "sampled at 1024", "Delta_X<tab>0.001"
+_BEHIND = (
+    r"\s*(?:[\[(][^\])]*[\])])?\s*(?:[A-Za-z ]{0,40}[:=]|\bis\b|\bof\b)?[\s,;]*"
+    r"\"?(\d[\d.]*(?:,\d+)?(?:e[+-]?\d+)?)"
+)
+_IN_WORDS = (
+    re.compile(
+        r"(?:samples? per second|sampl\w*[ _]?(?:rate|freq(?:uency)?)|sampl(?:ed|ing) at"
+        r"|(?:data|acquisition|output|scan|scanning|logging|update)[ _]?(?:rate|frequency|freq)"
+        r"|(?<!baud )(?<!bit )(?<!heart )(?<![^\W_])rate\b|\bfs\b)"
+        + _BEHIND
+        + r"\s*(MHz|k?Hz|k?S/s)?",
+        re.I,
+    ),
+    re.compile(
+        r"(?:delta_x|\bdt\b|sampl\w*[ _](?:interval|period|time))"
+        + _BEHIND
+        + r"\s*(ns|us|µs|ms|s)?\b",
+        re.I,
+    ),
+)
+_FACTORS = {"mhz": 1e6, "khz": 1e3, "ks/s": 1e3, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+
+
+def rate_in_words(lines: Iterable[str]) -> float | None:
+    """The sampling rate [Hz] that the lines of a preamble tell, or None."""
+    for line in lines:
+        for pattern, is_period in zip(_IN_WORDS, (False, True), strict=True):
+            if match := pattern.search(line):
+                try:
+                    number = float(match[1].replace(",", "."))
+                except ValueError:
+                    continue
+                number *= _FACTORS.get((match[2] or "").lower(), 1.0)
+                if (rate := rate_Hz(number, is_period)) is not None:
+                    return rate
+    return None
+
+
+def unit_by_size(first: float | None) -> str:
+    """The unit of a stamp without one, told by its size.
+
+    A date in ms, us or ns since 1970 is known by its size, all else is seconds.
+    """
+    sizes = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
+    return next((unit for unit, size in sizes if first is not None and first > size), "s")
+
+
+def rate_Hz(value: float | None, is_period: bool) -> float | None:
+    """The rate [Hz] that a number states, or None if it states none that is possible."""
+    if value is None or not 1e-9 < value < 1e12:
+        return None
+    return 1.0 / value if is_period else value
+
+
+# ---- What a log holds that a channel of a setup could name: one entry per column, field or
+# dataset.
+
+
+#: entries of one log; more are not listed
+MOST_SERIES = 500
+
+
+@dataclass(frozen=True)
+class Series:
+    """A source as a setup names it; `window_nm` for a grating among peaks; `note` for a reader.
+
+    `place` is another name of it, such as #3.
+    """
+
+    source: str
+    window_nm: tuple[float, float] | None = None
+    note: str = ""
+    place: str = ""
+
+
+@dataclass(frozen=True)
+class Listed:
+    """All series of a log; `time` names what tells their times, '' if nothing does by name.
+
+    `others` are topics, columns or datasets that hold no numbers, or too few for a signal;
+    `unread` are sentences on those whose numbers cannot be read.
+    """
+
+    series: tuple[Series, ...]
+    time: str = ""
+    others: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+
+
+# ---- The unit that a log itself states, in a header or an attribute.
+#
+# It is the default of a channel whose setup names none.
+
+
+def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:
+    """(the setup with the units that the log states, what to say about them).
+
+    Only channels without a unit take it.
+    """
+    channels, said = dict(setup.channels), []
+    for name, spelt in stated.items():
+        channel = channels[name]
+        unit = units.canonical(spelt)
+        if channel.scaled:  # the log's unit is that of what is recorded, not what the scale gives
+            if channel.unit is None and unit is not None and _fits(unit, channel):
+                said.append(
+                    f"channel {name}: scale and offset are taken to give {channel.source_unit!r}, "
+                    f"not the file's {spelt!r}; write unit in the setup"
+                )
+            continue
+        if channel.unit is None and not KINDS[channel.kind].quantities:
+            word = "".join(letter for letter in spelt if letter.isprintable()).strip()
+            channels[name] = replace(channel, unit=unit or word[: units.MOST_LETTERS] or None)
+        elif channel.unit is None and unit is not None and _fits(unit, channel):
+            channels[name] = replace(channel, unit=unit)
+        elif sentence := _contradiction(channel, spelt, unit):
+            said.append(f"channel {name}: {sentence}")
+    return replace(setup, channels=channels), said
+
+
+def _fits(unit: str, channel: ChannelSetup) -> bool:
+    return units.UNITS[unit][0] in KINDS[channel.kind].quantities
+
+
+def _contradiction(channel: ChannelSetup, spelt: str, unit: str | None) -> str:
+    """What to say if the log's unit is not the one that is used; else ''.
+
+    Also '' if the log says nothing.
+    """
+    used = channel.source_unit
+    if channel.unit is None:
+        if unit == "1" and units.UNITS[used][1] == 1.0 and KINDS[channel.kind].unit == "":
+            return ""  # [-] over strain
+        wrong = (
+            f"is none of {' or '.join(KINDS[channel.kind].quantities)}" if unit else "is not known"
+        )
+        return (
+            f"the file gives the unit {spelt!r}, which {wrong}; {used!r} is taken; "
+            "write unit in the setup"
+        )
+    if unit is None or units.UNITS[unit] == units.UNITS[units.canonical(used) or unit]:
+        return ""
+    return (
+        f"the file gives the unit {spelt!r} and the setup {used!r}; the setup's is used; "
+        f"write unit = {spelt!r} in the setup if the file is right"
+    )

@@ -23,17 +23,22 @@ from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.shared_samples import once_each
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
-from tirelog.report.asked import Asked
 from tirelog.report.figures import LogColours
 from tirelog.report.page import Report, Section
-from tirelog.report.papers import used_papers
 from tirelog.report.sections import models as model_sections
 from tirelog.report.sections import recorded as sections
 from tirelog.report.sections import tables as table_sections
 from tirelog.report.sections.answer import NO_MODEL, without_a_model
-from tirelog.report.sections.passage import passage_figures
-from tirelog.report.sources import MadeTable, SourceTables, given_tables, made_tables
-from tirelog.report.stored import model_pages
+from tirelog.report.sections.recorded import passage_figures
+from tirelog.report.sources import (
+    Asked,
+    MadeTable,
+    SourceTables,
+    given_tables,
+    made_tables,
+    model_pages,
+    used_papers,
+)
 from tirelog.version import __version__
 
 Progress = Callable[[str], None]
@@ -240,7 +245,7 @@ def _models(
         what = "the model against the measurement, the diagnosis"
         report.missing.append((f"{what} (then --model M)", asked.make_model()))
         return [without_a_model(seen, asked, NO_MODEL), *ladder]
-    from tirelog.physics.model.own.user_effects import catalogue_with
+    from tirelog.physics.model.user_effects import catalogue_with
     from tirelog.report.sections.diagnosed import model_story
 
     catalogue = catalogue_with(model.effects_file, asked=False)

@@ -9,8 +9,10 @@ paths --columns--> kind of table
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import re
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,13 @@ import numpy as np
 import pandas as pd
 
 from tirelog.data.recording import Recording
+from tirelog.data.setup import setup_beside
 from tirelog.errors import UsageError
 from tirelog.products import OF_A_DRIVE, tables_of
+from tirelog.report.figures import Figure
+from tirelog.report.page import Card, PageTable, Rung, Section
+from tirelog.storage.remote import shown
+from tirelog.storage.whole import json_of
 from tirelog.tables.frame import frame_of, table_parts
 from tirelog.vocabulary.columns import OPTIONAL, TABLES
 
@@ -172,3 +179,193 @@ def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[s
         )
         for name in names
     }
+
+
+# ---- The papers that figures and effects on the page stand on (their errata: docs/errata.md).
+
+
+PAPERS = {
+    "P1": "N. Roveri, G. Pepe, A. Carcaterra, On line estimation of rolling resistance for "
+    "intelligent tires.",
+    "P2": "N. Roveri, G. Pepe, A. Carcaterra, OPTYRE - A new technology for tire monitoring: "
+    "Evidence of contact patch phenomena, Mechanical Systems and Signal Processing 66-67 (2016) "
+    "793-810.",
+    "P3": "H. Hijry, S. Mohsen, O. Albalawi, S. Ali, A. Alhawiti, G. A. Elnashar, Development and "
+    "simulation of a novel mathematical model for an intelligent tire system toward predictive "
+    "maintenance.",
+    "P4": "New Regressors for the Direct Identification of Tire Deformation in Road Vehicles Via "
+    '"In-Tire" Accelerometers.',
+}
+#: sections by the papers whose method they use
+_METHODS = {
+    "drive": ("P2", "speed"),
+    "footprint": ("P2", "contact length and slip onset"),
+    "dissipation": ("P1", "dissipation"),
+    "phase-shift": ("P4", "patch width and phase shift"),
+}
+
+
+def used_papers(sections: Sequence[Section]) -> list[tuple[str, str]]:
+    """(paper, what of it is on the page), of each paper that the sections name."""
+    used: dict[str, list[str]] = {name: [] for name in PAPERS}
+    for section in sections:
+        if section.id in _METHODS:
+            paper, what = _METHODS[section.id]
+            used[paper].append(what)
+        for name, what in section.sources:
+            for paper in re.findall(r"\bP[1-4]\b", what):
+                used[paper].append(name)
+    return [
+        (f"{paper}: {PAPERS[paper]}", ", ".join(dict.fromkeys(what)))
+        for paper, what in used.items()
+        if what
+    ]
+
+
+# ---- Sections as a file.
+#
+# What a campaign's models have to show is drawn where their results are, and put on the page later.
+#
+# Sections --JSON--> models/<model>/page.json --> the same Sections
+
+
+#: ids stand in the page as they are
+_ID = re.compile(r"[a-z][a-z0-9_-]*")
+_CARD = {
+    **dict.fromkeys(("word", "sentence", "command", "rungs_said", "unit"), str),
+    "facts": [[str]],
+    "advice": [str],
+    "rungs": [{"name": str, "said": str, "error": float, "floor": float}],
+}
+_SECTION = {
+    **dict.fromkeys(("id", "title", "command"), str),
+    "text": [str],
+    "figures": [
+        {"id": str, "title": str, "alt": str, "traces": [{str: object}], "layout": {str: object}}
+    ],
+    "tables": [{"caption": str, "header": [str], "rows": [[str]], "colours?": [int]}],
+    "card?": _CARD,
+    "formulas?": [[str]],
+    "sources?": [[str]],
+}
+
+
+def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """The sections and what is missing as the JSON document of the file."""
+    return {
+        "sections": [asdict(section) for section in sections],
+        "missing": [list(pair) for pair in missing],
+    }
+
+
+def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
+    """(sections, what is missing) of a file.  UsageError: it is none."""
+    try:
+        content = json_of(
+            path.read_text(encoding="utf-8"), {"sections": [_SECTION], "missing": [[str]]}
+        )
+        sections = [_section(one) for one in content["sections"]]
+        return sections, [(str(what), str(command)) for what, command in content["missing"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise UsageError(
+            "is no page of a campaign's model",
+            allowed="`tirelog campaign run` writes it",
+            do="remove it and run again",
+            file=path,
+        ) from None
+
+
+def _section(data: dict[str, Any]) -> Section:
+    figures = [Figure(**one) for one in data.pop("figures")]
+    tables = [PageTable(**one) for one in data.pop("tables")]
+    card = data.pop("card", None)
+    if card is not None:
+        rungs = [Rung(**one) for one in card["rungs"]]
+        card = Card(**card | {"facts": [tuple(one) for one in card["facts"]], "rungs": rungs})
+    for pairs in ("formulas", "sources"):
+        data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
+    if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
+        raise ValueError
+    return Section(**data, figures=figures, tables=tables, card=card)
+
+
+def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str, str]]]]:
+    """(sections, what is missing) of each model of a campaign.
+
+    Titles and ids are told apart if there are several.
+    """
+    files = sorted(campaign.glob("models/*/page.json"))
+    for number, file in enumerate(files, 1):
+        sections, missing = read_stored(file)
+        if len(files) > 1:
+            sections = [
+                _told_apart(section, file.parent.name, f"-{number}") for section in sections
+            ]
+        yield sections, missing
+
+
+def _told_apart(section: Section, model: str, mark: str) -> Section:
+    figures = [replace(figure, id=figure.id + mark) for figure in section.figures]
+    return replace(
+        section,
+        id=section.id + mark,
+        title=f"{section.title}: {model}",
+        figures=figures,
+    )
+
+
+# ---- What the user asked a report for: paths and options, and the commands that repeat its
+# numbers.
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the user gave, with paths as typed.
+
+    So the commands on the page can be typed again, but for what an address keeps secret.
+    """
+
+    logs: tuple[str, ...] = ()
+    setup: Path | None = None
+    model: Path | None = None
+    ladder: Path | None = None
+    campaign: Path | None = None
+    tables: tuple[Path, ...] = ()
+    channel: str | None = None
+    effects: Path | None = None
+    propose: bool = False
+
+    def command(self, name: str, *more: str, model: bool = False) -> str:
+        """A command line on the same logs."""
+        words = ["tirelog", name, *(self._logs() or ["LOG"]), *more, *self._given("setup")]
+        if model:
+            words += ["--model", str(self.model or "M"), *self._given("channel", "effects")]
+        return shlex.join(words)
+
+    def make_model(self) -> str:
+        """The command line that makes a first model of these logs."""
+        beside = setup_beside(self.logs[0]) if self.logs else None
+        setup = str(self.setup or beside or "SETUP.toml")
+        words = ["tirelog", "model", "new", "--carcass", "beam", "--setup", setup]
+        return shlex.join([*words, "-o", "M.toml"])
+
+    def with_options(self, line: str) -> str:
+        """A command line on these logs with the options that were given for them and it lacks."""
+        names = (n for n in ("setup", "channel", "effects") if f" --{n} " not in line)
+        return f"{line} {shlex.join(self._given(*names))}".rstrip()
+
+    def report_command(self) -> str:
+        """The page's own command line."""
+        words = ["tirelog", "report", *self._logs()]
+        words += self._given("setup", "model", "ladder", "campaign", "channel", "effects")
+        words += [word for path in self.tables for word in ("--table", str(path))]
+        words += ["--propose"] if self.propose else []
+        return shlex.join([*words, "-o", "report.html"])
+
+    def _logs(self) -> list[str]:
+        return [shown(log) for log in self.logs]
+
+    def _given(self, *names: str) -> list[str]:
+        """These options with their values, those that were given."""
+        values = {name: getattr(self, name) for name in names}
+        return [w for name, v in values.items() if v is not None for w in (f"--{name}", str(v))]

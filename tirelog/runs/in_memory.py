@@ -23,9 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.data.recording import Channel, Scaled
+from tirelog.data.recording import BLOCK_SAMPLES, Channel, Scaled
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality
 
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 19 MB
 HELD_SAMPLES = 9_500_000
@@ -218,3 +219,216 @@ def unpacked(
     """
     for i in range(short.size):
         out[i] = np.nan if short[i] == 0 else (np.int64(short[i]) + least) * scale + offset
+
+
+# ---- Bursts of bad samples: what leaves everything around it by far, and comes back within 8 ms.
+#
+#     Channel --extremes of cells of 8 ms, in one pass--> range of the signal over 2 s, without its
+#             few most extreme cells
+#             --samples beyond that by twice the range, and not for longer than a cell--> lost
+#
+# An instrument's error code or a knock on a plug is no strain. Left in, a burst a hundred times as
+# high as the patch is all that a search by height sees. A passage of 8 ms is no burst: its wheel
+# runs
+# at 10 m/s and more, and so passes many times in 2 s. Samples alone that are less far off are left
+# to whoever reads the channel, who knows their neighbours.
+
+
+#: a burst lasts no longer than this [s]; twice as long, one is as long as passages at 5 m/s, of
+#: which there may be only three in 2 s
+LONGEST_S = 8e-3
+#: fewer samples than this in that time show no passage as long; with half as many, the only sample
+#: of a fast passage is a burst
+FEWEST_SAMPLES = 2
+#: cells over which the signal's range is told, 2 s; fewer than FEWEST of them, half a second, tell
+#: none; half as many hold a passage or two
+AROUND, FEWEST = 250, 62
+#: cells that the range leaves out at either end: those of three bursts; of passages of 8 ms there
+#: are more.  Twice as many take six passages for bursts
+LEFT_OUT = 6
+#: and as many of few: those that one burst can lie in; twice as many leave a passage out
+FEWEST_LEFT_OUT = 2
+#: a burst leaves the range by so many times its width; passages in 2 s are seldom twice as high as
+#: others.  Twice as much leaves bursts in that are five times as high as the patch, which a search
+#: by height bears
+FAR = 2.0
+#: and its other samples by this share of it; twice as much leaves the flanks of a burst in
+OUTSIDE = 0.5
+#: cells that are left out where more bursts are looked for, those of eight.  Passages leave more
+#: than that at a tenth of their height, so these bursts leave the range by so many times its width.
+#: Twice as many cells hold whole passages
+MANY_LEFT_OUT, VERY_FAR = 16, 10.0
+#: a burst is so many times as far off as the middle of what stands beside it: a spike upon a slow
+#: passage takes nothing else of it away.  Twice as much leaves in what is six times as far off
+BESIDE = 3.0
+#: samples in a row that may stand within the range, in the midst of a burst; twice as many make one
+#: of two with some good samples between
+MOST_BETWEEN = 2
+
+
+def mended(channel: Channel) -> Channel:
+    """The channel in memory, if it is not too long for that, its bursts lost and flagged.
+
+    A channel without bursts is as it was, to the bit.
+    """
+    if channel.mended:
+        return channel
+    channel = replace(in_memory(channel), mended=True)
+    first, stop = _bursts(channel)
+    if not first.size:
+        return channel
+    flags = [(int(a), int(b), Quality.SPIKE) for a, b in zip(first, stop, strict=True)]
+    return replace(
+        channel,
+        samples=with_holes(channel.samples, channel.size, first, stop),
+        flags=(*channel.flags, *flags),
+    )
+
+
+class _Cells:
+    """Least and largest sample of each cell of `size` samples, (m,), and the signal's range there.
+
+    `bottom` and `top` (m,): the range without the most extreme cells; NaN if not known.
+    """
+
+    def __init__(self, channel: Channel, size: int) -> None:
+        count = -(-channel.size // size)
+        self._read, self.size = channel.read, size
+        self.low, self.high, self.bottom, self.top = np.empty((4, count))
+        step = max(BLOCK_SAMPLES // size, 1)
+        for cell in range(0, count, step):
+            part = slice(cell, min(cell + step, count))
+            values = channel.read(part.start * size, part.stop * size)
+            cell_extremes(
+                np.ascontiguousarray(values, np.float64), size, self.low[part], self.high[part]
+            )
+        room = np.empty(MANY_LEFT_OUT + 1)
+        cell_ranges(self.low, self.high, AROUND, LEFT_OUT, self.bottom, self.top, room)
+        bottom, top = np.empty((2, count))
+        cell_ranges(self.low, self.high, AROUND, MANY_LEFT_OUT, bottom, top, room)
+        with np.errstate(invalid="ignore", over="ignore"):
+            odd = self._beyond(self.bottom, self.top, FAR)
+            many = self._beyond(bottom, top, VERY_FAR) & ~odd
+            self.bottom[many], self.top[many] = bottom[many], top[many]
+            self.odd = np.flatnonzero(odd | many)
+            #: what no passage of the log leaves by so much
+            self.never = VERY_FAR * float(np.fmax.reduce(top - bottom, initial=0.0))
+
+    def _beyond(self, bottom: FloatArray, top: FloatArray, far: float) -> NDArray[np.bool_]:
+        """Which cells leave the range from `bottom` to `top` (m,) by so many times its width."""
+        most = far * (top - bottom)
+        return (self.high > top + most) | (self.low < bottom - most)
+
+    def bursts(self, cell: int) -> list[tuple[int, int]]:
+        """Bursts around the most extreme sample of a `cell`: their first samples and those behind.
+
+        None if they last longer than bursts do, or stand upon something else that is high.
+        """
+        size, top, bottom = self.size, self.top[cell], self.bottom[cell]
+        begin = max((cell - 4) * size, 0)
+        values = self._read(begin, (cell + 5) * size)
+        with np.errstate(invalid="ignore", over="ignore"):
+            off = np.nan_to_num(np.maximum(values - top, bottom - values), nan=-np.inf)
+            range_ = top - bottom
+        own = slice(cell * size - begin, (cell + 1) * size - begin)
+        peak = own.start + int(np.argmax(off[own]))
+        near = slice(max(peak - 2 * size, 0), peak + 2 * size + 1)
+        sides = [side for side in (off[: near.start], off[near.stop :]) if side.size]
+        beside = BESIDE * max([0.0, *(float(np.median(side)) for side in sides)])
+        high = np.count_nonzero(off[near] > 0.5 * off[peak])
+        longest = 2 * size if off[peak] > self.never else size
+        if high > longest or not off[peak] > max(FAR * range_, beside):
+            return []
+        wild = near.start + np.flatnonzero(off[near] > max(OUTSIDE * range_, 0.5 * beside))
+        parts = np.split(wild, np.flatnonzero(np.diff(wild) > MOST_BETWEEN + 1) + 1)
+        return [(begin + int(part[0]), begin + int(part[-1]) + 1) for part in parts]
+
+
+def _bursts(channel: Channel) -> tuple[IntArray, IntArray]:
+    """First sample of each burst of `channel`, and the one behind its last, (n,) each, apart."""
+    size = int(LONGEST_S * channel.axis.rate_Hz)
+    found: set[tuple[int, int]] = set()
+    if size >= FEWEST_SAMPLES:
+        cells = _Cells(channel, size)
+        found.update(*(cells.bursts(cell) for cell in cells.odd.tolist()))
+    joined: list[tuple[int, int]] = []
+    for first, stop in sorted(found):
+        if joined and first <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(joined[-1][1], stop)
+        else:
+            joined.append((first, stop))
+    firsts, stops = np.array(joined, np.int64).reshape(-1, 2).T
+    return firsts, stops
+
+
+@compiled
+def cell_extremes(values: FloatArray, size: int, low: FloatArray, high: FloatArray) -> None:
+    """Fills `low` and `high` (m,) with the least and largest of each `size` of `values` (n,).
+
+    Of those that are not lost; NaN if all are. The last cell may hold fewer.
+    """
+    for cell in range(low.size):
+        some = values[cell * size : min((cell + 1) * size, values.size)]
+        # two chains each, so that one does not wait for the other
+        least0 = least1 = np.inf
+        most0 = most1 = -np.inf
+        for k in range(some.size // 2):
+            a, b = some[2 * k], some[2 * k + 1]
+            least0 = a if a < least0 else least0
+            least1 = b if b < least1 else least1
+            most0 = a if a > most0 else most0
+            most1 = b if b > most1 else most1
+        if some.size % 2 > 0:
+            a = some[some.size - 1]
+            least0 = a if a < least0 else least0
+            most0 = a if a > most0 else most0
+        least0 = least1 if least1 < least0 else least0
+        most0 = most1 if most1 > most0 else most0
+        low[cell] = least0 if least0 <= most0 else np.nan
+        high[cell] = most0 if least0 <= most0 else np.nan
+
+
+@compiled
+def cell_ranges(
+    low: FloatArray, high: FloatArray, around: int, left_out: int, bottom: FloatArray,
+    top: FloatArray, extremes: FloatArray,
+) -> None:  # fmt: skip
+    """Fills `bottom` and `top` (m,) with the range of the `around` cells about each.
+
+    Of the cells' `low` and `high` (m,), NaN where lost, without the most extreme `left_out` at
+    either end, or as large a share of the cells that are there; NaN if these are too few. The same
+    for all cells of half of `around`. `extremes` has room for one more than are left out.
+    """
+    half, count = around // 2, low.size
+    for first in range(0, count, half):
+        stop = min(first + half, count)
+        begin = max(min(first - half // 2, count - around), 0)
+        end = min(begin + around, count)
+        known = 0
+        for k in range(begin, end):
+            known += low[k] == low[k]
+        bottom[first:stop] = top[first:stop] = np.nan
+        if known >= FEWEST:
+            share = max(known * left_out // around, FEWEST_LEFT_OUT)
+            top[first:stop] = _largest_but(high, 1.0, begin, end, share, extremes)
+            bottom[first:stop] = -_largest_but(low, -1.0, begin, end, share, extremes)
+
+
+@compiled
+def _largest_but(
+    values: FloatArray, sign: float, begin: int, end: int, left_out: int, largest: FloatArray
+) -> float:
+    """The largest of `values` [begin, end) times `sign`, but for so many that are larger.
+
+    `largest` has room for one more than are left out.
+    """
+    largest[: left_out + 1] = -np.inf
+    for k in range(begin, end):
+        value = sign * values[k]
+        if value > largest[left_out]:
+            place = left_out
+            while place > 0 and value > largest[place - 1]:
+                largest[place] = largest[place - 1]
+                place -= 1
+            largest[place] = value
+    return float(largest[left_out])

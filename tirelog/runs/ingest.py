@@ -1,7 +1,7 @@
-"""From a log to a run: the one way in for every command.
+r"""From a log to a run: the one way in for every command.
 
     bytes --reader--> raw blocks --clock--> time axes
-                          \\--store--> run            (one pass, bounded memory)
+                          \--store--> run            (one pass, bounded memory)
 
 `open_recording` is what commands call: a run is opened as it is; any other log is ingested first
 into a temporary run (flat files in the folder for temporary files), so that a log, its run and
@@ -21,20 +21,26 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+
 from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import ReadError, SetupError, UsageError
-from tirelog.readers.base import Group, LogReader, RawBlock, of_damaged
-from tirelog.readers.extra.formats import FORMATS
-from tirelog.readers.other.converted import Converted
+from tirelog.readers.base import Converted, Group, LogReader, RawBlock, of_damaged
+from tirelog.readers.other.conversion import FORMATS
 from tirelog.readers.other.formats import HEAD_BYTES, name_of, refuse_foreign
 from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import is_run, open_run, recording_of, write_file
 from tirelog.runs.temporary import Run, RunWriter
-from tirelog.storage.documents import LARGEST_BYTES, refuse_other_role
 from tirelog.storage.remote import address, open_input, shown
-from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
+from tirelog.storage.whole import (
+    LARGEST_BYTES,
+    failed_writes,
+    refuse_other_role,
+    temporary_folder,
+    whole_file,
+)
 from tirelog.version import __version__
 
 
@@ -199,7 +205,7 @@ def _reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> 
 
         return open_hdf5(path, setup, log)
     if path is not None and opened.made == "Parquet":
-        from tirelog.readers.other.parquet import open_parquet
+        from tirelog.readers.other.formats import open_parquet
 
         return open_parquet(path, setup, log)
     buffered = io.BufferedReader(stream, 1 << 20)
@@ -258,9 +264,9 @@ def _converter(format: str) -> Callable[[Path, Path, str], tuple[Path, Converted
 
         return to_hdf5
     if format in FORMATS:
-        from tirelog.readers.extra import apart
+        from tirelog.readers.other import conversion
 
-        return partial(apart.convert, format)
+        return partial(conversion.convert, format)
     return None
 
 
@@ -484,3 +490,24 @@ def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
         write_file(run, part)
         summary.remarks += [remark for remark in checked.remarks if remark not in summary.remarks]
         return summary
+
+
+# ---- What is in a recording, from its metadata alone: one row per channel.
+
+
+def channel_rows(recording: Recording) -> dict[str, Any]:
+    """What is in a recording, one row per channel, from its metadata alone."""
+    channels = list(recording.channels.values())
+    counts = recording.provenance.get("counts", {})
+    return {
+        "log": np.array([recording.log] * len(channels), dtype=object),
+        "channel": np.array([c.name for c in channels], dtype=object),
+        "kind": np.array([c.kind for c in channels], dtype=object),
+        "unit": np.array([c.unit or "1" for c in channels], dtype=object),
+        "rate_Hz": np.array([c.axis.rate_Hz for c in channels]),
+        "samples": np.array([c.size for c in channels]),
+        "duration_s": np.array([c.axis.duration_s for c in channels]),
+        "gaps": np.array([len(c.axis.gaps()) if c.axis.explicit is None else 0 for c in channels]),
+        "lost_samples": np.array([counts.get(f"lost_samples {c.name}", 0) for c in channels]),
+        "flagged_ranges": np.array([len(c.flags) for c in channels]),
+    }

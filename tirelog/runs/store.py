@@ -58,7 +58,7 @@ from tirelog.runs.store_checks import (
     text_in,
 )
 from tirelog.runs.temporary import Run, Stored, scaled_to_si
-from tirelog.storage.documents import LARGEST_BYTES
+from tirelog.storage.whole import LARGEST_BYTES
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.quality import Doubt, Quality

@@ -20,7 +20,7 @@ import numpy as np
 
 from tirelog.data.recording import TimeAxis
 from tirelog.errors import ReadError
-from tirelog.readers.hdf5.attributes import MOST_ATTRIBUTE_BYTES, as_number
+from tirelog.readers.hdf5.layout import MOST_ATTRIBUTE_BYTES, as_number
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
     SourceColumn,
@@ -30,7 +30,7 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.storage.documents import json_value
+from tirelog.storage.whole import json_value
 from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
 #: samples per chunk of a run

@@ -20,14 +20,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError
-from tirelog.readers.base import (
-    LOST_COUNT,
-    Group,
-    RawBlock,
-    Samples,
-    counted_floats,
-    lost_samples,
-)
+from tirelog.readers.base import LOST_COUNT, Group, RawBlock, Samples, counted_floats, lost_samples
 from tirelog.runs.store_checks import CHUNK, check_open
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Doubt

@@ -17,8 +17,7 @@ Sensors and drive are sampled from that.  P1 to P4 are the papers of the README.
 
 from tirelog.simulation.scenario.file import load_scenario, scenario_of
 from tirelog.simulation.scenario.schema import Scenario
-from tirelog.simulation.sensors.recording import setup_text, to_recording
-from tirelog.simulation.sensors.writers import write_log
+from tirelog.simulation.sensors.writers import setup_text, to_recording, write_log
 from tirelog.simulation.simulate import Simulated, simulate
 
 __all__ = [

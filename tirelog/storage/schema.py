@@ -18,7 +18,7 @@ from functools import cached_property, partial
 from typing import Any, Protocol
 
 from tirelog.errors import TirelogError, nearest
-from tirelog.storage.documents import toml_tables
+from tirelog.storage.whole import toml_tables
 
 #: where a key stands: names of tables and keys, and the number of a table in a list
 Path = tuple[str | int, ...]

@@ -17,8 +17,14 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.runs.in_memory import released
-from tirelog.strain.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
-from tirelog.strain.dissipation_fit import regression, regression_table
+from tirelog.strain.dissipation import (
+    AVERAGED,
+    STEADY_STEP_M_S,
+    Dissipation,
+    dissipation,
+    regression,
+    regression_table,
+)
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.speed import begin, speed_quality
 from tirelog.vocabulary.arrays import FloatArray, IntArray

@@ -18,14 +18,46 @@ import numpy as np
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
-from tirelog.strain.channels import no_channel
-from tirelog.strain.passages.find import Passages
-from tirelog.strain.passages.kinematics import TURN_RAD
-from tirelog.strain.passages.surface import passages_of
+from tirelog.strain.passages.find import Passages, passages_of
+from tirelog.strain.passages.marks import TURN_RAD
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column
 from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, WheelTurns, rolling
+
+# ---- The strain channels of a recording, and the refusal of a log whose wheel does not turn.
+
+
+def strain_channels(recording: Recording) -> list[Channel]:
+    """The strain channels.  UsageError if there is none."""
+    channels = recording.of_kind(*STRAIN_KINDS)
+    if not channels:
+        wanted = f"channels of kind {' and '.join(STRAIN_KINDS)}"
+        raise no_channel(recording, "no strain channel", wanted)
+    return channels
+
+
+def no_channel(recording: Recording, what: str, wanted: str) -> UsageError:
+    """The error of a log without a channel that is needed; it tells those that there are."""
+    have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
+    return UsageError(
+        what,
+        allowed=f"allowed are {wanted}, the log has {have}",
+        do="name one in the setup",
+        file=recording.log,
+    )
+
+
+def not_turning(recording: Recording) -> UsageError:
+    """The error of a command that needs passages on a log without any."""
+    return UsageError(
+        "the wheel does not turn in this log: no grating passes the patch",
+        allowed="allowed are logs with at least one passage",
+        do="for a static test use `tirelog inflation`, and give the inked length as "
+        "static_footprint_length_m under [tire]",
+        file=recording.log,
+    )
+
 
 # Errata, Speed: R_e is a setting, or calibrated with a speed reference (`wheel.rolling`), by the
 # turns that roll freely, as for the slip.
@@ -183,7 +215,7 @@ def speed_by_encoder(
     `calibrate` takes the rolling radius from the log's `vehicle_speed`. UsageError: it has none.
     SetupError: an accelerometer's patch shows that the encoder has other steps.
     """
-    from tirelog.wheel.speed_table import encoder_speed  # only here: it needs more of scipy
+    from tirelog.wheel.table import encoder_speed  # only here: it needs more of scipy
 
     if calibrate:
         _vehicle_speed(recording)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Recording
-from tirelog.strain.footprint.table import footprints_of
+from tirelog.strain.footprint.footprint import footprints_of
 from tirelog.vocabulary.quality import OK
 from tirelog.wheel.angle import encoder_of, rolling_radius
 

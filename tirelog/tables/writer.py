@@ -17,14 +17,15 @@ from __future__ import annotations
 import io
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tirelog.errors import UsageError, refuse_unknown
+from tirelog.errors import UsageError, printable, refuse_unknown
 from tirelog.storage.whole import whole_file
 from tirelog.version import __version__
 from tirelog.vocabulary.columns import COLUMNS, TABLES
@@ -32,6 +33,7 @@ from tirelog.vocabulary.tables import TABLE_FORMATS
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
 
 _SUFFIXES = {
     ".csv": "csv",
@@ -246,3 +248,26 @@ class TableWriter(AbstractContextManager["TableWriter"]):
 
         names = TABLES.get(self.name, ())
         self._begin(names, pa.schema([arrow_field(name, self.name) for name in names]))
+
+
+# ---- Results as a notebook shows them: plain HTML, every text escaped.
+
+
+def document(title: str, tables: Iterable[str], remarks: Iterable[str] = ()) -> str:
+    """A title, tables, and remarks below them."""
+    notes = "".join(f"<li>{_text(remark)}</li>" for remark in remarks)
+    return f"<p><b>{_text(title)}</b></p>{''.join(tables)}" + (f"<ul>{notes}</ul>" if notes else "")
+
+
+def table(names: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table with a row of names on top."""
+    head = "".join(f"<th>{_text(name)}</th>" for name in names)
+    body = "".join(f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _text(cell: Any) -> str:
+    """A cell to read: four digits of a number, nothing if there is none."""
+    if cell is None:
+        return ""
+    return escape(printable(f"{cell:.4g}" if isinstance(cell, float) else str(cell)))

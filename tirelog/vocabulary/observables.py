@@ -2,7 +2,7 @@
 
 What it is, in which unit, how a person reads it, which channels measure it, and which stages of the
 model it is computed from. A new observable is one entry here, its law in `physics.model.stages`
-and its measurement in `inference.stacks.numbers` (docs/howto/observable.md); docs/model.md and
+and its measurement in `inference.stacks.manoeuvres` (docs/howto/observable.md); docs/model.md and
 docs/observables.md are made from this register.
 """
 

@@ -14,8 +14,51 @@ from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 
+from tirelog.errors import UsageError
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
-from tirelog.vocabulary.pictures import FOOTPRINT
+
+# ---- Which pictures a command can draw, and which tables of errors, by name.
+#
+# `--plot-kind` takes the one (the first is drawn without it), `compare --by` the other.
+
+
+FOOTPRINT: Mapping[str, str] = {
+    "page": "the drive, contact lengths, and passages with their derivatives (P2)",
+    "waterfall": "strain over angle and revolution, in colour",
+    "polar": "mean strain around the wheel by speed, with the patch",
+    "edges": "entry and exit edge close up by speed, with bands and the edges found",
+    "lengths": "contact length with error bars over speed and time, a colour per log",
+    "orders": "strain over speed (or time) and frequency, order by order",
+}
+COMPARE: Mapping[str, str] = {
+    "page": "waveforms with the floor's band, and maps of what the model misses",
+    "polar": "measured and predicted around the wheel, with the model's contact pressure",
+    "edges": "entry and exit edge close up, with the floor's band, and what is left there",
+}
+#: tables of errors that `compare` has of obstacles, and all that it can have
+BY_OBSTACLE = ("hit", "time", "frequency")
+ERRORS_BY = ("revolution", "angle", "speed", "regime", "conditions", *BY_OBSTACLE)
+#: of files that a picture can be written to
+SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def refuse_no_picture(path: Path) -> None:
+    """UsageError: the path's suffix is not a picture's."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            f"--plot {path}: suffix {path.suffix!r}",
+            allowed=f"allowed are {', '.join(SUFFIXES)}",
+            do="rename it",
+        )
+
+
+def no_matplotlib() -> UsageError:
+    """The error that says how to come by what draws pictures."""
+    return UsageError(
+        "--plot needs matplotlib",
+        allowed="allowed without it are tables",
+        do="install it: pip install 'tirelog[plot]'",
+    )
 
 
 @dataclass(frozen=True)
@@ -137,7 +180,7 @@ _ALL = (
                 "Take the rolling radius from the log's vehicle_speed, with its error.",
             ),
         ),
-        picture="tirelog.plots.tables.speed:speed_picture",
+        picture="tirelog.plots.speed:speed_picture",
     ),
     LogTable(
         "footprint",
@@ -163,9 +206,9 @@ _ALL = (
                 "f_d / f_s of P2 (13) for the slip onset; else that of the setup, or 0.75 +- 0.13.",
             ),
         ),
-        picture="tirelog.plots.tables.footprint:draw",
+        picture="tirelog.plots.footprint:draw_footprint",
         pictures=FOOTPRINT,
-        sketch="tirelog.plots.tables.footprint:sketch",
+        sketch="tirelog.plots.footprint:footprint_sketch",
     ),
     LogTable(
         "dissipation",
@@ -202,8 +245,8 @@ _ALL = (
                 "The rows of constant speed alone, sorted by speed (P1 Fig. 11).",
             ),
         ),
-        picture="tirelog.plots.tables.dissipation:dissipation_picture",
-        sketch="tirelog.plots.tables.dissipation:sketch",
+        picture="tirelog.plots.footprint:dissipation_picture",
+        sketch="tirelog.plots.footprint:dissipation_sketch",
     ),
     LogTable(
         "phase-shift",
@@ -232,7 +275,7 @@ _ALL = (
                 "Rows of all accelerometers of a log in the order of time.",
             ),
         ),
-        picture="tirelog.plots.tables.phase_shift:phase_shift_picture",
+        picture="tirelog.plots.speed:phase_shift_picture",
         rows_of=("radial_acceleration",),
     ),
     LogTable(
@@ -275,8 +318,8 @@ _ALL = (
                 "Exponent of the patch's length in the load, 0.5 by default.",
             ),
         ),
-        made_by="tirelog.strain.grip:grip_of",
-        checked_by="tirelog.strain.grip:refuse_frictions",
+        made_by="tirelog.strain.slip:grip_of",
+        checked_by="tirelog.strain.slip:refuse_frictions",
         driven=False,
     ),
     LogTable(
@@ -303,9 +346,9 @@ _ALL = (
             ),
             TableOption("every", "--every", int, "Only each so many-th sample."),
         ),
-        made_by="tirelog.wheel.angle_table:wheel_angle_of",
-        checked_by="tirelog.wheel.angle_table:refuse_stretch",
-        picture="tirelog.plots.tables.wheel_angle:wheel_angle_picture",
+        made_by="tirelog.wheel.table:wheel_angle_of",
+        checked_by="tirelog.wheel.table:refuse_stretch",
+        picture="tirelog.plots.speed:wheel_angle_picture",
         driven=False,
     ),
     LogTable(
@@ -327,9 +370,9 @@ _ALL = (
             ),
             TableOption("to_Pa", "--to", float, "Pressure at the end, Pa."),
         ),
-        made_by="tirelog.strain.inflation_table:inflation_of",
-        checked_by="tirelog.strain.inflation_table:refuse_one_end",
-        picture="tirelog.plots.tables.inflation:inflation_picture",
+        made_by="tirelog.strain.inflation:inflation_of",
+        checked_by="tirelog.strain.inflation:refuse_one_end",
+        picture="tirelog.plots.speed:inflation_picture",
         driven=False,
     ),
 )  # fmt: skip

@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import SetupError
-from tirelog.storage.documents import toml_text
 from tirelog.storage.schema import FLAG, Document, FilePlace, KeyKind, Table, ValueKind, number
-from tirelog.storage.whole import whole_file
-from tirelog.wheel.calibration import Calibration, SpeedMap
-from tirelog.wheel.forces import ForceMap
+from tirelog.storage.whole import toml_text, whole_file
+from tirelog.wheel.calibration import Calibration, ForceMap, SpeedMap
 
 #: of the file's layout; another one is refused
 VERSION = 1

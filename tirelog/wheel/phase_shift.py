@@ -13,18 +13,211 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
+from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked
-from tirelog.wheel.accelerometer import limits, without_held
 from tirelog.wheel.angle import Radius, WheelAngle, encoder_of, rolling_radius
-from tirelog.wheel.doubts import doubts, refuse_swapped
-from tirelog.wheel.fronts.fronts import Fronts, find_fronts
+from tirelog.wheel.fronts import Fronts, find_fronts, patch_turn
+
+# ---- What an accelerometer channel has to be cleared of before its fronts are sought.
+#
+# channel --values held by a radio that has lost its carrier become NaN--> channel
+# channel --the log's extremes, if samples pile up there--> limits of the sensor or of the converter
+
+
+#: so many equal samples in a row do not happen under noise: with EQUAL_SHARE of equal neighbours
+#: once in 3e8 samples.  Twice as many would take held values of up to 11 samples for measured
+HELD = 6
+#: a channel with more equal neighbours than this has no noise to tell by; with twice as many equal
+#: ones HELD of them would happen by chance once in 1e7 samples
+EQUAL_SHARE = 0.02
+#: samples read at once (1 MB)
+PIECE = 1 << 17
+#: samples at the extreme of a log that clips, at least; twice as many miss clips of up to
+#: eleven
+PILED_UP = 6
+
+
+def without_held(channel: Channel, low: float, high: float) -> Channel:
+    """The channel with runs of HELD or more equal samples lost.
+
+    Runs at its limits `low` and `high` stay; as it is if the channel has too little noise to tell.
+    """
+    starts = np.unique(np.linspace(0, max(channel.size - 4096, 0), 32).astype(np.int64))
+    pieces = [channel.read(int(s), int(s) + 4096) for s in starts]
+    pieces = [p[(p > low) & (p < high)] for p in pieces]
+    shares = [float(np.mean(np.diff(p) == 0)) for p in pieces if p.size > 1]
+    if not shares or np.median(shares) > EQUAL_SHARE:
+        return channel
+
+    def read(start: int, stop: int) -> FloatArray:
+        first = max(start - HELD, 0)
+        values = channel.read(first, stop + HELD)
+        equal = (np.diff(values) == 0) & (values[1:] > low) & (values[1:] < high)
+        if equal.any():
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.view(np.int8), [0]])))
+            runs = [
+                (a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= HELD - 1
+            ]
+            if runs:
+                values = values.copy()
+            for a, b in runs:
+                values[a : b + 1] = np.nan
+        return values[start - first : stop - first]
+
+    return replace(channel, samples=read)
+
+
+def limits(channel: Channel) -> tuple[float, float, float]:
+    """(lower limit, upper limit, share of all samples there).
+
+    Infinite if the extreme of the log is not a pile of equal samples.
+    """
+    extremes = [np.inf, -np.inf]
+    counts, known = [0, 0], 0
+    for _, block in channel.blocks(PIECE):
+        x = block[np.isfinite(block)]
+        known += x.size
+        if x.size == 0:
+            continue
+        for side, (value, further) in enumerate(((float(x.min()), -1), (float(x.max()), 1))):
+            if further * (value - extremes[side]) > 0:
+                extremes[side], counts[side] = value, 0
+            if value == extremes[side]:
+                counts[side] += int(np.sum(x == value))
+    low, high = (
+        e if n >= PILED_UP else s * np.inf
+        for e, n, s in zip(extremes, counts, (-1, 1), strict=True)
+    )
+    share = sum(n for n in counts if n >= PILED_UP) / max(known, 1)
+    return low, high, share
+
+
+# ---- What makes an encoder or an accelerometer doubtful.
+#
+# Swapped channels, a wrong number of steps, a wrong sampling rate or unit, saturation.
+#
+# channels, WheelAngle, Fronts --> sentences on the whole channel, or a SetupError that says what to
+# mend
+
+
+#: times between swings more alike than this (shorter over longer, median) are an encoder's; twice
+#: as far from one, 0.4, is still far above the 0.05 of passages and the rest of their turns
+EVEN = 0.7
+#: the patch comes this near to once per turn, as a share; twice as much takes 47 steps for 48
+OFF_TURN = 0.01
+
+
+def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channel) -> None:
+    """SetupError if accelerometer and encoder are swapped.
+
+    The accelerometer's channel swings like an encoder, evenly, and the encoder's does not.
+    """
+    if _evenness(accelerometer) > EVEN > _evenness(encoder):
+        raise SetupError(
+            f"{accelerometer.name} swings like an encoder and {encoder.name} does not: the "
+            "channels look swapped",
+            allowed="an encoder swings evenly, `steps` times a turn",
+            do="exchange their sources in the setup",
+            file=recording.log,
+        )
+
+
+def _evenness(channel: Channel) -> float:
+    """How like each other the times between a channel's swings are, up to 1.
+
+    The shorter over the longer of two neighbours, the median; 0 if it does not swing. A passage of
+    the patch and the rest of its turn are 1 to 20.
+    """
+    found = probe(channel.read, channel.size)
+    if found.form not in ("sine", "square"):
+        return 0.0
+    pieces = list(crossings(channel.read, min(channel.size, 1 << 20), channel.axis.rate_Hz, found))
+    steps = np.diff(np.concatenate([piece.index for piece in pieces]))
+    if steps.size < 20:
+        return 0.0
+    return float(
+        np.median(
+            np.minimum(steps[1:], steps[:-1]) / np.maximum(np.maximum(steps[1:], steps[:-1]), 1e-9)
+        )
+    )
+
+
+def refuse_steps(recording: Recording, wheel: WheelAngle, turn_rad: float) -> None:
+    """SetupError if the patch does not come once per turn, but every `turn_rad` of wheel angle."""
+    turns = turn_rad / (2 * np.pi)
+    if not abs(turns - 1) > OFF_TURN:
+        return
+    steps = wheel.steps * turns
+    table = (
+        ", and the learnt pitch table does not repeat"
+        if any("does not repeat" in remark for remark in wheel.remarks)
+        else ""
+    )
+    raise SetupError(
+        f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every "
+        f"{wheel.steps}{table}",
+        allowed="the setup's steps must be those of a whole turn",
+        do=f"write steps = {round(steps)}",
+        file=recording.log,
+    )
+
+
+def refuse_steps_by_patch(recording: Recording, wheel: WheelAngle) -> None:
+    """`refuse_steps` by the first accelerometer that shows the patch, for who needs no fronts.
+
+    It reads as much of a log as shows a few passages, most often its first hundred turns.
+    """
+    for channel in recording.of_kind("radial_acceleration"):
+        turn = patch_turn(channel, wheel)
+        if np.isfinite(turn):
+            refuse_steps(recording, wheel, turn)
+            return
+
+
+def doubts(
+    recording: Recording,
+    channel: Channel,
+    wheel: WheelAngle,
+    fronts: Fronts,
+    radius: Radius,
+    share: float,
+) -> list[str]:
+    """Sentences on the whole channel.
+
+    SetupError: the patch does not come once in `steps` steps, or its level is no rotation's.
+    """
+    said: list[str] = []
+    refuse_steps(recording, wheel, fronts.turn_rad)
+    ratio = fronts.level_m / radius.radius_m
+    what = (
+        f"the level outside the patch is {ratio:.3g} times Omega^2 R, as of a sampling rate wrong "
+        f"by a factor {abs(ratio) ** 0.5:.3g} or a unit by {ratio:.3g}"
+    )
+    do = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
+    problem = implausible(recording, "level_to_rotation", ratio, what, channel=channel, do=do)
+    if problem is not None and share < 0.01:
+        raise problem
+    if share > 1e-4:
+        said.append(
+            f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits "
+            "(clipped)"
+        )
+    outward = "outward" if fronts.sign < 0 else "inward"
+    gravity = "with" if fronts.gravity else "without"
+    said.append(
+        f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} "
+        "gravity"
+    )
+    return said
+
 
 #: degrees of a radian
 DEG = 180 / np.pi

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.candidates.beside import groups_of
+from tirelog.diagnosis.candidates.nuisance_selection import groups_of
 from tirelog.diagnosis.candidates.signatures import candidate_effects, signatures_of
 from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, TogetherBase, apart
-from tirelog.inference.cells.shared import SharedEffects
-from tirelog.inference.metric.offsets import Offsets, ProjectedOut
+from tirelog.inference.cells.cells import SharedEffects
+from tirelog.inference.metric import Offsets, ProjectedOut
 from tirelog.inference.nuisances import FORM, ZERO, frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.effects import BY_ID

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from tirelog.physics.model.own.empirical import FROM_EXIT_M, TO_ENTRY_M
+from tirelog.physics.model.user_effects import FROM_EXIT_M, TO_ENTRY_M
 from tirelog.vocabulary.arrays import FloatArray
 
 

@@ -22,12 +22,11 @@ import numpy as np
 from tirelog.diagnosis.candidates.assessment import nuisance
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, change_to
-from tirelog.inference.metric.offsets import ProjectedOut
-from tirelog.inference.metric.whitening import Whitener
+from tirelog.inference.metric import ProjectedOut, Whitener
 from tirelog.physics.effects import Effect
-from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.own.expression import parse_expression
-from tirelog.physics.model.own.user_effects import CONDITIONS, PLACES
+from tirelog.physics.model.expression import parse_expression
+from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.user_effects import CONDITIONS, PLACES
 from tirelog.vocabulary.arrays import FloatArray
 
 #: cells of which the coupling is kept as a low rank, and on which the grammar is scanned: the time

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.free_shapes import ANGLES, hats_on
-from tirelog.diagnosis.candidates.sign_flips import gain_and_error
+from tirelog.diagnosis.candidates.assessment import gain_and_error
+from tirelog.diagnosis.candidates.signatures import ANGLES, hats_on
+from tirelog.diagnosis.propose.formulas import typical
 from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.diagnosis.propose.ground import Ground
-from tirelog.diagnosis.propose.scan import typical
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric.projection import side_by_side
-from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.own.empirical import FRAMES, effect_by_shape
+from tirelog.inference.metric import side_by_side
+from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.user_effects import FRAMES, effect_by_shape
 from tirelog.vocabulary.arrays import FloatArray
 
 #: nodes in each frame's unit: as close as a strain at the speeds of a car can bend, 3 mm along the

@@ -7,7 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.beside import (
+from tirelog.diagnosis.candidates.assessment import surely_gains
+from tirelog.diagnosis.candidates.at_noise_floor import quiet
+from tirelog.diagnosis.candidates.naming import worth_it
+from tirelog.diagnosis.candidates.nuisance_selection import (
     allowed_nuisances,
     best_nuisance,
     groups_of,
@@ -15,21 +18,19 @@ from tirelog.diagnosis.candidates.beside import (
     with_nuisances,
     with_nuisances_on,
 )
-from tirelog.diagnosis.candidates.drive_next import by_the_minute
-from tirelog.diagnosis.candidates.naming import worth_it
-from tirelog.diagnosis.candidates.quiet import quiet
 from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
-from tirelog.diagnosis.candidates.separation import advise
-from tirelog.diagnosis.candidates.sign_flips import surely_gains
+from tirelog.diagnosis.candidates.separation import advise, by_the_minute
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
-from tirelog.diagnosis.locked import locked_away, untouched
+from tirelog.diagnosis.history import locked_away, untouched
 from tirelog.diagnosis.propose.formulas import (
     Choice,
     Draft,
+    Scanned,
     choose,
     numbers_of,
     polished,
+    scan,
     simplified,
     with_covering_errors,
 )
@@ -40,8 +41,7 @@ from tirelog.diagnosis.propose.measured_shapes import (
     without_twins,
 )
 from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
-from tirelog.diagnosis.propose.scan import Scanned, scan
-from tirelog.diagnosis.rest.leftover import leading_shape
+from tirelog.diagnosis.residual_structure import leading_shape
 from tirelog.diagnosis.rules import (
     ALARM_P,
     BEYOND_DOUBT_P,
@@ -414,15 +414,15 @@ def _terms(climb: _Climb, model: Model) -> Iterable[Term]:
     for choice, scanned in zip(climb.choices, climb.scans, strict=False):
         yield Term(
             name=choice.chosen.entry.id,
-            formula=_formula(choice.chosen, choice.chosen.text),
-            as_good=tuple(_formula(draft, draft.read) for draft in choice.as_good[1:]),
+            formula=_formula_of(choice.chosen, choice.chosen.text),
+            as_good=tuple(_formula_of(draft, draft.read) for draft in choice.as_good[1:]),
             numbers=numbers_of(choice.chosen.entry, model),
             p=scanned.p,
             tried=scanned.tried,
         )
 
 
-def _formula(draft: Draft, text: str) -> FoundFormula:
+def _formula_of(draft: Draft, text: str) -> FoundFormula:
     free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
     return FoundFormula(
         text,

@@ -15,9 +15,10 @@ two on to all of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +27,182 @@ from tirelog.apart import made_apart
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.together import lacking, linearised, predicted
-from tirelog.inference.fit.descent import MOST_STEPS, descend, leaving
-from tirelog.inference.fit.errors import Errors, errors_of
-from tirelog.inference.metric.offsets import Offsets
-from tirelog.inference.metric.projection import RANK, stacked
-from tirelog.inference.metric.whitening import Whitener
+from tirelog.inference.metric import RANK, Offsets, Whitener, stacked
 from tirelog.physics.model.model import Model
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray
+
+# ---- The one descent of every fit: damped least squares (Levenberg-Marquardt) within bounds.
+#
+#     LeastSquares, theta (p,) --damped steps, each no longer than the parameters' sizes--> Reached
+#
+# A parameter that stands at a bound and would leave it is held for that step.
+
+
+#: steps of a descent at most; twice as many only matter to fits that have not settled by then,
+#: which is said
+MOST_STEPS = 25
+#: a step that gains less than this share of the sum of squares, and less than this of it (1 is
+#: what a parameter costs that is off by its standard error), is the last; twice as much of the
+#: latter may leave a parameter off by 0.8 of its standard error
+SETTLED = 1e-4
+_SETTLED_BY = 0.3
+#: slopes of an earlier point are made anew after a step that gains less than this share of what
+#: they let hope for; twice as much makes them anew more often
+_POOR = 0.1
+#: dampings tried for one step; twice as many damp further down before a step is given up
+_TRIALS = 8
+
+
+class LeastSquares(Protocol):
+    """What a descent asks of a problem.
+
+    Residuals and slopes are in a metric in which they count alike, N values.
+    """
+
+    def residual(self, theta: FloatArray) -> FloatArray:
+        """Measured less predicted (N,) at a point to go on from; ModelError if it is refused."""
+
+    def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
+        """Derivatives of the prediction by theta / size, (N, p), where the last residual was."""
+
+    def square(self, theta: FloatArray) -> float:
+        """Sum of squares of the residual at a point on trial; infinite if it is refused."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Where a descent ended: point (p,), sum of squares, whether more steps would gain little."""
+
+    theta: FloatArray
+    square: float
+    settled: bool
+
+
+def descend(
+    problem: LeastSquares,
+    theta: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    sizes: Callable[[FloatArray], FloatArray],
+    *,
+    steps: int = MOST_STEPS,
+    settled: float = SETTLED,
+    renewed: Callable[[], bool] = lambda: False,
+) -> Reached:
+    """The least sum of squares near `theta` (p,) within `low` and `high` (p,).
+
+    sizes       sizes (p,) of the parameters at a point: the longest step
+    renewed     were some of the last slopes those of an earlier point?  None of the next will be
+    ModelError  the start itself is refused; any later point that is refused is a step too far
+    """
+    residual = problem.residual(theta)
+    square, damping = float((residual**2).sum()), 1e-3
+    for _ in range(steps if theta.size else 0):
+        size = sizes(np.clip(theta, low, high))
+        slope = problem.slopes(theta, size)
+        gram, gradient = slope.T @ slope, slope.T @ residual
+        free = ~leaving(theta, low, high, gradient)
+        for _ in range(_TRIALS):
+            new = np.clip(theta + _damped(gram, gradient, free, damping) * size, low, high)
+            reached = problem.square(new)
+            if reached < square:
+                break
+            damping = max(damping, 1e-6) * 8.0
+        else:
+            if renewed():
+                damping = 1e-3
+                continue
+            return Reached(theta, square, True)
+        moved = (new - theta) / size
+        hoped = float(moved @ (2.0 * gradient - gram @ moved))
+        drop, theta, damping = square - reached, new, damping / 10.0
+        if drop < _POOR * hoped:
+            renewed()
+        residual = problem.residual(theta)
+        square = float((residual**2).sum())
+        if drop < settled * square and drop < _SETTLED_BY and not renewed():
+            return Reached(theta, square, True)
+    return Reached(theta, square, not theta.size)
+
+
+def leaving(
+    theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray
+) -> NDArray[np.bool_]:
+    """Which parameters stand at a bound that the next step would cross.
+
+    `gradient` (p,) points to where the sum of squares falls.
+    """
+    return ((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0))
+
+
+def _damped(
+    gram: FloatArray, gradient: FloatArray, free: NDArray[np.bool_], damping: float
+) -> FloatArray:
+    """A damped step of the free parameters in units of their sizes, at most one size each."""
+    step = np.zeros(gradient.size)
+    square = gram[np.ix_(free, free)]
+    square = square + damping * np.diag(np.diag(square) + 1e-9 * np.trace(gram))
+    step[free] = np.linalg.lstsq(square, gradient[free], rcond=1e-12)[0]
+    return np.clip(step, -1.0, 1.0)
+
+
+# ---- The one error formula of every fit: how well whitened slopes determine the parameters.
+#
+# slopes (N, p), variance of a residual -> columns of length one -> eigenvectors of the normal
+#     matrix: seen ones give the covariance, unseen ones (blind) the combinations of parameters
+#     that the data do not determine
+
+
+#: eigenvalues of the normal matrix (columns of length one) below this share of the largest are
+#: directions that change nothing; twice as much drops directions that are seen 1.4 times as well
+NULL = 1e-10
+#: a parameter with more than this share (a cosine) in a blind direction is not determined; twice
+#: as much tells errors of parameters of which a fifth cannot be seen
+_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What is known of p parameters: standard errors, covariance, blind directions.
+
+    Standard errors (p,), inf if the data are blind; covariance (p, p) along the directions that
+    they see; the blind directions (b, p), each of length one in parameters in units of what moves
+    the data alike.
+    """
+
+    se: FloatArray
+    covariance: FloatArray
+    blind: FloatArray
+
+    def undetermined(self, names: Sequence[str]) -> list[tuple[str, ...]]:
+        """The parameters of each blind direction."""
+        return [
+            tuple(n for n, share in zip(names, row, strict=True) if abs(share) > _SHARE)
+            for row in self.blind
+        ]
+
+
+def errors_of(slopes: FloatArray, variance: float) -> Errors:
+    """Standard errors of what has the whitened `slopes` (N, p), for residuals of this variance."""
+    p = slopes.shape[1]
+    norm = np.linalg.norm(slopes, axis=0)
+    usable = norm > 0
+    se, covariance, blind = np.full(p, np.inf), np.zeros((p, p)), np.eye(p)[~usable]
+    if not usable.any():
+        return Errors(se, covariance, blind)
+    unit = slopes[:, usable] / norm[usable]
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    good = values > NULL * values[-1]
+    hidden = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > _SHARE
+    known = np.where(hidden, np.inf, (vectors[:, good] ** 2 / values[good]).sum(axis=1))
+    se[usable] = np.sqrt(variance * known) / norm[usable]
+    inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
+    covariance[np.ix_(usable, usable)] = variance * inverse / np.outer(norm[usable], norm[usable])
+    unseen = np.zeros((int((~good).sum()), p))
+    unseen[:, usable] = vectors[:, ~good].T
+    return Errors(se, covariance, np.concatenate([blind, unseen]))
+
 
 #: starts: factors on the start values of some parameters
 STARTS: tuple[Mapping[str, float], ...] = (

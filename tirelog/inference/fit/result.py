@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.inference.base import FittedChannel
-from tirelog.inference.cells.levers import LEVER
-from tirelog.inference.fit.errors import Errors
+from tirelog.inference.cells.together import LEVER
+from tirelog.inference.fit.cells import Errors
 from tirelog.physics.model.model import Model
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 

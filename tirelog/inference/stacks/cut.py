@@ -19,31 +19,275 @@ run of passages are left out, since half of their angle is extrapolated.
 
 from __future__ import annotations
 
+import io
+import os
+import tempfile
+import weakref
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import IO, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from tirelog.apart import shared_out, shares
-from tirelog.data.recording import Channel, Recording, Stack
-from tirelog.errors import UsageError
-from tirelog.inference.stacks.align import PassageAngle, refine_passages, turned
-from tirelog.inference.stacks.conditions import conditions_of
+from tirelog.data.recording import Channel, Conditions, Recording, Scaled, Stack
+from tirelog.errors import OutputError, UsageError
+from tirelog.inference.stacks.align import (
+    PassageAngle,
+    Samples,
+    TurnChunk,
+    by_bin,
+    refine_passages,
+    step_of,
+    turned,
+)
 from tirelog.inference.stacks.hum import Line, lines_said, without_hum
-from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
-from tirelog.inference.stacks.numbers import scalar_stack
-from tirelog.inference.stacks.outward import outward, with_level
-from tirelog.inference.stacks.samples import Samples, TurnChunk, step_of
-from tirelog.inference.stacks.spooled import Stacks
-from tirelog.inference.stacks.turn_kernels import by_bin
-from tirelog.runs.bursts import mended
-from tirelog.runs.in_memory import readable_apart
-from tirelog.strain.passages.find import Passages
-from tirelog.strain.passages.surface import refuse_swapped_surface, trusted_passages
+from tirelog.inference.stacks.manoeuvres import (
+    accelerations,
+    conditions_of,
+    regimes,
+    scalar_stack,
+    segment,
+)
+from tirelog.runs.in_memory import mended, readable_apart
+from tirelog.strain.passages.find import (
+    Passages,
+    patch_sign,
+    refuse_swapped_surface,
+    trusted_passages,
+)
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS, STRAIN
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
+
+# ---- The stacks of several logs, numbered through.
+#
+# In memory while they are few, then in a temporary file, one at a time in memory again.
+#
+#     stretches of a log (`cut.stretches_of`, at most some MB each) --add--> Stacks
+#         --one at a time--> Stack, equal to the bit
+#
+# A usual log is one stack. A long one is several, one after the other, cut between manoeuvres if
+# these are short enough; a manoeuvre that had to be cut keeps its number. What has a value
+# per revolution stays in memory, the waveforms (32 bytes per bin) are put aside.
+
+
+#: bytes of waveforms that are kept in memory
+IN_MEMORY = 3 << 23
+_WAVEFORMS = ("values", "phi_mean", "phi_variance", "count")
+_NUMBERS = ("noise", "log", "manoeuvre", "revolution", "regime")
+
+
+class Stacks(Sequence[Stack]):
+    """Stacks on the same angles.
+
+    `logs` names all logs, and each stack's `log` and `manoeuvre` count through them.
+
+    `notes`: sentences on what was set apart of them.
+    """
+
+    def __init__(self, in_memory: int | None = None) -> None:
+        self.logs: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = ()
+        self._room = IN_MEMORY if in_memory is None else in_memory
+        self._stacks: list[Stack] = []
+        self._places: list[
+            tuple[int, int] | None
+        ] = []  # from where to where in the file the waveforms are, None if they are in memory
+        self._file: IO[bytes] | None = None
+
+    def add(self, log: str, stretches: Iterable[Stack]) -> None:
+        """One more log.
+
+        OutputError: the folder for temporary files is full or cannot be written.
+        """
+        first = 1 + max((int(stack.manoeuvre.max()) for stack in self._stacks), default=-1)
+        for stretch in stretches:
+            if len(stretch):
+                number = np.full(len(stretch), len(self.logs))
+                self._keep(replace(stretch, log=number, manoeuvre=stretch.manoeuvre + first))
+        self.logs = (*self.logs, log)
+
+    def note(self, sentence: str) -> None:
+        """A sentence that whoever reads a result of these stacks must see, once."""
+        self.notes = tuple(dict.fromkeys((*self.notes, sentence)))
+
+    def of_log(self, number: int) -> Iterator[Stack]:
+        """The stacks of one log, in order."""
+        return (self[i] for i, stack in enumerate(self._stacks) if stack.log[0] == number)
+
+    def outlines(self) -> list[Stack]:
+        """The stacks, those that are put aside without their waveforms."""
+        return list(self._stacks)
+
+    def number_through(self) -> None:
+        """Manoeuvres 0, 1, 2, ... when some have gone with their revolutions."""
+        names = np.unique(
+            np.concatenate([np.zeros(0, np.int64), *(stack.manoeuvre for stack in self._stacks)])
+        )
+        self._stacks = [
+            replace(stack, manoeuvre=np.searchsorted(names, stack.manoeuvre))
+            for stack in self._stacks
+        ]
+
+    def __len__(self) -> int:
+        return len(self._stacks)
+
+    @overload
+    def __getitem__(self, index: int) -> Stack: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Stack]: ...
+    def __getitem__(self, index: int | slice) -> Stack | list[Stack]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        stack, place = self._stacks[index], self._places[index]
+        return replace(stack, logs=self.logs, **({} if place is None else self._read(place)))
+
+    def _keep(self, stack: Stack) -> None:
+        self._stacks.append(stack)
+        self._places.append(None)
+        self._room -= _bytes(stack)
+        if self._room < 0:  # all of them: memory is short in what follows
+            for i, place in enumerate(self._places):
+                if place is None:
+                    self._places[i] = self._write(self._stacks[i])
+                    empty: Any = np.empty((len(self._stacks[i]), 0))
+                    self._stacks[i] = replace(self._stacks[i], **dict.fromkeys(_WAVEFORMS, empty))
+
+    def _write(self, stack: Stack) -> tuple[int, int]:
+        """The waveforms at the end of the file; where they begin and end."""
+        try:
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
+                weakref.finalize(self, self._file.close)
+            place = self._file.seek(0, 2)
+            for name in _WAVEFORMS:
+                np.save(self._file, getattr(stack, name), allow_pickle=False)
+            self._file.flush()
+            return place, self._file.tell()
+        except OSError as problem:
+            raise OutputError(
+                f"the revolutions of long logs cannot be put aside ({problem.strerror or problem})",
+                allowed="the folder for temporary files has to hold them, "
+                f"{_bytes(stack) / len(stack) / 1000.0:.0f} kB each",
+                do="make room or set TMPDIR to another folder",
+                file=tempfile.tempdir or os.environ.get("TMPDIR"),
+            ) from problem
+
+    def _read(self, place: tuple[int, int]) -> dict[str, Any]:
+        """The waveforms, read without the file's own place: processes may do it side by side."""
+        assert self._file is not None
+        first, stop = place
+        if hasattr(os, "pread"):
+            data = io.BytesIO(os.pread(self._file.fileno(), stop - first, first))
+        else:  # Windows, where no process is forked either
+            self._file.seek(first)
+            data = io.BytesIO(self._file.read(stop - first))
+        return {name: np.load(data, allow_pickle=False) for name in _WAVEFORMS}
+
+
+def _bytes(stack: Stack) -> int:
+    """Bytes of memory that the stack's waveforms take."""
+    return sum(int(getattr(stack, name).nbytes) for name in _WAVEFORMS)
+
+
+def outlines(stacks: Sequence[Stack]) -> Sequence[Stack]:
+    """The stacks; of those that are put aside what has a value per revolution, nothing is read."""
+    return stacks.outlines() if isinstance(stacks, Stacks) else stacks
+
+
+def joined(stacks: Iterable[Stack]) -> Stack:
+    """Several stacks on the same angles as one."""
+    parts = list(stacks)
+    if len(parts) == 1:
+        return parts[0]
+    rows: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in (*_WAVEFORMS, *_NUMBERS)
+    }
+    return replace(
+        parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), **rows
+    )
+
+
+# ---- What an accelerometer's channel must be to be held against a model.
+#
+# Outward positive, and with its mean level.
+#
+#     Channel --`outward`--> Channel whose patch is a maximum, and a sentence if it had to be
+#                            turned round
+#     Stack, Stack, ... --`with_level`--> the same; UsageError if the level outside the patch is
+#                                         none of a turning sensor
+#
+# A model predicts -v^2 / R outside the patch and about nothing in it (errata). Which way a sensor
+# is
+# glued in shows in the log; a level that was taken out (AC coupling, a piezo element, a mean
+# removed)
+# cannot be put back.
+
+
+#: level outside the patch over -v^2 / R: radii and gains are known to 10 %.  Twice as wide would
+#: let a level of half the size pass
+LEVEL_OFF = 0.3
+#: and how far off it may be whatever the speed [m/s^2], for a sensor's own zero; twice as much
+#: would hide 4 g, all of it at 4 m/s
+ZERO_M_S2 = 2.0 * STANDARD_GRAVITY_M_S2
+
+
+def outward(channel: Channel) -> tuple[Channel, str]:
+    """The channel with outward positive, and '' or what was done.
+
+    Other kinds of channel come back as they are.
+    """
+    if channel.kind != "radial_acceleration" or patch_sign(channel) > 0.0:
+        return channel, ""
+    stored = channel.samples
+    if isinstance(stored, Scaled):
+        turned = replace(
+            channel, samples=replace(stored, scale=-stored.scale, offset=-stored.offset)
+        )
+    else:
+        turned = replace(channel, samples=lambda start, stop: -stored(start, stop))
+    return (
+        turned,
+        f"{channel.name} was recorded inward positive (a minimum in the patch); "
+        "its sign was turned",
+    )
+
+
+def with_level(stretches: Iterable[Stack], log: str) -> Iterator[Stack]:
+    """The stacks of one log as they come.
+
+    UsageError: an acceleration without the level of a turning sensor.
+    """
+    for stack in stretches:
+        if stack.observable == "radial_acceleration":
+            _check_level(stack, log)
+        yield stack
+
+
+def _check_level(stack: Stack, log: str) -> None:
+    """UsageError if the median level outside the patch is not about -v^2 / R."""
+    turning = stack.conditions.speed_m_s**2 / stack.radius_m
+    with np.errstate(invalid="ignore"):
+        level = np.nanmedian(
+            np.where(np.isfinite(stack.values).any(axis=1, keepdims=True), stack.values, 0.0),
+            axis=1,
+        )
+    usual, off = float(np.median(turning)), float(np.median(level + turning))
+    if abs(off) <= max(LEVEL_OFF * usual, ZERO_M_S2):
+        return
+    raise UsageError(
+        f"channel {stack.channel} reads {off - usual:.4g} m/s^2 outside the patch (median) and a "
+        f"turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
+        allowed=f"allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed (AC coupling, "
+        "a piezo element), or the unit is wrong",
+        do="mend unit, scale or offset, or give the model coupling_Hz, the sensor's high-pass",
+        file=log,
+    )
+
 
 #: bins of the angle over a revolution; twice as many need twice the samples per revolution to be
 #: filled
@@ -326,3 +570,129 @@ def _binned(
     count, (mean, mean_angle, variance) = np.zeros((n, m), np.int64), np.zeros((3, n, m))
     by_bin(turn, phi, y, count, mean, mean_angle, variance)
     return mean, mean_angle, variance, count
+
+
+# ---- Where gratings stand on the wheel: by the setup, or by the delay between their passages.
+#
+#     passages of the first grating -> theta(t), a spline through whole turns
+#     passages of another at times t -> theta(t) modulo a turn: by so much it stands behind the
+#     first
+#
+# Both pass the same patch, so that wind-up and whatever moves the patch's centre cancel.
+
+
+#: turns of an unbroken run that a spline is laid through; of two a bend is not known; twice as
+#: many leave shorter runs without places
+_LEAST_TURNS = 4
+#: a time between two passages that is farther than this share off what the speed says is no turn;
+#: twice as much would take a turn and a half for one
+_ONE_TURN = 0.3
+#: a setup and passages that differ by more [deg] contradict each other: passages tell 0.1 degrees,
+#: a tape on the belt some millimetres, which are one; half as much would doubt honest tapes
+_DOUBT_DEG = 3.0
+
+
+@dataclass
+class Places:
+    """What is known of one grating's angle [rad]: of each log by the setup, and by its passages.
+
+    `behind`: the angles behind the first grating, one for each passage of every log.
+    """
+
+    name: str
+    given: list[float] = field(default_factory=list)
+    behind: list[FloatArray] = field(default_factory=list)
+
+    def add(self, recording: Recording, number: int, own: Stacks, first: Stacks) -> None:
+        """One more log, number `number`: what its setup and its passages say."""
+        degrees = (
+            recording.setup.channels[self.name].angle_deg
+            if (self.name in recording.setup.channels)
+            else None
+        )
+        if degrees is not None:
+            self.given.append(float(np.radians(degrees)))
+        if own is not first:
+            self.behind.append(_behind(_passages(own, number), _passages(first, number)))
+
+    @property
+    def measured(self) -> tuple[float, float, int]:
+        """Angle behind the first [rad], its standard error, passages that tell it."""
+        angles = np.concatenate([np.zeros(0), *self.behind])
+        if angles.size < 2:
+            return np.nan, np.nan, angles.size
+        middle = float(np.angle(np.exp(1j * angles).mean()))
+        off = np.angle(np.exp(1j * (angles - middle)))
+        middle += float(np.median(off))
+        spread = 1.4826 * float(np.median(np.abs(off - np.median(off))))
+        return middle % (2.0 * np.pi), 1.2533 * spread / np.sqrt(angles.size), angles.size
+
+
+def places_of(gratings: Sequence[Places]) -> tuple[tuple[float, ...], list[str]]:
+    """The angle of each grating on the wheel [rad], and sentences on where each comes from.
+
+    The setup's angle goes before the passages'.  UsageError: neither tells one.
+    """
+    first = gratings[0]
+    zero = first.given[0] if first.given else 0.0
+    known = [one for one in gratings[1:] if one.given and np.isfinite(one.measured[0])]
+    if not first.given and known:
+        zero = known[0].given[0] - known[0].measured[0]
+    angles, said = [zero], []
+    for one in gratings[1:]:
+        behind, error, passages = one.measured
+        told = (
+            f"{np.degrees(behind):.2f} ± {max(np.degrees(error), 0.01):.2f} degrees behind "
+            f"{first.name} by {passages} passages"
+        )
+        if one.given:
+            angles.append(one.given[0])
+            off = np.degrees(np.angle(np.exp(1j * (one.given[0] - zero - behind))))
+            if np.isfinite(off) and abs(off) > _DOUBT_DEG:
+                stands = np.degrees((one.given[0] - zero) % (2.0 * np.pi))
+                said.append(
+                    f"{one.name} stands {told}, by the setup's angle_deg {stands:.1f}; the setup's "
+                    "is taken: mend it if the channels are on one clock"
+                )
+        elif np.isfinite(behind):
+            angles.append(zero + behind)
+            said.append(f"{one.name} stands {told}; give angle_deg in the setup if you know better")
+        else:
+            raise UsageError(
+                f"no passage tells where {one.name} stands on the wheel",
+                allowed="its passages between those of the first grating tell it, or the setup",
+                do=f"give angle_deg in [channels.{one.name}]",
+            )
+    return tuple(angles), said
+
+
+def _passages(stacks: Stacks, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(times [s], angular speeds [rad/s], ordinals) of the passages of one log."""
+    parts = [s for s in stacks.outlines() if s.log.size and s.log[0] == number]
+    none = np.zeros(0)
+    time = np.concatenate([none, *(s.conditions.time_s for s in parts)])
+    spin = np.concatenate([none, *(s.conditions.speed_m_s / s.radius_m for s in parts)])
+    ordinal = np.concatenate([none, *(s.revolution for s in parts)])
+    order = np.argsort(time)
+    return time[order], spin[order], ordinal[order]
+
+
+def _behind(
+    own: tuple[FloatArray, FloatArray, FloatArray], first: tuple[FloatArray, FloatArray, FloatArray]
+) -> FloatArray:
+    """Angle of the wheel at each passage of a grating since the first one's, [rad], (k,)."""
+    time, spin, ordinal = first
+    if time.size < _LEAST_TURNS:
+        return np.zeros(0)
+    step = np.diff(time)
+    turn = (np.diff(ordinal) == 1) & (
+        np.abs(step * 0.5 * (spin[1:] + spin[:-1]) / (2.0 * np.pi) - 1.0) < _ONE_TURN
+    )
+    found = []
+    for run in np.split(np.arange(time.size), np.flatnonzero(~turn) + 1):
+        if run.size < _LEAST_TURNS:
+            continue
+        within = own[0][(own[0] >= time[run[0]]) & (own[0] <= time[run[-1]])]
+        course = CubicSpline(time[run], 2.0 * np.pi * np.arange(run.size))
+        found.append(np.asarray(course(within)) % (2.0 * np.pi))
+    return np.concatenate([np.zeros(0), *found])

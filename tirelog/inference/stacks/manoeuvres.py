@@ -9,10 +9,130 @@ raises alarms on nothing.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.recording import Channel, Conditions, Recording, Stack
+from tirelog.errors import TirelogError, UsageError
+from tirelog.strain.slip import slip_of
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
+from tirelog.vocabulary.quality import OK, Quality, QualityFlags, Use, good, having
+
+if TYPE_CHECKING:
+    from tirelog.strain.passages.find import Passages
+
+
+# ---- What each revolution was driven under: the setup's constants, or a channel's mean over it.
+
+
+#: a slip is told if it varies by more than so many of its standard errors, which then take a
+#: sixteenth of what follows it; with half as many a quarter
+_SLIPS = 4.0
+
+
+def conditions_of(
+    recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
+) -> Conditions:
+    """The conditions that each revolution was driven under.
+
+    The setup's constants, or a channel's mean over the revolution if there is one; slip from the
+    wheel's encoder and the vehicle's speed.
+    """
+    given = recording.setup.conditions
+    values: dict[str, FloatArray | float] = {
+        name: float("nan") if getattr(given, name) is None else getattr(given, name)
+        for name in SETUP_KEYS
+    }
+    for name, condition in CONDITIONS.items():
+        for kind in condition.kinds:
+            for channel in recording.of_kind(kind)[:1]:
+                mean = _channel_mean(channel, centre_s)
+                if np.isfinite(mean).all():
+                    values[name] = mean - mean[0] if kind in condition.from_start else mean
+    values["slip"] = measured_slip(recording, centre_s)
+    return Conditions.of(
+        centre_s.size,
+        speed_m_s=speed_m_s,
+        acceleration_m_s2=acceleration_m_s2,
+        time_s=centre_s,
+        **values,
+    )
+
+
+def measured_slip(recording: Recording, centre_s: FloatArray) -> FloatArray:
+    """Slip by P2 (14) at each passage, (n,), braking positive; NaN if the log does not tell one.
+
+    From an encoder and the vehicle's speed (`tirelog slip`). A log whose slip does not stand out of
+    its errors tells none: then an effect of slip goes by the acceleration, as without the channels.
+    """
+    unknown = np.full(centre_s.size, np.nan)
+    if not (recording.of_kind("wheel_encoder") and recording.of_kind("vehicle_speed")):
+        return unknown
+    try:
+        columns = next(slip_of(recording)).columns
+    except TirelogError:
+        return unknown
+    time_s, slip, own, late = (
+        np.asarray(columns[name]) for name in ("time_s", "slip", "slip_se", "slip_delay_se")
+    )
+    error = np.hypot(own, late)
+    good = (np.asarray(columns["quality"]) == OK) & np.isfinite(slip) & np.isfinite(error)
+    if good.sum() < 2 or np.std(slip[good]) < _SLIPS * np.median(error[good]):
+        return unknown
+    return np.asarray(np.interp(centre_s, time_s[good], slip[good]), dtype=np.float64)
+
+
+def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
+    """Mean of a channel around each passage, half a period to either side, (n,).
+
+    A revolution without samples takes its neighbours'.
+    """
+    half = 0.5 * np.gradient(centre_s) if centre_s.size > 1 else np.full(1, 0.05)
+    below = [_Below(centre_s - half), _Below(centre_s + half)]
+    between = np.full(centre_s.size, np.nan)
+    last = np.zeros(0), np.zeros(0)
+    for start, values in channel.blocks():
+        time_s = channel.axis.time(start, start + values.size)
+        good = np.isfinite(values)
+        if not good.any():
+            continue
+        for edge in below:
+            edge.pass_by(time_s[good], values[good])
+        time_s, values = np.append(last[0], time_s[good]), np.append(last[1], values[good])
+        here = np.isnan(between) & (centre_s <= time_s[-1])
+        between[here] = np.interp(centre_s[here], time_s, values)
+        last = time_s[-1:], values[-1:]
+    if not last[0].size:
+        return between
+    between[np.isnan(between)] = last[1][0]
+    count = below[1].count - below[0].count
+    mean = (below[1].total - below[0].total) / np.maximum(count, 1)
+    return np.where(count > 0, mean, between)
+
+
+class _Below:
+    """Number and sum of the samples that are earlier than each of some times, (n,).
+
+    They are taken as a channel goes by.
+    """
+
+    def __init__(self, time_s: FloatArray) -> None:
+        self._time_s = time_s
+        self.count, self.total = np.zeros(time_s.size, np.int64), np.zeros(time_s.size)
+        self._count, self._total = 0, 0.0
+
+    def pass_by(self, time_s: FloatArray, values: FloatArray) -> None:
+        """The next samples; what no sample reaches has all of them below it."""
+        total = np.cumsum(np.append(self._total, values))
+        later = self._time_s > (time_s[0] if self._count else -np.inf)
+        place = np.searchsorted(time_s, self._time_s[later])
+        self.count[later], self.total[later] = self._count + place, total[place]
+        self._count, self._total = self._count + values.size, float(total[-1])
+
 
 #: size of the acceleration [m/s^2] below which a stretch is a cruise; twice as much calls a gentle
 #: coasting down a cruise
@@ -82,3 +202,139 @@ def segment(
         )
         breaks[start[i] if joins_before else start[i + 1]] = False
     return np.repeat(np.arange(start.size), length), regime
+
+
+# ---- Numbers per revolution as stacks with one angle.
+#
+# Patch length, dissipation factor, phase shift, patch width.
+#
+# Recording --estimators--> a row per passage, those with nothing wrong
+#     --> Stack (n, 1), the same conditions and manoeuvres as a waveform's
+
+
+#: a passage this much later than its neighbours' periods starts a new manoeuvre; twice as much
+#: joins what a pause of up to six periods parts
+_GAP = 3.0
+
+
+def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tuple[Stack, str]:
+    """The stack (n, 1) of one number per revolution, and '' or what is to be known of it.
+
+    UsageError: fewer than ten revolutions have the number.
+    """
+
+    time_s, speed, value, radius, unclear = MEASURED[observable](recording, channel)
+    ordinal = np.flatnonzero(np.isfinite(value) & np.isfinite(speed) & np.isfinite(time_s))
+    n = ordinal.size
+    if n < 10:
+        raise UsageError(
+            f"{n} revolutions with a {observable} in channel {channel.name}",
+            allowed="at least ten are needed",
+            do="give a longer log",
+            file=recording.log,
+        )
+    time_s, speed, value = time_s[ordinal], speed[ordinal], value[ordinal]
+    acceleration = accelerations(time_s, speed)
+    period = np.diff(time_s, prepend=time_s[0])
+    manoeuvre, regime = segment(
+        regimes(acceleration), np.r_[True, (period > _GAP * np.median(period))[1:]]
+    )
+    zero = np.zeros((n, 1))
+    doubted = int(unclear[ordinal].sum())
+    said = (
+        f"{doubted} of {n} lengths are marked {Quality.FORM_UNCLEAR.word}: "
+        "they may all be off by the same share"
+        if doubted
+        else ""
+    )
+    stack = Stack(
+        observable=observable,
+        channel=channel.name,
+        surface=channel.surface,
+        radius_m=radius,
+        values=value[:, None],
+        phi_rad=np.zeros(1),
+        phi_mean=zero,
+        phi_variance=zero,
+        count=np.ones((n, 1), np.int64),
+        noise=np.full(n, float(np.median(np.abs(np.diff(value))) / (0.6745 * np.sqrt(2.0)))),
+        conditions=conditions_of(recording, time_s, speed, acceleration),
+        log=np.zeros(n, np.int64),
+        manoeuvre=manoeuvre,
+        revolution=ordinal,
+        regime=regime,
+        logs=(recording.log,),
+    )
+    return stack, said
+
+
+#: times [s], speeds [m/s] and values of every passage, (n,), NaN if something is wrong with it; the
+#: rolling radius [m]; whether the value is of unclear form, (n,)
+Numbers = tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]
+
+
+def patch_lengths(recording: Recording, channel: Channel) -> Numbers:
+    """The patch length [m] of every passage of a strain channel."""
+    from tirelog.runs.in_memory import mended
+    from tirelog.strain.footprint.footprint import footprint
+    from tirelog.strain.passages.find import trusted_passages
+
+    radius, channel = recording.setup.tire.radius_m, mended(channel)
+    passages = trusted_passages(recording, channel)
+    found = footprint(channel, passages)
+    return _of_passages(passages, radius, found.length_m, found.quality)
+
+
+def dissipation_factors(recording: Recording, channel: Channel) -> Numbers:
+    """The dissipation factor [1/m] of every passage of a strain channel."""
+    from tirelog.runs.in_memory import mended
+    from tirelog.strain.dissipation import dissipation
+    from tirelog.strain.passages.find import trusted_passages
+
+    radius, channel = recording.setup.tire.radius_m, mended(channel)
+    passages = trusted_passages(recording, channel)
+    found = dissipation(channel, passages, None, passages.quality)
+    return _of_passages(passages, radius, found.factor_1_m, found.quality)
+
+
+def _of_passages(
+    passages: Passages, radius_m: float, value: FloatArray, quality: QualityFlags
+) -> Numbers:
+    value = np.where(good(quality, Use.COMPARISON), value, np.nan)
+    unclear = having(quality, Quality.FORM_UNCLEAR)
+    return passages.time_s, passages.speed_m_s, value, radius_m, unclear
+
+
+def phase_shifts(recording: Recording, channel: Channel) -> Numbers:
+    """The phase shift [rad] of every passage of an accelerometer against the encoder."""
+    return _of_fronts(recording, channel, "shift_deg")
+
+
+def patch_widths(recording: Recording, channel: Channel) -> Numbers:
+    """The patch width [rad] of every passage of an accelerometer against the encoder."""
+    return _of_fronts(recording, channel, "width_deg")
+
+
+def _of_fronts(recording: Recording, channel: Channel, field: str) -> Numbers:
+    from tirelog.wheel.phase_shift import measure_phase_shift
+
+    for found in measure_phase_shift(recording):
+        if found.channel == channel.name:
+            value = np.where(found.good, np.deg2rad(getattr(found, field)), np.nan)
+            unclear = np.zeros(value.size, bool)
+            return found.time_s, found.speed_m_s, value, found.radius_m, unclear
+    raise UsageError(
+        f"no fronts in channel {channel.name}",
+        allowed="an accelerometer with a patch is needed",
+        do="give another",
+        file=recording.log,
+    )
+
+
+#: observable of one number per revolution -> what measures it
+MEASURED: Mapping[str, Callable[[Recording, Channel], Numbers]] = {
+    "patch_length": patch_lengths,
+    "dissipation_factor": dissipation_factors,
+    "phase_shift": phase_shifts,
+    "patch_width": patch_widths,
+}

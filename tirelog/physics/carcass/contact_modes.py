@@ -20,13 +20,15 @@ import numpy as np
 
 from tirelog.physics.carcass.contact import (
     BY,
+    LOSSES,
+    NONE,
     SIDEWALLS,
     STIFFNESSES,
     moved,
     solve_contact,
+    solve_lossy,
 )
-from tirelog.physics.carcass.lossy_contact import LOSSES, NONE, solve_lossy
-from tirelog.physics.carcass.ring import RingCarcass
+from tirelog.physics.carcass.structures import RingCarcass
 from tirelog.physics.spectral import GRID, MODES, STEP, ComplexArray, to_modes
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.observables import ACCELERATION, OBSERVABLES, WIDTH
 
 CARCASSES = ("beam", "ring", "coupled_ring")

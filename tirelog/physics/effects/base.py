@@ -16,9 +16,8 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, refuse_unknown
-from tirelog.physics.parameters import Parameter
 from tirelog.physics.pressure import legendre_modes
-from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
+from tirelog.physics.spectral import ComplexArray, Parameter, grid_angles, wave_numbers
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from

@@ -7,10 +7,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.brush import SLIDING_FRICTION, STATIC_FRICTION, Grip, traction_modes
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Site
 from tirelog.physics.effects.definition import effect, number
-from tirelog.physics.pressure import bell, saddled_parabola, smear, wedge
+from tirelog.physics.pressure import (
+    SLIDING_FRICTION,
+    STATIC_FRICTION,
+    Grip,
+    bell,
+    saddled_parabola,
+    smear,
+    traction_modes,
+    wedge,
+)
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES

@@ -32,7 +32,7 @@ from typing import Any
 
 from tirelog.errors import ModelError
 from tirelog.physics.effects.base import ENTERS, Drive, Effect, Follows, Values
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import Parameter
 
 #: option -> the words that a model file may choose from
 Options = Mapping[str, tuple[str, ...]]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.special import eval_legendre
 
-from tirelog.data.bounds import (
+from tirelog.data.setup import (
     FORM_BELLS,
     FORM_DEGREES,
     FORM_PRESSURE,

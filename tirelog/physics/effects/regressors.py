@@ -10,7 +10,7 @@ import numpy as np
 
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Site
 from tirelog.physics.effects.definition import effect, number
-from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import computed_from
 

@@ -21,11 +21,10 @@ from tirelog.physics.carcass.numbers import (
 )
 from tirelog.physics.effects import BY_ID, Effect, readers, serves
 from tirelog.physics.effects.base import acting_on
-from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
+from tirelog.physics.model.nuisances import NUISANCES, USES, ModelEffect, Nuisance
 from tirelog.physics.model.prediction import Predicting
-from tirelog.physics.parameters import Parameter
-from tirelog.tables.html import document, table
+from tirelog.physics.spectral import Parameter
+from tirelog.tables.writer import document, table
 from tirelog.vocabulary.observables import (
     ACCELERATION,
     OBSERVABLES,
@@ -365,3 +364,40 @@ def _one_of(what: str, word: str, allowed: Sequence[str]) -> None:
     refuse_unknown(
         word, allowed, f"unknown {what} {word!r}", do="choose one of them", error=ModelError
     )
+
+
+# ---- A model's parameters as columns, and two models side by side.
+
+
+def parameter_rows(model: Model) -> dict[str, list[Any]]:
+    """Columns of the table of parameters."""
+    named = model.parameters.items()
+    return {
+        "parameter": [name for name, _ in named],
+        "value": [p.value for _, p in named],
+        "se": [float("nan") if p.se is None else p.se for _, p in named],
+        "unit": [p.unit for _, p in named],
+        "min": [p.min for _, p in named],
+        "max": [p.max for _, p in named],
+        "free": [p.free for _, p in named],
+    }
+
+
+def difference_rows(one: Model, other: Model) -> dict[str, list[Any]]:
+    """Parameters of two models side by side; `difference_sigma` if either has a standard error."""
+    names = [*one.parameters, *(n for n in other.parameters if n not in one.parameters)]
+    rows: dict[str, list[Any]] = {
+        "parameter": names,
+        "value": [],
+        "against": [],
+        "difference_sigma": [],
+    }
+    for name in names:
+        a, b = one.parameters.get(name), other.parameters.get(name)
+        error = sum((p.se or 0.0) ** 2 for p in (a, b) if p is not None) ** 0.5
+        rows["value"].append(a.value if a else float("nan"))
+        rows["against"].append(b.value if b else float("nan"))
+        rows["difference_sigma"].append(
+            (a.value - b.value) / error if a and b and error > 0 else float("nan")
+        )
+    return rows

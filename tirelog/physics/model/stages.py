@@ -17,9 +17,9 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.carcass import beam, contact_modes, ring
-from tirelog.physics.carcass.hardening import hardened_load
+from tirelog.physics.carcass import contact_modes, structures
 from tirelog.physics.carcass.numbers import FASTEST_HZ
+from tirelog.physics.carcass.structures import hardened_load
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import line, parabola, tilted_parabola
@@ -171,10 +171,10 @@ LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kerne
 DAMPING_NAMES = ("radial_damping_N_s_m2", "tangential_damping_N_s_m2")
 
 
-def ring_carcass(task: Task) -> ring.RingCarcass:
+def ring_carcass(task: Task) -> structures.RingCarcass:
     """The ring's constants at the model's own inflation pressure."""
     b = task.base
-    return ring.RingCarcass(
+    return structures.RingCarcass(
         EI=b["flexural_stiffness_N_m2"],
         k_w=b["radial_stiffness_N_m2"],
         k_v=b["tangential_stiffness_N_m2"],
@@ -361,7 +361,7 @@ def load_on_carcass(task: Task) -> ComplexArray:
     return task.once(
         "ring load",
         _load_key(task, *PRESSURE_HOOKS),
-        lambda: ring.equivalent_load(pressed.normal, pressed.traction),
+        lambda: structures.equivalent_load(pressed.normal, pressed.traction),
     )
 
 
@@ -393,8 +393,10 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         hoop = s.tension - mu * c**2
         _positive_foundation(k)
         if s.ring < 1.0:
-            beam.refuse_supercritical(c, hoop, EI, k, mu)
-        Z: FloatArray | ComplexArray = beam.impedance(q, EI, k, hoop, 2.0 * mu * c * s.damping_rate)
+            structures.refuse_supercritical(c, hoop, EI, k, mu)
+        Z: FloatArray | ComplexArray = structures.impedance(
+            q, EI, k, hoop, 2.0 * mu * c * s.damping_rate
+        )
         if np.any(s.shear):
             Z = _yielding(Z, EI * q**4, s.shear * q**2)
         if np.any(s.by_waves):
@@ -565,7 +567,7 @@ def tangential(task: Task) -> ComplexArray:
     v = np.zeros(inward.shape, np.complex128)
     v[:, 1:] = inward[:, 1:] / (1j * np.arange(1, MODES))
     pressed = pressure(task)
-    around, _ = ring.road_loads(pressed.normal, pressed.traction)
+    around, _ = structures.road_loads(pressed.normal, pressed.traction)
     v[:, :1] = around[:, :1] / task.base["tangential_stiffness_N_m2"]
     return v
 
@@ -684,7 +686,7 @@ def hub_forces(task: Task) -> FloatArray:
     pressed = pressure(task)
     carcass = ring_carcass(task)
     return np.stack(
-        ring.ring_hub_forces(
+        structures.ring_hub_forces(
             pressed.normal, pressed.traction, carcass, task.drive.speed_m_s[:, 0] / carcass.R
         )
     )

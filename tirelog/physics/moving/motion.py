@@ -28,10 +28,9 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.moving.contact import RoadForces, Tread
+from tirelog.physics.moving.contact import RoadForces, Tread, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, RoadProfile, check_climbable
-from tirelog.physics.moving.steady import steady_rolling
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 

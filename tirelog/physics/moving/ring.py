@@ -68,7 +68,7 @@ from functools import cached_property
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.carcass.ring import RingCarcass, modal_impedance
+from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -25,20 +25,40 @@ from numpy.typing import NDArray
 
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError
-from tirelog.readers.base import Group, RawBlock, ReadReport
-from tirelog.readers.hdf5.attributes import Scale, rate_of, scale_of, unit_of
-from tirelog.readers.hdf5.damage import Padded, declared_size, kept, unstored
-from tirelog.readers.hdf5.layout import TimeColumn, find_columns, time_of
+from tirelog.readers.base import (
+    MOST_SERIES,
+    RATES,
+    Group,
+    Listed,
+    RawBlock,
+    ReadReport,
+    Series,
+    with_stated_units,
+)
+from tirelog.readers.hdf5.layout import (
+    TIME_NAMES,
+    Scale,
+    TimeColumn,
+    find_columns,
+    rate_of,
+    scale_of,
+    time_of,
+    unit_of,
+)
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
     SLAB_BYTES,
+    Padded,
     Slabs,
     SourceColumn,
+    declared_size,
     first_number,
     is_foreign_type,
+    kept,
+    names,
+    unstored,
 )
 from tirelog.readers.other.formats import HEAD_BYTES, is_hdf5
-from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Quality
@@ -419,3 +439,59 @@ def _absolute(time: TimeColumn, start_s: float) -> str | None:
         return (since + timedelta(seconds=start_s)).isoformat()
     except (OverflowError, ValueError):
         return None
+
+
+# ---- The datasets of an HDF5 log that hold columns of numbers.
+
+
+#: columns of one dataset that are listed
+_MOST_COLUMNS = 32
+#: datasets so many times shorter than the longest are properties, not signals
+_SHORT = 1000
+_BESIDE = {*TIME_NAMES, *(name.lower() for name in RATES)}
+
+
+def datasets(path: Path, log: str) -> Listed:
+    """Datasets of numbers, and columns of those that have some.  ReadError: not to be read."""
+    try:
+        with opened(path, log)[0] as file:
+            sized = [one for name in names(file) for one in _columns(file, name)]
+            times = [name for name in names(file) if _last(name) in TIME_NAMES]
+    except LIBRARY_ERRORS as problem:
+        raise ReadError(
+            f"is no readable HDF5 file ({str(problem)[:120]})",
+            allowed="allowed is HDF5",
+            do="repair it or record it again",
+            file=log,
+        ) from None
+    longest = max((size for _, size in sized), default=0)
+    found = [one for one, size in sized if size * _SHORT >= longest]
+    short = [one.source for one, size in sized if size * _SHORT < longest]
+    return Listed(tuple(found[:MOST_SERIES]), times[0] if times else "", tuple(short[:MOST_SERIES]))
+
+
+def _last(name: str) -> str:
+    return name.replace(":", "/").rsplit("/", 1)[-1].lower()
+
+
+def _columns(file: h5py.File, name: str) -> list[tuple[Series, int]]:
+    """The columns of a dataset with their lengths.
+
+    None if it holds a time, a rate or no numbers.
+    """
+    if _last(name) in _BESIDE:
+        return []
+    item = file.get(name.split(":")[0])
+    shape = getattr(item, "shape", None)
+    wide = [n for n in shape or () if n > 1]
+    sources = [name]
+    if len(wide) == 2 and ":" not in name:
+        sources = [f"{name}[{k}]" for k in range(min(min(wide), _MOST_COLUMNS))]
+    series = []
+    for source in sources:
+        try:
+            if (size := len(find_columns(file, source))) > 1:
+                series.append((Series(source), size))
+        except (ReadError, *LIBRARY_ERRORS):
+            return series
+    return series

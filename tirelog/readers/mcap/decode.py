@@ -23,9 +23,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ReadError, nearest
-from tirelog.readers.mcap.source import FieldColumn, FieldError, Want, extract
-from tirelog.readers.mcap.templates import FrozenPlan, MessagePlan, NoPlanError
-from tirelog.readers.mcap.walk import MessageTable
+from tirelog.readers.mcap.records import MessageTable
+from tirelog.readers.mcap.source import (
+    FieldColumn,
+    FieldError,
+    FrozenPlan,
+    MessagePlan,
+    NoPlanError,
+    Want,
+    extract,
+)
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: layouts of one channel that are remembered, and templates that may fail before the library does
@@ -148,7 +155,7 @@ class ChannelDecoder:
                 continue
             for want, values in zip(wants, found, strict=True):
                 values.append(self._extract(message, want))
-        return [_column(values) for values in found]
+        return [_field_column(values) for values in found]
 
     def _extract(self, message: Any, want: Want) -> float | FloatArray | None:
         try:
@@ -249,7 +256,7 @@ def spread(starts: IntArray, lengths: IntArray) -> IntArray:
     return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 
 
-def _column(values: list[float | FloatArray | None]) -> FieldColumn:
+def _field_column(values: list[float | FloatArray | None]) -> FieldColumn:
     """A column from what messages gave: a number, a batch, or nothing (NaN, or an empty batch)."""
     if not any(isinstance(value, np.ndarray) for value in values):
         return FieldColumn(
@@ -271,7 +278,7 @@ def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None,
     if encoding == "protobuf":
         from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory
 
-        from tirelog.readers.mcap.protobuf import protobuf_plan
+        from tirelog.readers.mcap.serial import protobuf_plan
 
         decode = ProtobufFactory().decoder_for(encoding, schema)
         if decode is None:
@@ -281,7 +288,7 @@ def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None,
     if encoding == "cdr":
         from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 
-        from tirelog.readers.mcap.cdr import MOST_PARTS, cdr_plan, is_bounded, parse_definitions
+        from tirelog.readers.mcap.serial import MOST_PARTS, cdr_plan, is_bounded, parse_definitions
 
         with redirect_stderr(StringIO()):  # its parser writes there before it raises
             decode = Ros2Factory().decoder_for(encoding, schema)

@@ -21,9 +21,9 @@ import numpy as np
 
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError, SetupError, nearest
-from tirelog.readers.base import Group, ReadReport
+from tirelog.readers.base import RATES, Group, ReadReport, rate_Hz
 from tirelog.readers.mcap.decode import ChannelDecoder, spread
-from tirelog.readers.mcap.order import OrderedGroup
+from tirelog.readers.mcap.records import MessageTable, OrderedGroup
 from tirelog.readers.mcap.source import (
     FieldColumn,
     FieldError,
@@ -32,8 +32,6 @@ from tirelog.readers.mcap.source import (
     field_names,
     parse_path,
 )
-from tirelog.readers.mcap.walk import MessageTable
-from tirelog.readers.rates import RATES, rate_Hz
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ReadError
-from tirelog.readers.other.converted import Converted
+from tirelog.readers.base import Converted
 from tirelog.storage.whole import failed_writes
 
 #: bytes of one variable, unpacked: the format itself holds no more

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError
-from tirelog.readers.base import Group, RawBlock, ReadReport
-from tirelog.readers.series import MOST_SERIES, Listed, Series
+from tirelog.readers.base import MOST_SERIES, Group, Listed, RawBlock, ReadReport, Series
 from tirelog.vocabulary.arrays import FloatArray
 
 GROUP = "frames"

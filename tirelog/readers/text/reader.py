@@ -17,7 +17,7 @@ import math
 from collections import deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from threading import Lock
 from typing import BinaryIO
@@ -27,32 +27,38 @@ import numpy as np
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import (
+    MOST_SERIES,
     Group,
+    Listed,
     RawBlock,
     ReadReport,
     Samples,
+    Series,
     lost_samples,
     of_damaged,
+    rate_in_words,
+    with_stated_units,
 )
-from tirelog.readers.rates import rate_in_words
-from tirelog.readers.text.cells import filled, split_cells
 from tirelog.readers.text.columns import (
     Columns,
     assign_columns,
+    clock_columns,
+    counts_days,
     decimals,
+    most_decimals,
+    name_of_column,
     placed,
     resolution_s,
     start_iso,
+    stated_unit,
     stated_units,
 )
 from tirelog.readers.text.kernels import LARGEST, TICK_PLACES
-from tirelog.readers.text.layout import LOST_WORDS, Layout, is_number, sniff
+from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
 from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
 from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
-from tirelog.readers.text.time_column import counts_days, most_decimals, stated_unit
 from tirelog.readers.text.times import MISSING, ROUNDS_NS, month_first, unwrapped
-from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality
 
@@ -429,3 +435,66 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
 
 
 __all__ = ["GROUP", "MISSING", "TextReader", "open_text"]
+
+
+# ---- The columns of a text log, and the gratings in a list of peaks.
+
+
+#: peaks further apart than this are of two gratings [nm]; those of a fibre lie 5 to 40 nm apart
+_APART_NM = 1.0
+#: share of the rows in which a grating's peak stands
+_OFTEN = 0.3
+#: wavelengths that gratings are written at [nm]
+_WAVELENGTHS_NM = (600.0, 2500.0)
+
+
+def columns(source: ByteSource, log: str) -> Listed:
+    """The columns of numbers, or the gratings of a list of peaks.  ReadError: no rows."""
+    try:
+        head = source.head()
+        if source.problem and not head.strip():
+            raise ReadError(
+                f"{source.problem}; nothing before that could be unpacked",
+                do="copy the log again",
+                file=log,
+            )
+        layout = placed(sniff(head, log))
+    finally:
+        source.close()
+    taken, time = clock_columns(layout, Setup())
+    if layout.counts or layout.ragged or layout.misfit:
+        found = _gratings(layout, layout.counts_at + layout.counts, taken)
+        if found:
+            return Listed(found, time)
+    kinds = layout.kinds[: layout.width]
+    numbers = [k for k, kind in enumerate(kinds) if kind == "number" and k not in taken]
+    series = [Series(name_of_column(layout, k), place=f"#{k + 1}") for k in numbers]
+    others = tuple(
+        name_of_column(layout, k)
+        for k, kind in enumerate(kinds)
+        if kind == "text" and k not in taken
+    )
+    return Listed(tuple(series[:MOST_SERIES]), time, others)
+
+
+def _gratings(layout: Layout, begin: int, taken: set[int]) -> tuple[Series, ...]:
+    """The gratings whose peaks stand in the sample rows, by wavelength."""
+    peaks = []
+    for row in layout.rows:
+        for k in range(begin, len(row)):
+            with suppress(ValueError):
+                peaks.append(float(row[k].replace(layout.decimal, ".")) if k not in taken else 0.0)
+    low, high = _WAVELENGTHS_NM
+    values = np.sort([peak for peak in peaks if low < peak < high])
+    if not values.size:
+        return ()
+    groups = np.split(values, np.flatnonzero(np.diff(values) > _APART_NM) + 1)
+    often = [group for group in groups if group.size >= _OFTEN * len(layout.rows)]
+    middles = [float(np.median(group)) for group in often]
+    series = []
+    for k, middle in enumerate(middles):
+        gaps = [abs(middle - other) for j, other in enumerate(middles) if j != k]
+        reach = min([3.0, *(0.45 * gap for gap in gaps)])
+        window = (round(middle - reach, 3), round(middle + reach, 3))
+        series.append(Series(f"peak_{middle:.0f}nm", window, "found by wavelength"))
+    return tuple(series[:MOST_SERIES])

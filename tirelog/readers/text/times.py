@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.kernels import compiled
-from tirelog.readers.text.digits import POWERS, Bytes, Whole
+from tirelog.readers.text.kernels import POWERS, Bytes, Whole
 from tirelog.vocabulary.arrays import IntArray
 
 #: what a byte of a time is: a byte like the pattern's, or a digit of a field

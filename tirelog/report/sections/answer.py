@@ -42,10 +42,9 @@ from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
-    from tirelog.diagnosis.effect_curves import EffectCurve
-    from tirelog.diagnosis.results import Comparison
+    from tirelog.diagnosis.results import Comparison, EffectCurve
     from tirelog.physics.effects import Effect
-    from tirelog.report.asked import Asked
+    from tirelog.report.sources import Asked
 
 #: remarks that the card has room for; the sections have all of them
 _REMARKS = 3
@@ -216,7 +215,7 @@ def _conditions(result: Comparison) -> str:
 
 
 def _how_sure(found: Diagnosis) -> str:
-    from tirelog.diagnosis.candidates.ranking import removed_errors
+    from tirelog.diagnosis.candidates.search import removed_errors
     from tirelog.diagnosis.rules import RULES
     from tirelog.diagnosis.wording import percent, probability
 
@@ -241,7 +240,7 @@ def _physics(effect: Effect) -> str:
 
 
 def _advice(given: Answered) -> list[str]:
-    from tirelog.diagnosis.candidates.drive_next import drive_sentences
+    from tirelog.diagnosis.candidates.separation import drive_sentences
 
     found = given.found
     if found is None:

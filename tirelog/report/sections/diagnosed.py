@@ -15,23 +15,224 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tirelog.data.recording import Recording
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
-from tirelog.report.figures import LogColours
-from tirelog.report.page import Section
+from tirelog.physics.model.user_effects import FRAMES
+from tirelog.plots.answers import SHOWN_S
+from tirelog.report.figures import GREY, INK, Figure, LogColours, band, dots, layout, line
+from tirelog.report.page import PageTable, Section
 from tirelog.report.sections import models as model_sections
-from tirelog.report.sections import obstacles
 from tirelog.report.sections.answer import Answered, answer
-from tirelog.report.sections.proposed import proposed
+from tirelog.report.sections.models import ANGLE, page_table, shown_value
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured
     from tirelog.diagnosis.diagnose import Diagnosis
+    from tirelog.diagnosis.obstacle_comparison import HitResult, TransientComparison
+    from tirelog.diagnosis.propose.results import Proposal
     from tirelog.diagnosis.results import Comparison
     from tirelog.inference.measured import MeasuredLogs
+    from tirelog.inference.obstacle_log import TransientLog
     from tirelog.physics.effects import Effect
     from tirelog.physics.model.model import Model
-    from tirelog.report.asked import Asked
+    from tirelog.report.sources import Asked
+
+
+# ---- The section of logs that met an obstacle: how well the model answers it, hit by hit.
+#
+# MeasuredLogs --`compare_transients` behind `compare`, of a model that moves--> Section
+
+
+#: hits that are drawn
+_MOST = 3
+
+
+def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Section:
+    """The hits that were found, if the model does not move."""
+    hits = sum(log.hits_s.size for log in logs)
+    text = (
+        f"{hits} hits on an obstacle; answer, comparison and diagnosis leave their revolutions "
+        f"out. A {carcass} says nothing of an obstacle; a model with carcass = "
+        '"coupled_ring" does.'
+    )
+    rows = [[Path(log.log).name, log.road.kind, str(log.hits_s.size), _times(log)] for log in logs]
+    table = PageTable("Obstacles", ["log", "kind", "hits", "at [s]"], rows)
+    return Section("obstacles", "Obstacles", command, [text], (), [table])
+
+
+def _times(log: TransientLog) -> str:
+    return ", ".join(f"{time:.3f}" for time in log.hits_s)
+
+
+def obstacles(result: TransientComparison, command: str, colours: LogColours) -> Section:
+    """Each hit as measured and predicted, what of the added the model misses, and by frequency."""
+    factor, unit = shown_value(result.observable, result.unit)
+    total = result.to_json()
+    words = [
+        f"{len(result.hits)} hits on an obstacle, kept apart from the steady revolutions; the "
+        f"model covers {100.0 * total['covered']:.0f} % of what they added: "
+        f"{total['added'] * factor:.3g} {unit} added, {total['missed'] * factor:.3g} missed, at a "
+        f"floor of {total['noise_floor'] * factor:.3g}.",
+        f"The prediction has {total['nuisance_parameters']} nuisance numbers (when, phase, level "
+        "and alignment of each hit), which the errors are charged for.",
+        *(f"{remark}." for remark in result.remarks),
+    ]
+    if len(result.hits) > _MOST:
+        words.append(f"The first {_MOST} hits are drawn; the table has all of them.")
+    figures = [
+        figure
+        for number, hit in enumerate(result.hits[:_MOST])
+        for figure in _hit(hit, number, result.observable, factor, unit, colours)
+    ]
+    table = page_table(result.hits_table(lambda log: Path(log).name))
+    return Section("obstacles", "Obstacles", command, words, figures, [table])
+
+
+def _hit(
+    found: HitResult,
+    number: int,
+    observable: str,
+    factor: float,
+    unit: str,
+    colours: LogColours,
+) -> list[Figure]:
+    hit, log = found.hit, Path(found.log.log).name
+    at = hit.since_s <= SHOWN_S
+    time, colour = 1e3 * hit.since_s[at], colours(log)
+    which = f"{log}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s"
+    covered = f"{100.0 * found.row()['covered']:.0f} % of the added is covered"
+    whole = [
+        dots(time, factor * hit.measured[at], "measured", colour, marker={"size": 3}),
+        line(time, factor * hit.predicted[at], "model", INK),
+    ]
+    apart = [
+        line(time, factor * hit.added[at], "added by the obstacle", colour),
+        line(time, factor * hit.missed[at], "of that missed by the model", INK),
+    ]
+    since = "time since the hit [ms]"
+    figures = [
+        Figure(
+            f"hit-{number}",
+            f"Hit {number + 1}: {which}",
+            f"Measured (points) and predicted (line) {observable} after the hit; {covered}.",
+            whole,
+            layout(since, f"{observable} [{unit}]"),
+            half=True,
+        ),
+        Figure(
+            f"hit-added-{number}",
+            f"Hit {number + 1}: what the obstacle added, and what the model misses",
+            f"Change by the obstacle, and the part that the model does not cover; {covered}.",
+            apart,
+            layout(since, f"change of {observable} [{unit}]"),
+            half=True,
+        ),
+    ]
+    s = found.spectrum
+    middle = np.sqrt(np.maximum(s.edges_Hz[:-1], 0.5 * s.edges_Hz[1]) * s.edges_Hz[1:])
+    bands = [
+        line(middle, factor * np.sqrt(np.maximum(squares, 0.0)), name, of, line={"dash": dash})
+        for name, squares, of, dash in (
+            ("added", s.added, colour, "solid"),
+            ("missed", s.missed, INK, "solid"),
+            ("floor", s.floor, GREY, "dash"),
+        )
+    ]
+    shape = layout("frequency [Hz]", f"rms in the band [{unit}]")
+    shape["xaxis"] |= {"type": "log"}
+    alt = "Root mean squares per band: what the obstacle added, what of it is missed, the floor."
+    title = f"Hit {number + 1} by frequency"
+    return [*figures, Figure(f"hit-bands-{number}", title, alt, bands, shape)]
+
+
+# ---- The section of what `propose` wrote down: formulas or a measured shape, and how well they do.
+#
+# Proposal --> sentence, formulas with their numbers, errors on locked manoeuvres, two figures, the
+# command that writes the model file
+
+
+#: what a shape acts on -> the unit of its values, if it is not the observable's
+_UNITS = {"contact_pressure": "mean pressures", "load": "N"}
+
+
+def proposed(result: Proposal, command: str) -> Section:
+    """The section; of no proposal the reason."""
+    if result.status == "nothing":
+        return Section("propose", "What is unknown, written down", command, [result.sentence])
+    terms = result.terms if result.status == "formula" else ()
+    tables = [page_table(result.terms_table())] if terms else []
+    return Section(
+        "propose",
+        "What is unknown, written down",
+        command,
+        [result.sentence, *result.sentences()],
+        [*_shape(result), _rest(result)],
+        [*_errors(result), *tables],
+        folded=False,
+        formulas=[(term.name, term.formula.expression) for term in terms],
+    )
+
+
+def _errors(result: Proposal) -> list[PageTable]:
+    """Errors before and after, on manoeuvres that the search saw and on those it did not."""
+    factor, unit = shown_value(result.observable, result.unit)
+    rows = []
+    if result.rmse_heldout_before is not None and result.noise_floor is not None:
+        seen = (result.rmse_heldout_before, result.rmse_heldout_after, result.noise_floor)
+        cells = ["" if error is None else f"{error * factor:.3g}" for error in seen]
+        rows.append(["seen, held out in turn", str(result.manoeuvres), *cells])
+    if (locked := result.locked) is not None:
+        errors = (locked.before, locked.after, locked.floor)
+        cells = [f"{error * factor:.3g}" for error in errors]
+        rows.append(["locked away from the search", str(locked.manoeuvres), *cells])
+    header = ["manoeuvres", "how many", *(f"{w} [{unit}]" for w in ("before", "after", "floor"))]
+    return [PageTable("Errors without and with the proposal", header, rows)] if rows else []
+
+
+def _shape(result: Proposal) -> list[Figure]:
+    """The best measured shape with two standard errors."""
+    if not result.shapes:
+        return []
+    best = result.shapes[0]
+    frame = FRAMES[best.frame]
+    factor, unit = 1.0, _UNITS.get(best.acts_on, "1")
+    if best.acts_on == result.observable:
+        factor, unit = shown_value(result.observable, result.unit)
+    values, error = best.values * factor, 2.0 * best.band * factor
+    traces = band(best.nodes, values - error, values + error, "two standard errors", GREY)
+    traces[1]["showlegend"] = True
+    traces.append(line(best.nodes, values, "measured shape", INK, line={"width": 2}))
+    seen = np.abs(best.values) > 3.0 * best.band
+    reach: dict[str, tuple[float, float]] = {}
+    if seen.any() and best.nodes[seen].size > 1:  # beyond it the shape is noise about nothing
+        most = 1.3 * float(np.abs(values[seen]).max())
+        ends = (float(best.nodes[seen][0]), float(best.nodes[seen][-1]))
+        reach = {"xrange": ends, "yrange": (-most, most)}
+    along = frame.words.removeprefix("in the ").removeprefix("along the ")
+    x, y = f"{along} [{frame.unit}]", f"{best.acts_on} [{unit}]"
+    law = "" if best.law == "1" else f", times {best.law}"
+    title = f"Measured shape {best.words}{law}"
+    alt = (
+        f"A free shape {best.words}{law}, with two standard errors as a band: what any formula "
+        "in this frame can remove at most."
+    )
+    return [Figure("propose-shape", title, alt, traces, layout(x, y, **reach), half=True)]
+
+
+def _rest(result: Proposal) -> Figure:
+    """The leading shape of what is left, before and after."""
+    factor, unit = shown_value(result.observable, result.unit)
+    angle = np.degrees(result.phi_rad)
+    before, after = result.leading_before * factor, result.leading_after * factor
+    traces = [
+        line(angle, before, "before", GREY, line={"dash": "dash", "width": 2}),
+        line(angle, after, "with the proposal", INK, line={"width": 2}),
+    ]
+    alt = "The leading shape of what is left over the angle, before and with the proposal."
+    shape = layout(ANGLE, f"{result.observable} [{unit}]")
+    return Figure("propose-rest", "What is left, before and after", alt, traces, shape, half=True)
 
 
 @dataclass
@@ -57,7 +258,7 @@ def model_story(
     from tirelog.diagnosis.compare import compare
     from tirelog.diagnosis.diagnose import diagnose
     from tirelog.inference.measured import measured_for
-    from tirelog.physics.model.own.user_effects import own_effects
+    from tirelog.physics.model.user_effects import own_effects
 
     level = not model.ac_coupled
     logs = measured_for(recordings, model.observables, asked.channel, level=level)
@@ -122,13 +323,13 @@ def _obstacles(
     colours: LogColours,
 ) -> Section:
     """The answer to the obstacles of the model that came, as `compare` gives it."""
-    from tirelog.diagnosis.obstacles.compare import compare_transients
+    from tirelog.diagnosis.obstacle_comparison import compare_transients
 
     if compared.model.carcass != "coupled_ring":
-        return obstacles.not_answered(logs.obstacles, compared.model.carcass, command)
+        return not_answered(logs.obstacles, compared.model.carcass, command)
     progress("driving the model over the obstacles")
     answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
-    return obstacles.obstacles(answers, command, colours)
+    return obstacles(answers, command, colours)
 
 
 def story_of(
@@ -146,7 +347,7 @@ def story_of(
     `command(name)`: the line that repeats it; `next_command`: what to type next.
     """
     from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
-    from tirelog.diagnosis.effect_curves import effect_curves
+    from tirelog.diagnosis.results import effect_curves
 
     colours = LogColours(model_sections.logs_of(compared)) if colours is None else colours
     best: Comparison | None = None

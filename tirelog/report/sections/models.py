@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.diagnosis.answer import AnswerTable, in_unit
-from tirelog.diagnosis.candidates.ranking import removed_errors
+from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.results import steps_table
 from tirelog.report.figures import (
     DASHES,

@@ -28,15 +28,245 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
+from scipy.interpolate import BSpline
 
 from tirelog.errors import UsageError
-from tirelog.simulation.rolling.splines import Splines, circulant
+from tirelog.kernels import compiled
 from tirelog.simulation.scenario.schema import TrueTire
 from tirelog.vocabulary.arrays import FloatArray
+
+# ---- Compiled: banded circulant systems, solved by elimination of all but the last five unknowns.
+#
+# stencil (11,) --factor: once for each change of it--> Factors --solve--> x (N,)
+# apply: the stencil times x
+
+
+#: half width of every stencil
+HALF = 5
+
+
+class Factors(NamedTuple):
+    """A circulant of n + 5 unknowns, factored.
+
+    stencil  (11,): the row of the circulant, its diagonal in the middle
+    lower    (n, 5), upper (n, 6): the band, pivots of `upper` inverted
+    border   (n, 5): what the last five unknowns cost the rest
+    foot     (5, 5): the inverse of what is left for these
+    """
+
+    stencil: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    border: FloatArray
+    foot: FloatArray
+
+
+@compiled
+def factors(size: int) -> Factors:
+    """Room for the factors of a circulant of `size` = n + 5 unknowns."""
+    n = size - HALF
+    return Factors(
+        np.zeros(2 * HALF + 1),
+        np.zeros((n, HALF)),
+        np.zeros((n, HALF + 1)),
+        np.zeros((n, HALF)),
+        np.zeros((HALF, HALF)),
+    )
+
+
+@compiled
+def factor(system: Factors) -> None:
+    """Fills the factors of the circulant of the stencil that stands in `system`."""
+    stencil, lower, upper, border, foot = system
+    n = lower.shape[0]
+    size = n + HALF
+    for i in range(n):
+        for m in range(HALF):
+            ahead = n + m - i
+            border[i, m] = (
+                stencil[ahead + HALF]
+                if ahead <= HALF
+                else (stencil[ahead - size + HALF] if size - ahead <= HALF else 0.0)
+            )
+        row = np.zeros(2 * HALF + 1)
+        for d in range(-HALF, HALF + 1):
+            if 0 <= i + d < n:
+                row[d + HALF] = stencil[d + HALF]
+        for d in range(-HALF, 0):
+            k = i + d
+            if k < 0:
+                continue
+            share = row[d + HALF] * upper[k, 0]
+            lower[i, d + HALF] = share
+            for e in range(1, HALF + 1):
+                row[d + HALF + e] -= share * upper[k, e]
+            for m in range(HALF):
+                border[i, m] -= share * border[k, m]
+        upper[i, 0] = 1.0 / row[HALF]
+        for e in range(1, HALF + 1):
+            upper[i, e] = row[HALF + e]
+    for i in range(n - 1, -1, -1):
+        for m in range(HALF):
+            value = border[i, m]
+            for e in range(1, min(HALF, n - 1 - i) + 1):
+                value -= upper[i, e] * border[i + e, m]
+            border[i, m] = value * upper[i, 0]
+    left = np.zeros((HALF, HALF))
+    for m in range(HALF):
+        for k in range(HALF):
+            left[m, k] = stencil[k - m + HALF]
+        for d in range(-HALF, HALF + 1):
+            i = (n + m + d) % size
+            if i < n:
+                for k in range(HALF):
+                    left[m, k] -= stencil[d + HALF] * border[i, k]
+    foot[:, :] = np.linalg.inv(left)
+
+
+@compiled
+def solve(system: Factors, right: FloatArray, x: FloatArray) -> None:
+    """x (N,) of the factored system for `right` (N,)."""
+    stencil, lower, upper, border, foot = system
+    n = lower.shape[0]
+    size = n + HALF
+    for i in range(n):
+        value = right[i]
+        for d in range(min(HALF, i), 0, -1):
+            value -= lower[i, HALF - d] * x[i - d]
+        x[i] = value
+    for i in range(n - 1, -1, -1):
+        value = x[i]
+        for e in range(min(HALF, n - 1 - i), 0, -1):
+            value -= upper[i, e] * x[i + e]
+        x[i] = value * upper[i, 0]
+    rest = np.zeros(HALF)
+    for m in range(HALF):
+        value = right[n + m]
+        for d in range(-HALF, HALF + 1):
+            i = (n + m + d) % size
+            if i < n:
+                value -= stencil[d + HALF] * x[i]
+        rest[m] = value
+    for m in range(HALF):
+        value = 0.0
+        for k in range(HALF):
+            value += foot[m, k] * rest[k]
+        x[n + m] = value
+    for i in range(n):
+        value = x[i]
+        for m in range(HALF):
+            value -= border[i, m] * x[n + m]
+        x[i] = value
+
+
+@compiled
+def apply_circulant(stencil: FloatArray, x: FloatArray, out: FloatArray) -> None:
+    """The circulant of `stencil` times x (N,)."""
+    size = x.size
+    for i in range(HALF, size - HALF):
+        value = 0.0
+        for d in range(2 * HALF + 1):
+            value += stencil[d] * x[i + d - HALF]
+        out[i] = value
+    for j in range(-HALF, HALF):
+        value = 0.0
+        for d in range(2 * HALF + 1):
+            value += stencil[d] * x[(j + d - HALF) % size]
+        out[j % size] = value
+
+
+# ---- Finite elements on a closed belt: periodic splines of degree five on equal elements.
+#
+#     coefficients c (N,) --basis--> v(theta) = sum_j c_j B((theta - theta_0)/step - j), four times
+#                                    continuously differentiable
+#
+# B_j lives on the elements j .. j + 5, so that element e sees the coefficients e - 5 .. e (modulo
+# N).
+# All elements are equal: a matrix of basis integrals is circulant and banded, and is kept as its
+# stencil, shape (11,), offsets -5 .. 5.
+
+
+#: degree of the belt's splines: bending and its shear are continuous
+DEGREE = 5
+_BASIS = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
+
+
+@dataclass(frozen=True)
+class Splines:
+    """`elements` equal elements around the belt, angles in [rad]."""
+
+    elements: int
+
+    @property
+    def step_rad(self) -> float:
+        return 2.0 * np.pi / self.elements
+
+    @cached_property
+    def middle_rad(self) -> FloatArray:
+        """Where each basis function has its middle, shape (N,)."""
+        return np.asarray((np.arange(self.elements) + 0.5 * (DEGREE + 1)) * self.step_rad, float)
+
+    def local(self, place: FloatArray, derivative: int = 0) -> FloatArray:
+        """The six functions that live at a place of an element, shape (n, 6).
+
+        Or a derivative of them by the angle; `place` (n,) in [0, 1).
+        """
+        x = np.asarray(place, float)[:, None] + np.arange(DEGREE, -1, -1.0)
+        basis = _BASIS.derivative(derivative) if derivative else _BASIS
+        return np.asarray(np.nan_to_num(basis(x)) / self.step_rad**derivative, float)
+
+    def gram(self, left: int, right: int) -> FloatArray:
+        """Stencil of int B_i^(left) B_k^(right) dtheta, shape (11,).
+
+        Over offsets k - i = -5 .. 5, by Gauss's rule (exact).
+        """
+        points, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
+        a, b = (self.local(0.5 * (points + 1.0), m) for m in (left, right))
+        # a[:, i] is the function that began DEGREE - i elements ago
+        shared = 0.5 * self.step_rad * (a * weights[:, None]).T @ b
+        return np.array([np.trace(shared, offset) for offset in range(-DEGREE, DEGREE + 1)])
+
+    @property
+    def first_harmonic(self) -> float:
+        """int B_j sin(theta) dtheta over sin(middle of B_j)."""
+        half = 0.5 * self.step_rad
+        return float(self.step_rad * (np.sin(half) / half) ** (DEGREE + 1))
+
+    def functional(
+        self, angle_rad: float, weights: dict[int, float], length_rad: float = 0.0
+    ) -> FloatArray:
+        """Row (N,) that reads sum_m weights[m] v^(m) at `angle_rad`.
+
+        Or its mean over `length_rad` around it.
+        """
+        points, shares = (
+            np.polynomial.legendre.leggauss(24) if length_rad else (np.zeros(1), np.full(1, 2.0))
+        )
+        place = ((angle_rad + 0.5 * length_rad * points) / self.step_rad) % self.elements
+        element = np.clip(place.astype(int), 0, self.elements - 1)
+        row = np.zeros(self.elements)
+        index = (element[:, None] - DEGREE + np.arange(DEGREE + 1)) % self.elements
+        for derivative, weight in weights.items():
+            np.add.at(
+                row, index, 0.5 * weight * shares[:, None] * self.local(place - element, derivative)
+            )
+        return row
+
+
+def circulant(stencil: FloatArray, size: int) -> FloatArray:
+    """The full matrix (size, size) of a stencil."""
+    half = stencil.size // 2
+    column = np.zeros((size, size))
+    rows = np.arange(size)
+    for offset, value in zip(range(-half, half + 1), stencil, strict=True):
+        column[rows, (rows + offset) % size] += value
+    return column
+
 
 #: flexural stiffness [N m^2] if the tire names none
 FLEXURAL_STIFFNESS_N_M2 = 2.0

@@ -23,14 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tirelog.kernels import compiled
-from tirelog.simulation.rolling.circulant_kernel import (
-    HALF,
-    Factors,
-    apply_circulant,
-    factor,
-    factors,
-    solve,
-)
+from tirelog.simulation.rolling.belt import HALF, Factors, apply_circulant, factor, factors, solve
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: functions that live on an element

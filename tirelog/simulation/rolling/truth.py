@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.simulation.rolling.profile import begins
+from tirelog.simulation.rolling.tire import begins
 from tirelog.simulation.rolling.world import RolledWorld
 from tirelog.simulation.steady.truth import steady_truth
 from tirelog.vocabulary.arrays import FloatArray

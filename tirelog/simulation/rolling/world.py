@@ -21,15 +21,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tirelog.errors import UsageError
-from tirelog.simulation.rolling.belt import Belt
-from tirelog.simulation.rolling.profile import profile_of
-from tirelog.simulation.rolling.splines import Splines
+from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
-from tirelog.simulation.rolling.tire import Rider, RollingTire, TireMotion, standing
+from tirelog.simulation.rolling.tire import Rider, RollingTire, TireMotion, profile_of, standing
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Roughness, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario, Sensor
-from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange
-from tirelog.simulation.sensors.wheel import longitudinal_force
+from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange, longitudinal_force
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray, Records
 

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from tirelog.errors import UsageError
-from tirelog.simulation.scenario.planted import PLANTABLE, Planted
 from tirelog.simulation.scenario.schema import (
+    PLANTABLE,
     LoadStep,
     Manoeuvre,
     Nuisances,
+    Planted,
     Ramp,
     Road,
     Scenario,
@@ -24,7 +25,6 @@ from tirelog.simulation.scenario.schema import (
     TrueTire,
     Vehicle,
 )
-from tirelog.storage.documents import toml_text
 from tirelog.storage.schema import (
     FINITE,
     TEXT,
@@ -37,6 +37,7 @@ from tirelog.storage.schema import (
     table_of,
     words,
 )
+from tirelog.storage.whole import toml_text
 
 #: what must be left of a stiffness, a length or the pressure when the tire is warm: less is no
 #: tire; twice as much would refuse a foundation that loses half

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.planted import Planted
+from tirelog.simulation.scenario.schema import Planted
 from tirelog.simulation.steady.operators import Ring
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.planted import Planted
-from tirelog.simulation.scenario.schema import Scenario
+from tirelog.simulation.scenario.schema import Planted, Scenario
 from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S, Instants
 from tirelog.simulation.steady.operators import ComplexArray, Ring
 from tirelog.vocabulary.arrays import FloatArray

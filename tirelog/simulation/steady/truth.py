@@ -15,10 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.planted import PLANTABLE
-from tirelog.simulation.scenario.schema import Nuisances, Scenario, Sensor
-from tirelog.simulation.sensors.sampling import RIDING
-from tirelog.simulation.sensors.wheel import longitudinal_force, passages, phase_shift
+from tirelog.simulation.scenario.schema import PLANTABLE, Nuisances, Scenario, Sensor
+from tirelog.simulation.sensors.sampling import RIDING, longitudinal_force, passages, phase_shift
 from tirelog.simulation.steady.knots import CHUNK
 from tirelog.simulation.steady.waveforms import World
 from tirelog.version import __version__

@@ -16,16 +16,50 @@ from typing import Any
 import numpy as np
 
 from tirelog.simulation.scenario.drive import Roughness, TrueDrive, Wander, force_of_road
-from tirelog.simulation.scenario.planted import Planted
-from tirelog.simulation.scenario.schema import Scenario, Sensor
-from tirelog.simulation.sensors import ramp
-from tirelog.simulation.steady.carcass import BENDING_N_M2, carcass, curvature_operator
-from tirelog.simulation.steady.contact import FlatRoadContact
+from tirelog.simulation.scenario.schema import Planted, Ramp, Scenario, Sensor
+from tirelog.simulation.steady.carcass import (
+    BENDING_N_M2,
+    FlatRoadContact,
+    carcass,
+    curvature_operator,
+)
 from tirelog.simulation.steady.loads import Friction, Instants, friction, pressure, true_parabola
 from tirelog.simulation.steady.operators import ComplexArray, Ring
 from tirelog.simulation.steady.strains import delaying, extra_strain, seen_by
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
+
+# ---- A static test: the tire at rest is inflated (P2 4.1, Fig. 15).
+#
+# With stops at which the gauge is read and some air leaks.
+#
+# Ramp --pressure(t)--> pressure [Pa]; strain of every grating grows with it
+
+
+def ramp_pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
+    """Inflation pressure [Pa] at `time_s`: constant, a steady rise with stops in it, constant.
+
+    Each stop loses `leak_Pa`.
+    """
+    corners, values = [ramp.begin_s], [ramp.start_Pa]
+    stops = sorted(ramp.stops_s)
+    rising = ramp.end_s - ramp.begin_s - len(stops) * ramp.stop_length_s
+    rate = (ramp.end_Pa - ramp.start_Pa + len(stops) * ramp.leak_Pa) / rising
+    for stop in stops:
+        held = values[-1] + rate * (stop - corners[-1])
+        corners += [stop, stop + ramp.stop_length_s]
+        values += [held, held - ramp.leak_Pa]
+    return np.asarray(np.interp(time_s, [*corners, ramp.end_s], [*values, ramp.end_Pa]), float)
+
+
+def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:
+    """Strain against the start of the ramp.
+
+    Slope times the pressure's rise, and its square by `bend_1_Pa`.
+    """
+    rise = ramp_pressure(ramp, time_s) - ramp.start_Pa
+    return ramp.strain_per_Pa * rise * (1.0 + ramp.bend_1_Pa * rise)
+
 
 #: the gravity in the catalogue's forms of load transfer and slip
 CATALOGUE_GRAVITY_M_S2 = 9.81
@@ -413,7 +447,7 @@ class World:
         """
         total = np.full_like(time_s, sensor.baseline)
         if self.scenario.ramp is not None:
-            total = total + ramp.strain(self.scenario.ramp, time_s)
+            total = total + strain(self.scenario.ramp, time_s)
         tension, drift = (
             self.scenario.planted("belt_tension"),
             self.scenario.planted("thermal_drift"),

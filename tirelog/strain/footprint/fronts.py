@@ -19,16 +19,15 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
-from tirelog.runs.bursts import mended
-from tirelog.strain.passages.find import Passages
-from tirelog.strain.passages.surface import passages_of
+from tirelog.runs.in_memory import mended
+from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.speed import begin, speed_quality
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked, quality_column
 
 #: where the level outside is read, beyond the fronts [rad], as with an encoder
-#: (`wheel.fronts.dips`): past the lobes; gravity's part is a twelfth of g in the mean over it
+#: (`wheel.dips`): past the lobes; gravity's part is a twelfth of g in the mean over it
 _FAR = np.radians([25.0, 130.0])
 #: share of the patch, about its middle, in which the level inside is read: beyond it a short patch
 #: bends already; doubled, lengths of 70 mm come out 1 % longer

@@ -19,8 +19,13 @@ from numpy.typing import NDArray
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST
 from tirelog.strain.footprint.reference import Average, Reference, average, fit_average
-from tirelog.strain.footprint.refine import Sample, learn_form, refine_edges
-from tirelog.strain.footprint.windows import gather_windows, joined_windows
+from tirelog.strain.footprint.refine import (
+    Sample,
+    gather_windows,
+    joined_windows,
+    learn_form,
+    refine_edges,
+)
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray

@@ -14,9 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.strain.footprint.fit import FormTables, PassageFits, fit_edges
 from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, LEAST_SPEED_M_S, Learnt
 from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edges
+from tirelog.strain.footprint.refine import (
+    FormTables,
+    PassageFits,
+    PatchWindows,
+    fit_edges,
+    gather_windows,
+)
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
     FINE,
@@ -34,7 +40,6 @@ from tirelog.strain.footprint.slip_onset import (
     Usual,
     form_error,
 )
-from tirelog.strain.footprint.windows import PatchWindows, gather_windows
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import good

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.dsp.derivatives import derivatives, window_spectra
+from tirelog.dsp.filters import derivatives, window_spectra
 from tirelog.kernels import compiled
 from tirelog.strain.footprint.kernels import motion_of
 from tirelog.vocabulary.arrays import ColumnSet, FloatArray, Records

@@ -12,9 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.data.bounds import FORM_PRESSURE, FORM_STIFFNESS, share_of_degree
-from tirelog.strain.footprint.family import BELLS, HIGHEST, LOWEST, OWN_FORM, EdgeFamily, EdgeShape
-from tirelog.strain.footprint.family_kernels import SHAPES
+from tirelog.data.setup import FORM_PRESSURE, FORM_STIFFNESS, share_of_degree
+from tirelog.strain.footprint.family import (
+    BELLS,
+    HIGHEST,
+    LOWEST,
+    OWN_FORM,
+    SHAPES,
+    EdgeFamily,
+    EdgeShape,
+)
 from tirelog.vocabulary.arrays import FloatArray
 
 #: cells along xi over the window; twice as many have half of the samples each and take twice as

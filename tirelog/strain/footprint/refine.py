@@ -14,13 +14,28 @@ the tension with the squared speed), tread.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.strain.footprint.fit import shape_table
-from tirelog.strain.footprint.kernels import HEIGHT, OWN, SHIFT, ClassSums, class_sums
+from tirelog.data.recording import BLOCK_SAMPLES, Channel
+from tirelog.kernels import compiled
+from tirelog.strain.footprint.family import ComplexArray
+from tirelog.strain.footprint.kernels import (
+    FIT,
+    GRID,
+    HEIGHT,
+    OWN,
+    SHIFT,
+    ClassSums,
+    class_sums,
+    fit_rows,
+    motion_of,
+)
+from tirelog.strain.footprint.plain_edges import distance_along
 from tirelog.strain.footprint.reference import (
     HIGHEST_SHARE,
     TREAD,
@@ -30,8 +45,375 @@ from tirelog.strain.footprint.reference import (
     descend,
     judged,
 )
-from tirelog.strain.footprint.windows import PatchWindows
-from tirelog.vocabulary.arrays import FloatArray, Records
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Record, Records
+
+# ---- Rectangular windows of a channel around its passages.
+#
+# With the distance of every sample along the tread.
+#
+#     Channel + Passages
+#         --passages of like window length, read one stretch of the log at a time-->
+#         PatchWindows (rows x columns)
+#         --neighbouring samples averaged if they lie closer than needed-->
+#         PatchWindows, fewer columns
+#
+# A row's window depends on its own passage only (its length is the next power of two above what its
+# speed needs), so rows do not change with the blocks that are read. Values are turned so that the
+# patch is a minimum, whatever the surface.
+
+
+#: numbers in the windows that are given at a time: what works on them does so without leaving the
+#: processor's cache
+_AT_ONCE = 1 << 17
+
+
+@dataclass(frozen=True)
+class PatchWindows:
+    """Windows of some passages: rows of samples with the patch downward.
+
+    `row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost or
+    beyond a gap; `centre` (n,): column of the patch centre; `rate_Hz`: columns per second;
+    `averaged`: samples per column.
+    """
+
+    row: IntArray
+    values: FloatArray
+    centre: FloatArray
+    rate_Hz: float
+    averaged: int = 1
+
+    def take(self, which: Any) -> PatchWindows:
+        """The rows `which` (mask, slice or indices)."""
+        return PatchWindows(
+            self.row[which], self.values[which], self.centre[which], self.rate_Hz, self.averaged
+        )
+
+    def motion(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> Records:
+        """How each row moves, (n,) of MOTION, for the kernels.
+
+        `speed_m_s` and `acceleration_m_s2`: of all passages of the log.
+        """
+        return motion_of(
+            self.centre, self.rate_Hz, speed_m_s[self.row], acceleration_m_s2[self.row]
+        )
+
+    def distance_m(self, motion: Records) -> FloatArray:
+        """Distance of each sample from the patch centre along the tread, shape (n, m)."""
+        rows = motion[:, None]
+        time = (np.arange(self.values.shape[1]) - rows["centre"]) / rows["rate_Hz"]
+        return distance_along(time, rows["speed_m_s"], rows["acceleration_m_s2"])
+
+    def reduced(self, averaged: int) -> PatchWindows:
+        """The same windows with `averaged` neighbouring columns as one."""
+        if averaged <= 1:
+            return self
+        count = self.values.shape[1] // averaged
+        parts = self.values[:, : count * averaged].reshape(len(self.row), count, averaged)
+        lost = np.isnan(parts)
+        if lost.any():
+            kept = (~lost).sum(axis=2)
+            mean = np.where(
+                kept == averaged, np.where(lost, 0.0, parts).sum(axis=2) / averaged, np.nan
+            )
+        else:
+            mean = parts.mean(axis=2)
+        return PatchWindows(
+            self.row,
+            mean,
+            (self.centre - 0.5 * (averaged - 1)) / averaged,
+            self.rate_Hz / averaged,
+            self.averaged * averaged,
+        )
+
+
+def window_class(reach_samples: FloatArray) -> IntArray:
+    """Half window [samples] of each passage.
+
+    `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT).
+
+    A passage whose speed is unknown has no reach; it gets the least window, and nothing is cut out
+    for it.
+    """
+    reach = np.fmax(reach_samples, 8.0)
+    two = 2.0 ** np.ceil(np.log2(reach))
+    return np.where(reach <= 0.75 * two, 0.75 * two, two).astype(np.int64)
+
+
+def gather_windows(
+    channel: Channel,
+    sign: float,
+    index: FloatArray,
+    reach_samples: FloatArray,
+    rows: IntArray,
+    block_samples: int = BLOCK_SAMPLES,
+) -> Iterator[PatchWindows]:
+    """Windows around `index` of the passages `rows`, many of one length at a time.
+
+    `index`: fractional samples, NaN is left out. `sign`: +1 if the patch is a maximum of the
+    recorded signal; `reach_samples` (n,): half of the window that each passage needs. The channel
+    is read in blocks of about `block_samples`.
+    """
+    rows = rows[np.isfinite(index[rows])]
+    half = window_class(np.minimum(reach_samples, channel.size))
+    block = np.floor(index[rows] / max(block_samples, 1)).astype(np.int64)
+    waiting: dict[int, list[PatchWindows]] = {}
+    for number in np.unique(block):
+        inside = rows[block == number]
+        nearest = np.round(index[inside]).astype(np.int64)
+        low = max(int((nearest - half[inside]).min()), 0)
+        high = min(int((nearest + half[inside]).max()) + 1, channel.size)
+        samples = np.ascontiguousarray(channel.read(low, high), np.float64)
+        for size in np.unique(half[inside]).tolist():
+            some = half[inside] == size
+            held = waiting.setdefault(size, [])
+            held.append(
+                _cut(
+                    channel,
+                    -sign,
+                    samples,
+                    low,
+                    index[inside[some]],
+                    nearest[some],
+                    size,
+                    inside[some],
+                )
+            )
+            if sum(part.values.size for part in held) >= _AT_ONCE:
+                yield joined_windows(waiting.pop(size))
+    for held in waiting.values():
+        yield joined_windows(held)
+
+
+def joined_windows(parts: list[PatchWindows]) -> PatchWindows:
+    """One set of windows from several of the same length and rate."""
+    if len(parts) == 1:
+        return parts[0]
+    row, values, centre = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("row", "values", "centre")
+    )
+    return replace(parts[0], row=row, values=values, centre=centre)
+
+
+def _cut(
+    channel: Channel,
+    turned: float,
+    samples: FloatArray,
+    low: int,
+    index: FloatArray,
+    nearest: IntArray,
+    size: int,
+    rows: IntArray,
+) -> PatchWindows:
+    """Windows of half length `size` out of `samples`.
+
+    These start at sample `low` of the channel and are `turned` patch downward.
+    """
+    begins, ends = np.zeros(nearest.size, np.int64), np.full(nearest.size, channel.size)
+    first = channel.axis.first
+    if channel.axis.explicit is None and first.size > 1:
+        part = np.searchsorted(first, nearest, side="right")
+        begins, ends = (
+            first[part - 1].astype(np.int64),
+            np.append(first, channel.size)[part].astype(np.int64),
+        )
+    values = _cut_out(samples, low, nearest - size, 2 * size, begins, ends, turned)
+    return PatchWindows(rows, values, index - nearest + size, channel.axis.rate_Hz)
+
+
+@compiled
+def _cut_out(
+    samples: FloatArray,
+    low: int,
+    starts: IntArray,
+    count: int,
+    begins: IntArray,
+    ends: IntArray,
+    turned: float,
+) -> FloatArray:
+    """`count` samples from each of `starts` (n,) on, times `turned`.
+
+    Shape (n, count); NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are
+    numbered from `low` on. `turned`: 1 or -1.
+    """
+    out = np.empty((starts.size, count))
+    for row in range(starts.size):
+        begin, end = max(begins[row], low), min(ends[row], low + samples.size)
+        for k in range(count):
+            at = starts[row] + k
+            out[row, k] = turned * samples[at - low] if begin <= at < end else np.nan
+    return out
+
+
+# ---- Every passage against the log's own form.
+#
+# Height, offset, position, length and oddness by one linear least squares per row.
+#
+#     Reference --on a fine grid of xi--> FormTables: columns of the linear model at some speeds
+#     PatchWindows --`kernels.fit_rows`, columns at each sample's distance--> PassageFits
+#
+# A passage is height x form(xi - shift; length, damping, tilt) + offset. Linear in everything about
+# the reference; what is quadratic in length and shift is known from two more columns of the same
+# products and taken off in turns, without touching the samples again. At the noise of the log the
+# errors are those of Cramer and Rao.
+
+
+#: points of the form's table over a revolution: every half a millimetre, straight lines between
+#: them
+TABLE_POINTS = 4096
+#: the same while a form is learnt, in half of the time: what the straight lines miss, up to 5e-5 of
+#: a passage's height, is a tenth of the noise of the quietest log; half as many miss four times as
+#: much
+LEARNT_POINTS = 2048
+#: weak knowledge of a passage's own oddness beside the log's: standard deviation of damping and
+#: tilt; twice as much lets the noise of a passage move them twice as far
+ODD_SD = 0.3
+
+
+def grid_of(
+    reference: Reference,
+    number: int,
+    half_window_m: float,
+    spectra: ComplexArray,
+    points: int = TABLE_POINTS,
+) -> tuple[FloatArray, Record]:
+    """Waves (g, c) of `spectra` (n, c) at speed `number` of `reference`, and their grid.
+
+    The grid as the kernels take it, one GRID, of so many `points` per revolution.
+    """
+    xi, columns = reference.family.on_grid(spectra, points, 1.02 * half_window_m)
+    grid = np.empty(1, GRID)
+    grid["first_m"], grid["step_m"] = xi[0], xi[1] - xi[0]
+    grid["speed2_m2_s2"] = reference.speed_m_s[number] ** 2
+    grid["shift_m"], grid["half_window_m"] = reference.shifts_m[number], half_window_m
+    return columns, grid[0]
+
+
+def shape_table(
+    reference: Reference, number: int, half_window_m: float
+) -> tuple[FloatArray, Record]:
+    """The columns that learning needs at speed `number`, and their grid.
+
+    Height, -shift, length, damping, tilt | tension.
+    """
+    spectra = reference.family.jacobian(reference.shapes[number])
+    slope = -1j * reference.family.kappa_1_m * spectra[:, 0]
+    return grid_of(
+        reference,
+        number,
+        half_window_m,
+        np.column_stack([spectra[:, 0], slope, spectra[:, [1, 5, 6, 3]]]),
+        LEARNT_POINTS,
+    )
+
+
+def _form_table(
+    reference: Reference, number: int, half_window_m: float
+) -> tuple[FloatArray, Record]:
+    """The columns that a fit needs at speed `number`, and their grid.
+
+    Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed.
+    The height's wave holds what the form left of the learnt passages.
+    """
+    family, shape = reference.family, reference.shapes[number]
+    spectra = family.jacobian(shape)
+    base, wave_number = spectra[:, 0], 1j * family.kappa_1_m
+    second = family.second_by_length(shape), wave_number**2 * base
+    columns, grid = grid_of(
+        reference,
+        number,
+        half_window_m,
+        np.column_stack(
+            [
+                base,
+                -wave_number * base,
+                spectra[:, [1, 5, 6]],
+                *second,
+                -reference.inertia * spectra[:, 3],
+            ]
+        ),
+    )
+    if reference.residuals is not None and reference.residual_xi_m is not None:
+        xi = grid["first_m"] + grid["step_m"] * np.arange(columns.shape[0])
+        columns[:, 0] += np.interp(
+            xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0
+        )
+    return columns, grid
+
+
+@dataclass(frozen=True)
+class FormTables:
+    """The form at k speeds: columns, grids, half lengths and shifts.
+
+    `columns` (k, g, 8) on `grids` (k,) of GRID, `half_length_m` and `shift_m` behind the passages'
+    centres (k,).
+    """
+
+    columns: FloatArray
+    grids: Records
+    half_length_m: FloatArray
+    shift_m: FloatArray
+
+    @classmethod
+    def of(cls, reference: Reference, half_window_m: float) -> FormTables:
+        """The tables at the speeds of `reference`."""
+        made = [_form_table(reference, k, half_window_m) for k in range(len(reference.shapes))]
+        columns, grids = (np.stack(part) for part in zip(*made, strict=True))
+        return cls(
+            columns,
+            grids,
+            np.array([shape.half_length_m for shape in reference.shapes]),
+            reference.shifts_m,
+        )
+
+
+@dataclass(frozen=True)
+class PassageFits(ColumnSet):
+    """One row per passage, shape (n,): the parameters of its fit.
+
+    `height` and `offset` (patch downward), `shift_m` of the patch's middle behind the passage's
+    centre, `length_m` the full contact length, `damping`, `tilt` beside the reference's; standard
+    errors at `noise` one; `chi2` per degree of freedom, `used` samples.
+    """
+
+    height: FloatArray
+    offset: FloatArray
+    shift_m: FloatArray
+    length_m: FloatArray
+    damping: FloatArray
+    tilt: FloatArray
+    length_se_m: FloatArray
+    chi2: FloatArray
+    used: FloatArray
+
+
+def fit_edges(
+    windows: PatchWindows, motion: Records, tables: FormTables, number: IntArray, noise: float
+) -> PassageFits:
+    """The fits of the rows of `windows`, each against its form.
+
+    The rows move as `motion` says (`PatchWindows.motion`); `number` (n,): each row's form in
+    `tables`; `noise`: standard deviation of a sample of the log.
+    """
+    sigma = noise / np.sqrt(windows.averaged)
+    found = np.full(len(number), np.nan, FIT)
+    fit_rows(windows.values, motion, number, tables.columns, tables.grids, sigma, ODD_SD, found)
+    height, used = found["height"], found["used"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = {name: found[name] / height for name in FIT.names or ()}
+        nan = np.where(height > 0, 1.0, np.nan)
+    return PassageFits(
+        height=height * nan,
+        offset=found["offset"] * nan,
+        shift_m=(tables.shift_m[number] + relative["shift"]) * nan,
+        length_m=2.0 * (tables.half_length_m[number] + relative["length"]) * nan,
+        damping=relative["damping"] * nan,
+        tilt=relative["tilt"] * nan,
+        length_se_m=2.0 * sigma * relative["length_se"] * nan,
+        chi2=found["chi2"] / np.maximum(used - OWN, 1) * nan,
+        used=used.copy(),
+    )
+
 
 #: rounds of refining, at most; twice as many only help a refinement that has not settled by then
 ROUNDS = 6
@@ -41,7 +423,7 @@ ROUNDS = 6
 GOOD_ENOUGH, SMALL = 1.0, 0.01
 #: weak knowledge of a passage's own damping and tilt; twice as much lets the noise of a passage
 #: move them twice as far
-ODD_SD = 0.5
+REFINED_ODD_SD = 0.5
 #: cells of what is left, and the misfit above which it is more than noise
 CELLS, REMARKABLE = 120, 1.3
 #: weight of a cell without samples, so that a class without any is known to nothing and not unknown
@@ -96,7 +478,7 @@ def _sums(
     table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)
     return class_sums(
-        windows.values, sample.motion, table, grid, -reference.inertia, sigma, ODD_SD, CELLS
+        windows.values, sample.motion, table, grid, -reference.inertia, sigma, REFINED_ODD_SD, CELLS
     )
 
 

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
-from tirelog.strain.footprint.fit import ODD_SD, TABLE_POINTS, PassageFits, grid_of
 from tirelog.strain.footprint.kernels import FITTED, OWN, motion_of
 from tirelog.strain.footprint.learn import LEAST_SCATTER, Learnt
 from tirelog.strain.footprint.onset_kernels import (
@@ -35,8 +34,14 @@ from tirelog.strain.footprint.onset_kernels import (
     traction_gains,
 )
 from tirelog.strain.footprint.reference import Reference
-from tirelog.strain.footprint.refine import REMARKABLE
-from tirelog.strain.footprint.windows import PatchWindows
+from tirelog.strain.footprint.refine import (
+    ODD_SD,
+    REMARKABLE,
+    TABLE_POINTS,
+    PassageFits,
+    PatchWindows,
+    grid_of,
+)
 from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Record, Records
 
 #: steps of the waves that are moved per step of the form's table; what straight lines between them

@@ -20,17 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.strain.passages import fit_kernels as kernels
-from tirelog.strain.passages.fit_kernels import (
+from tirelog.strain.passages import template as kernels
+from tirelog.strain.passages.template import (
     FOUND,
     ROW,
     SEGMENT,
     SPAN,
+    CurveSums,
     Source,
+    Template,
     scratch,
     spline_sums,
 )
-from tirelog.strain.passages.template import CurveSums, Template
 from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Records
 
 

@@ -8,14 +8,235 @@ shoulders on either side).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.fit import PassageFit
-from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
+
+# ---- How fast the wheel turns at each passage.
+#
+# From the times of the passages alone, with an error that holds the differencing.
+#
+#     times and their errors (n,), turns to the next passage (n,)
+#         --parabolas through three passages--> omega, alpha, standard error (n,)
+#
+# The second-order centred difference over two turns (P1 4, P2 4.2, errata) in its form for unequal
+# steps is exact for a constant acceleration. What a change of acceleration leaves, one twelfth of
+# the
+# period times the change over two turns, is taken off as far as it stands out of the noise; what a
+# smooth curve through the accelerations around does not foretell goes into the standard error.
+
+
+#: radians of a turn
+TURN_RAD = 2 * np.pi
+#: a change of acceleration counts beyond this many times its noise variance: noise does that once
+#: in 22; doubled, once in 210
+SIGNIFICANT = 4.0
+#: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink
+#: at random places between passages; that part of the error is proportional to it
+KINK = 0.8
+#: passages on either side whose accelerations tell how it changes, and the degree of their curve;
+#: twice as far tells it better at a steady pace, and rounds off the beginning of a braking
+REACH, DEGREE = 3, 3
+#: standard deviation of the jerk if nothing tells it: the acceleration itself, gained or lost over
+#: this many turns; twice as many halve the jerk and with it what is added to the error
+BLIND_TURNS = 2.0
+#: a wheel may have stopped if it would have needed up to so many times the time between: the brake
+#: came late in the turns before; twice as much doubts more gaps between turns
+STOPS_WITHIN = 3.0
+#: share of the acceleration that may have changed beyond the last passage without a trace; that
+#: part of the error is proportional to it
+UNSEEN = 0.05
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Speeds and accelerations at the passages, each of shape (n,).
+
+    `omega` [rad/s], `omega_se`, `alpha` [rad/s^2]; `sides`: neighbours on how many sides were used
+    (2 centred, 1 extrapolated from the next, 0 none: NaN).
+    """
+
+    omega: FloatArray
+    omega_se: FloatArray
+    alpha: FloatArray
+    sides: IntArray
+
+
+def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
+    """Turns from each passage to the next by the mean of the speeds at both, shape (n - 1,)."""
+    return np.diff(time_s) * 0.5 * (omega[1:] + omega[:-1]) / TURN_RAD
+
+
+def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
+    """Whether the wheel may have come to rest between each passage and the next, (n - 1,).
+
+    The next is one turn or less away. The deceleration of the two turns before and the acceleration
+    of the two turns after, carried on, meet at rest in the time between.
+    """
+    period = np.diff(time_s)
+    stop = np.zeros(period.size, bool)
+    if period.size < 5:
+        return stop
+    # at the passage two turns on: change of the speed over a turn, and how long it has to fall to
+    # nothing at that rate
+    with np.errstate(
+        divide="ignore", invalid="ignore", over="ignore"
+    ):  # stamps that repeat have no period
+        speed = TURN_RAD / period
+        rate = (speed[:-1] - speed[1:]) / (0.5 * (period[:-1] + period[1:]))
+        down = (speed[1:] - 0.5 * rate * period[1:]) / rate
+        up = (speed[:-1] + 0.5 * rate * period[:-1]) / -rate
+        soon = down[:-3] + up[3:] < STOPS_WITHIN * period[2:-2]  # a steady speed never falls to 0
+    stop[2:-2] = (rate[:-3] > 0) & (rate[3:] < 0) & soon
+    return stop
+
+
+def _residual() -> tuple[FloatArray, float]:
+    """Projection of accelerations on what their curve leaves, and the residual variance.
+
+    The variance is what white passage times make of it. Accelerations are second differences of the
+    times: 1, -2, 1.
+    """
+    count = 2 * REACH + 1
+    second = np.zeros((count, count + 2))
+    for k in range(count):
+        second[k, k : k + 3] = 1.0, -2.0, 1.0
+    curve = np.vander((np.arange(count) - REACH) / REACH, DEGREE + 1)
+    project = np.eye(count) - curve @ np.linalg.pinv(curve)
+    return project, float(np.trace(project @ second @ second.T) / (count - DEGREE - 1))
+
+
+RESIDUAL, RESIDUAL_NOISE = _residual()
+
+
+def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArray) -> Kinematics:
+    """Speeds at the passages.
+
+    `turns_after` (n,): whole turns to the next passage, 0 if that is not known (and for the
+    last).
+    """
+    n = time_s.size
+    nan = np.full(n, np.nan)
+    if n < 3:
+        return Kinematics(nan, nan.copy(), nan.copy(), np.zeros(n, np.int64))
+    linked = turns_after > 0
+    after = np.where(linked, np.diff(time_s, append=np.nan), np.nan)
+    before = np.concatenate([[np.nan], after[:-1]])
+    mean_after = TURN_RAD * turns_after / after
+    mean_before = np.concatenate([[np.nan], mean_after[:-1]])
+    omega = (mean_before * after + mean_after * before) / (before + after)
+    alpha = 2 * (mean_after - mean_before) / (before + after)
+    centred = np.isfinite(omega)
+    period = 0.5 * (before + after)
+    omega, omega_se = _corrected(omega, alpha, period, time_se_s)
+    sides = np.where(centred, 2, 0)
+    for step in (1, -1):
+        _one_sided(step, time_s, time_se_s, linked, omega, omega_se, alpha, sides)
+    return Kinematics(omega, omega_se, alpha, sides)
+
+
+def _near(values: FloatArray, offset: int) -> FloatArray:
+    """`values` of the passage `offset` later, NaN beyond the ends."""
+    result = np.full(values.size, np.nan)
+    if abs(offset) < values.size:
+        result[max(-offset, 0) : values.size - max(offset, 0)] = values[
+            max(offset, 0) : values.size + min(offset, 0)
+        ]
+    return result
+
+
+def _local_mean(values: FloatArray, reach: int) -> FloatArray:
+    """Mean over the finite values within `reach` passages."""
+    some = np.array([_near(values, k) for k in range(-reach, reach + 1)])
+    finite = np.isfinite(some)
+    mean: FloatArray = np.where(finite, some, 0.0).sum(0) / np.maximum(finite.sum(0), 1)
+    return mean
+
+
+def _corrected(
+    omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Speeds freed of the differencing error if that is known, and their standard errors."""
+    acceleration_noise = omega * time_se_s / period**2
+    change = _near(alpha, 1) - _near(alpha, -1)
+    # white times: (1, -2, 0, 2, -1)
+    noise_square = np.maximum(10.0 * acceleration_noise**2, np.finfo(np.float64).tiny)
+    with np.errstate(over="ignore"):  # times without any error tell every change
+        level = _local_mean(change**2, 1) / noise_square
+    share = np.where(
+        np.isfinite(change), np.clip(1.0 - SIGNIFICANT / np.maximum(level, 1e-9), 0.0, 1.0), 0.0
+    )
+    smooth = share * np.nan_to_num(change) * period / 12.0
+    inner, outer = 0.5 + share / 6.0, share / 12.0
+    noise = inner**2 * (_near(time_se_s, 1) ** 2 + _near(time_se_s, -1) ** 2)
+    noise = noise + outer**2 * np.nan_to_num(_near(time_se_s, 2) ** 2 + _near(time_se_s, -2) ** 2)
+    scatter = _scatter(alpha, acceleration_noise)
+    # of a kink beside the passage the difference is up to twice that of a smooth change
+    error = np.sqrt(noise * (omega / period) ** 2 + (KINK * scatter * period) ** 2 + smooth**2)
+    return omega - smooth, error
+
+
+def _scatter(alpha: FloatArray, noise: FloatArray) -> FloatArray:
+    """Standard deviation of the accelerations about a smooth curve [rad/s^2].
+
+    The curve goes through those around; beyond the noise. If the stretch is too short for a curve:
+    half of the change to the next.
+    """
+    around = np.array([_near(alpha, k) for k in range(-REACH, REACH + 1)])
+    square = ((RESIDUAL @ around) ** 2).sum(0) / (2 * REACH - DEGREE)
+    beyond = square - SIGNIFICANT * RESIDUAL_NOISE * noise**2
+    scatter = np.where(
+        beyond > 0, np.sqrt(np.maximum(square - RESIDUAL_NOISE * noise**2, 0.0)), 0.0
+    )
+    steps = np.array([np.abs(_near(alpha, k) - alpha) for k in (-1, 1)])
+    step = np.where(np.isfinite(steps), steps, 0.0).max(0)
+    alone = ~np.isfinite(steps).any(0)
+    step = np.where(
+        alone,
+        np.abs(alpha) / BLIND_TURNS,
+        np.where(step > 3.0 * np.sqrt(20.0) * noise, 0.5 * step, 0.0),
+    )
+    return np.where(np.isfinite(square), scatter, step)
+
+
+def _one_sided(
+    step: int,
+    time_s: FloatArray,
+    time_se_s: FloatArray,
+    linked: NDArray[np.bool_],
+    omega: FloatArray,
+    omega_se: FloatArray,
+    alpha: FloatArray,
+    sides: IntArray,
+) -> None:
+    """Fill the passages at the ends of a stretch, in place.
+
+    From the parabola of their neighbour `step` later.
+    """
+    n = time_s.size
+    rows = np.flatnonzero(sides == 0)
+    rows = rows[(rows + step >= 0) & (rows + step < n)]
+    rows = rows[linked[rows if step > 0 else rows - 1] & (sides[rows + step] == 2)]
+    near = rows + step
+    elapsed = time_s[rows] - time_s[near]
+    omega[rows] = omega[near] + alpha[near] * elapsed
+    beyond = near + step
+    known = (beyond >= 0) & (beyond < n)
+    beyond = np.clip(beyond, 0, n - 1)
+    known &= sides[beyond] == 2
+    change = np.where(known, np.abs(alpha[beyond] - alpha[near]), np.abs(alpha[near]) / BLIND_TURNS)
+    noise = 2.1 * omega[near] * time_se_s[near] / np.abs(elapsed)
+    blind = (change / 3.0) ** 2 + (UNSEEN * alpha[near]) ** 2
+    omega_se[rows] = np.sqrt(noise**2 + blind * elapsed**2 + omega_se[near] ** 2)
+    alpha[rows] = alpha[near]
+    sides[rows] = 1
+
 
 #: at most this many passages in a row are put in as lost; twice as many number turns by a speed
 #: that may have changed over as many

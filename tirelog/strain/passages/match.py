@@ -15,14 +15,232 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.strain.passages.decimate import AT_ONCE
-from tirelog.strain.passages.fit import PassageFit, Signal, Start, fit_blocks, fit_passages, gather
-from tirelog.strain.passages.kinematics import TURN_RAD, kinematics, may_have_stopped, turns_between
-from tirelog.strain.passages.learn import learn_template
-from tirelog.strain.passages.screen import one_turn, screen, width_turns
-from tirelog.strain.passages.search import Pulses, usual
-from tirelog.strain.passages.template import Template
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.dsp.filters import NORMAL_MEDIAN
+from tirelog.strain.passages.fit import (
+    PassageFit,
+    Signal,
+    Start,
+    Windows,
+    curve_sums,
+    fit_blocks,
+    fit_passages,
+    gather,
+    residuals,
+)
+from tirelog.strain.passages.marks import TURN_RAD, kinematics, may_have_stopped, turns_between
+from tirelog.strain.passages.search import AT_ONCE, Pulses, usual
+from tirelog.strain.passages.template import WIDEST_RAD, Template, learned_template
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+# ---- The template of a log's own passages.
+#
+# Which of them to learn from, and the rounds of fitting and learning.
+#
+# rough centres --clusters of neighbours spread over the log--> windows
+#     --lay over, learn, fit; again--> Template
+
+
+#: passages that the template is learnt from, in clusters of neighbours, and rounds; twice as many
+#: tell the template to 0.7 of the noise, in twice the time
+LEARNT_FROM, CLUSTERS, LEARNING_ROUNDS = 320, 16, 3
+#: the window that is learnt, in half widths
+LEARNT_HALF_WIDTHS = 3.0
+#: a passage whose misfit is a larger share of its height is not learnt from; twice as much learns
+#: from passages with a tenth of something else in them
+ALIKE = 0.15
+#: stretches of angle over which the scatter between turns is told, from so many passages at most,
+#: and the passages that it takes: of fewer a spike is a large part; twice as many stretches have
+#: half of the samples each
+SCATTER_PARTS, SCATTER_FROM, FEWEST = 24, 60, 5
+
+
+def _clusters(good: IntArray) -> list[IntArray]:
+    """Up to LEARNT_FROM of the passages `good`, as clusters of neighbours spread over the log."""
+    if good.size <= LEARNT_FROM:
+        return [
+            good[k : k + LEARNT_FROM // CLUSTERS]
+            for k in range(0, good.size, LEARNT_FROM // CLUSTERS)
+        ]
+    size = LEARNT_FROM // CLUSTERS
+    firsts = np.linspace(0, good.size - size, CLUSTERS).astype(np.int64)
+    return [good[k : k + size] for k in firsts]
+
+
+def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses) -> Template | None:
+    """The template from the passages `good` (indices), or None.
+
+    Each round fits them with the template of the round before. None if there is no such passage, or
+    no curve with two half-level crossings comes of them.
+    """
+    rate_Hz = signal.channel.axis.rate_Hz
+    clusters = _clusters(good)
+    if not clusters:
+        return None
+    window = min(
+        WIDEST_RAD,
+        LEARNT_HALF_WIDTHS
+        * 0.5
+        * float(np.median(pulses.width[good] / rate_Hz * start.omega[good])),
+    )
+    chosen = np.concatenate(clusters)
+    windows = Windows.concatenate(
+        [gather(signal, start.take(cluster), window) for cluster in clusters]
+    )
+    at, offset, height = start.take(chosen), pulses.base[chosen], pulses.height[chosen]
+    like = np.ones(chosen.size, bool)
+    template: Template | None = None
+    for _ in range(LEARNING_ROUNDS):
+        template = learned_template(
+            curve_sums(windows.take(like), at.take(like), offset[like], height[like], window),
+            window,
+        )
+        if template is None:
+            return None
+        found = fit_passages(windows, template, at, height)
+        like = (found.height > 0.5 * np.median(height)) & (
+            found.misfit < np.maximum(ALIKE * found.height, 3 * signal.noise)
+        )
+        at = replace(at, time_s=np.where(like, found.time_s, at.time_s))
+        offset, height = np.where(like, found.offset, offset), np.where(like, found.height, height)
+    if template is None or chosen.size < FEWEST:
+        return template
+    return replace(template, scatter=_scatter(windows, template, found, at.alpha))
+
+
+def _scatter(
+    windows: Windows, template: Template, found: PassageFit, alpha: FloatArray
+) -> FloatArray:
+    """Standard deviation between turns beyond the noise over the height, (g,).
+
+    At each angle of the template's table. By medians over short stretches of angle, so that a few
+    passages with a spike do not matter; the larger of neighbouring stretches.
+    """
+    rows = np.unique(np.linspace(0, alpha.size - 1, SCATTER_FROM).astype(np.int64))
+    phi, rest = residuals(windows, template, found, alpha, rows)
+    place = (phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS
+    part = np.clip(place.astype(np.int64), 0, SCATTER_PARTS - 1)
+    size = np.abs(rest)
+    sigma = np.array(
+        [
+            np.median(size[part == k]) / NORMAL_MEDIAN if (part == k).any() else 0.0
+            for k in range(SCATTER_PARTS)
+        ]
+    )
+    noise = windows.signal.noise / np.median(np.abs(found.height))
+    padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)
+    widest = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
+    middles = ((np.arange(SCATTER_PARTS) + 0.5) / SCATTER_PARTS * 2.0 - 1.0) * template.window_rad
+    scatter: FloatArray = np.interp(template.phi_rad, middles, widest)
+    return scatter
+
+
+# ---- Pulses that are no passages, told by when they come and how long they last.
+#
+# The instrument jumped, or a jump split a passage in two.
+#
+#     Pulses --join halves, drop strangers--> Pulses
+#
+# A passage lasts a fixed share of a turn, and the next comes a turn later. Two pulses much closer
+# than that are the halves of one passage, or one of them is a jump; a pulse between two others that
+# are just one turn apart is a jump. Speeds come from the median width of the pulses around, so a
+# few
+# strangers do not matter. Rows are only dropped, never added.
+
+
+#: width of a passage (half level) as a share of a turn, if the log is too short to tell
+USUAL_WIDTH_TURNS = 0.06
+#: two passages are one turn apart if the turn that the speeds beside them give lies in this range:
+#: nearer to one turn than to a half or to two, as ratios.  Wider, a missed passage goes unseen
+ONE_TURN = (0.7, 1.4)
+#: pulses closer than this share of a turn cannot both be passages; two passages are taken for one
+#: if their widths say four times the period; with twice as much, if they say two times
+TOO_CLOSE_TURNS = 0.25
+#: width of the joined halves against the widths around
+JOINED_WIDTH = (0.6, 1.5)
+#: rounds of dropping; each round leaves half of the strangers that stand side by side
+SCREENING_ROUNDS = 3
+
+
+def width_turns(middle: FloatArray, width: FloatArray) -> float:
+    """Width of a passage in turns: the median of width over period, both in one unit."""
+    if middle.size < 2:
+        return USUAL_WIDTH_TURNS
+    if middle.size == 2:
+        share = float(width.mean() / (middle[1] - middle[0]))
+    else:
+        share = float(np.median(2 * width[1:-1] / (middle[2:] - middle[:-2])))
+    return share if 0.01 < share < 0.25 else USUAL_WIDTH_TURNS
+
+
+def one_turn(turns: FloatArray) -> NDArray[np.bool_]:
+    """Whether that many turns, from speeds that are good to some 20 %, are one."""
+    return (turns > ONE_TURN[0]) & (turns < ONE_TURN[1])
+
+
+def screen(channel: Channel, pulses: Pulses) -> Pulses:
+    """The pulses of `channel` that may be passages."""
+    if not len(pulses):
+        return pulses
+    # places as if no sample were missing, so that a gap counts
+    place = channel.axis.at(pulses.middle) * channel.axis.rate_Hz
+    kept = _screened(replace(pulses, middle=place))
+    return replace(kept, middle=np.interp(kept.middle, place, pulses.middle))
+
+
+def _screened(pulses: Pulses) -> Pulses:
+    """`pulses`, their places on a gapless axis, without halves and strangers."""
+    pulses = _joined(pulses)
+    for _ in range(SCREENING_ROUNDS):
+        strange = _strangers(pulses)
+        if not strange.any():
+            break
+        pulses = pulses.take(~strange)
+    return pulses
+
+
+def _joined(pulses: Pulses) -> Pulses:
+    """The pulses with pairs that are too close made one.
+
+    Their hull if that has the usual width, else the one whose width is more usual.
+    """
+    if len(pulses) < 3:
+        return pulses
+    width_around = usual(pulses.width)
+    period = width_around / width_turns(pulses.middle, pulses.width)
+    close = np.flatnonzero(
+        np.diff(pulses.middle) < TOO_CLOSE_TURNS * np.minimum(period[1:], period[:-1])
+    )
+    middle, width, kept = pulses.middle.copy(), pulses.width.copy(), np.ones(len(pulses), bool)
+    for first in close:
+        second = first + 1
+        if not kept[first]:
+            continue
+        entry, leave = middle[first] - 0.5 * width[first], middle[second] + 0.5 * width[second]
+        if JOINED_WIDTH[0] < (leave - entry) / width_around[first] < JOINED_WIDTH[1]:
+            middle[first], width[first] = 0.5 * (entry + leave), leave - entry
+            kept[second] = False
+        else:
+            unusual = np.abs(np.log(width[[first, second]] / width_around[first]))
+            kept[second if unusual[0] <= unusual[1] else first] = False
+    return Pulses(middle, width, pulses.height, pulses.base).take(kept)
+
+
+def _strangers(pulses: Pulses) -> NDArray[np.bool_]:
+    """Pulses less than a turn from both neighbours, which are just one turn apart, shape (n,)."""
+    strange = np.zeros(len(pulses), bool)
+    if len(pulses) < 4:
+        return strange
+    rate = width_turns(pulses.middle, pulses.width) / usual(pulses.width)
+    step = np.diff(pulses.middle) * 0.5 * (rate[1:] + rate[:-1])
+    over = (pulses.middle[2:] - pulses.middle[:-2]) * 0.5 * (rate[2:] + rate[:-2])
+    strange[1:-1] = one_turn(over) & (np.maximum(step[1:], step[:-1]) < 0.9 * over)
+    # of neighbours only the one goes without which the others are nearest to one turn apart; the
+    # rest is judged again
+    off = np.full(len(pulses), np.inf)
+    off[1:-1] = np.where(strange[1:-1], np.abs(np.log(over)), np.inf)
+    padded = np.pad(off, 1, constant_values=np.inf)
+    return strange & (off <= padded[:-2]) & (off < padded[2:])
+
 
 #: relative uncertainty of the speed from neighbouring passages, and from a pulse's width; twice as
 #: much lets the noise of a passage move its speed twice as far

@@ -11,11 +11,493 @@ odd part of the waveform moves that middle less than the extremum.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from tirelog.strain.passages.fit_kernels import POINT, spline_curve
-from tirelog.vocabulary.arrays import FloatArray, Records
+from tirelog.kernels import compiled
+from tirelog.vocabulary.arrays import FloatArray, Record, Records
+
+# ---- Compiled loops over the windows of passages: the matched fit, and the curve of a template.
+#
+#     Source, SPAN of each row --read_window--> Scratch: samples, times, weights
+#         --Gauss-Newton on the template--> FOUND of each row
+#         --cubic B-splines over the angle--> normal equations of a template's curve
+#     coefficients --> value and slope at any angle
+#
+# A window is a row's SPAN of the channel, thinned to MOST_SAMPLES.
+
+
+#: a row as its fit begins: patch centre [s], the wheel's rate [rad/s] and its change [rad/s^2], how
+#: far the rate may be off (standard deviation, relative), height of the passage [channel's unit]
+ROW = np.dtype(
+    [("time_s", "f8"), ("omega_rad_s", "f8"), ("alpha_rad_s2", "f8"), ("stretch", "f8"),
+     ("height", "f8")]
+)  # fmt: skip
+#: a row's window: first sample of the channel and the one behind, and what to add to their numbers
+#: to find them in a `Source`
+SPAN = np.dtype([("first", "i8"), ("stop", "i8"), ("shift", "i8")])
+#: an even stretch of the time axis: its first sample, that one's time [s], seconds per sample
+SEGMENT = np.dtype([("first", "f8"), ("start_s", "f8"), ("period_s", "f8")])
+#: a template at one angle: value (height 1), slope [1/rad], scatter between turns over the height
+POINT = np.dtype([("value", "f8"), ("slope", "f8"), ("scatter", "f8")])
+#: a row's fit: patch centre [s], rate [rad/s] with the stretch in it, their standard errors, height
+#: and offset [channel's unit], rms of the residual in that unit, samples used, and what the window
+#: holds
+FOUND = np.dtype(
+    [("time_s", "f8"), ("time_se_s", "f8"), ("omega_rad_s", "f8"), ("omega_se_rad_s", "f8"),
+     ("height", "f8"), ("offset", "f8"), ("misfit", "f8"), ("used", "i8"), ("holds_lost", "?"),
+     ("holds_spike", "?"), ("holds_clipped", "?")],
+    align=True,
+)  # fmt: skip
+
+
+class Source(NamedTuple):
+    """The samples of a channel that windows are read from.
+
+    samples   (N,) as recorded, NaN where lost
+    times_s   (N,) [s], or empty: then `segments` (k,) of SEGMENT tell them
+    sign      turns the patch upward; low, high: the channel's least and largest sample
+    """
+
+    samples: FloatArray
+    times_s: FloatArray
+    segments: Records
+    sign: float
+    low: float
+    high: float
+
+
+class Scratch(NamedTuple):
+    """Room for one window, (MOST_SAMPLES,) each; whoever calls in a loop keeps it.
+
+    value, time_s  samples, patch upward, and when they were taken
+    weight, stuck  1 if a sample counts; 1 if it stands at an end of the range
+    phi            angle from the patch centre [rad]
+    shape, slope, scatter  the template there, its slope [1/rad], its scatter between turns
+    residual, bend what the fit leaves of a sample, and how far that leaves its neighbours' mean
+    """
+
+    value: FloatArray
+    time_s: FloatArray
+    weight: FloatArray
+    stuck: FloatArray
+    phi: FloatArray
+    shape: FloatArray
+    slope: FloatArray
+    scatter: FloatArray
+    residual: FloatArray
+    bend: FloatArray
+
+
+class TemplateFit(NamedTuple):
+    """A solution of y = a + b T + c T' + d phi T'.
+
+    offset, height    a and b [channel's unit]
+    shift, stretch    c = -b s and d = b e: see `fit_rows`
+    shift_variance, stretch_variance  of c and d, per noise variance
+    """
+
+    offset: float
+    height: float
+    shift: float
+    stretch: float
+    shift_variance: float
+    stretch_variance: float
+
+
+def scratch() -> Scratch:
+    """Room for one window."""
+    return Scratch(*np.empty((len(Scratch._fields), MOST_SAMPLES)))
+
+
+@compiled
+def spline_sums(
+    source: Source, rows: Records, offset: FloatArray, spans: Records, window_rad: float,
+    normal: FloatArray, right: FloatArray, scratch: Scratch,
+) -> int:  # fmt: skip
+    """Adds the rows' samples to the normal equations of a cubic spline; how many.
+
+    The samples are less `offset` (n,) and over the height, the spline is over +-`window_rad`.
+
+    rows, spans  (n,) of ROW and SPAN
+    normal       (s, s), of which the upper triangle is added to; right (s,): s - 3 knot intervals
+    """
+    intervals = right.size - 3
+    used = 0
+    for k in range(rows.shape[0]):
+        count, _ = read_window(source, spans[k], scratch)
+        row = rows[k]
+        for i in range(count):
+            tau = scratch.time_s[i] - row["time_s"]
+            phi = (row["omega_rad_s"] + 0.5 * row["alpha_rad_s2"] * tau) * tau
+            value = (scratch.value[i] - offset[k]) / row["height"]
+            if scratch.weight[i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
+                place = min(
+                    max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0),
+                    intervals - 1e-9,
+                )
+                cell = int(place)
+                for a in range(4):
+                    weight = basis(place - cell, a)
+                    right[cell + a] += weight * value
+                    for b in range(a, 4):
+                        normal[cell + a, cell + b] += weight * basis(place - cell, b)
+                used += 1
+    return used
+
+
+@compiled
+def spline_curve(
+    coefficients: FloatArray, window_rad: float, phi: FloatArray, value: FloatArray,
+    slope: FloatArray,
+) -> None:  # fmt: skip
+    """Fills value and slope [1/rad] of the spline at `phi` (n,) [rad], within +-`window_rad`."""
+    intervals = coefficients.size - 3
+    scale = intervals / (2.0 * window_rad)
+    for i in range(phi.size):
+        place = min(max((phi[i] + window_rad) * scale, 0.0), intervals - 1e-9)
+        cell = int(place)
+        u = place - cell
+        c0, c1, c2, c3 = (
+            coefficients[cell],
+            coefficients[cell + 1],
+            coefficients[cell + 2],
+            coefficients[cell + 3],
+        )
+        value[i] = basis(u, 0) * c0 + basis(u, 1) * c1 + basis(u, 2) * c2 + basis(u, 3) * c3
+        steepness = (
+            (3 * u**2 - 4 * u) * c1 - (1 - u) ** 2 * c0 + (-3 * u**2 + 2 * u + 1) * c2 + u**2 * c3
+        )
+        slope[i] = 0.5 * scale * steepness
+
+
+@compiled
+def basis(u: float, which: int) -> float:
+    """Cubic B-spline number `which`, 0 to 3, of those that live at `u` in [0, 1] between knots."""
+    if which == 0:
+        return (1 - u) ** 3 / 6.0
+    if which == 1:
+        return (3 * u**3 - 6 * u**2 + 4) / 6.0
+    if which == 2:
+        return (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6.0
+    return u**3 / 6.0
+
+
+#: samples per row at most; a creeping wheel's windows are thinned to this; twice as many take
+#: twice as long where a wheel creeps, and only there
+MOST_SAMPLES = 400
+#: Gauss-Newton steps of a fit; in the first one wild samples lose their weight; twice as many take
+#: twice as long
+ITERATIONS = 2
+#: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
+#: of the height: noise does the first once in 1e10, and half of it once in 1000
+WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
+#: and by this many times the scatter between turns at its angle: the ringing of an edge is no
+#: spike.  Half as much would take a third of the passages of a real accelerometer for spiked; twice
+#: as much hides spikes at its edges
+WILD_SCATTERS = 5.0
+#: what is further off than this share of the height is not the tire; twice as much keeps what is
+#: off by most of the height, half as much takes a waveform that the template lacks for foreign
+FOREIGN_SHARE = 0.35
+#: stuck samples are clipped if they lie this many sigmas off; twice as many leave clipped samples
+#: in that are up to six off
+CLIPPED_SIGMAS = 3.0
+#: how far a step may shift [window] and stretch; twice as far could carry the centre out of the
+#: window in two steps
+MOST_SHIFT = MOST_STRETCH = 0.3
+
+
+@compiled
+def fit_rows(
+    source: Source, noise: float, table: Records, window_rad: float, rows: Records, spans: Records,
+    found: Records, scratch: Scratch,
+) -> None:  # fmt: skip
+    """Fills each row's fit y = a + b T(phi (1 + e) - s) by the template T.
+
+    table        (g,) of POINT: T over +-`window_rad`
+    rows, spans  (n,) of ROW and SPAN
+    found        (n,) of FOUND
+    noise        standard deviation of one sample [channel's unit]
+    """
+    for k in range(rows.shape[0]):
+        count, lost = read_window(source, spans[k], scratch)
+        row, made = rows[k], found[k]
+        made["holds_lost"], made["holds_spike"] = lost > 0, False
+        time_s, omega, alpha = row["time_s"], row["omega_rad_s"], row["alpha_rad_s2"]
+        height = row["height"]
+        for iteration in range(ITERATIONS):
+            hold = (max(noise, 1e-12 * height) / (height * row["stretch"])) ** 2
+            _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
+            step = _step(count, hold, scratch)
+            if iteration == 0 and _wild(count, abs(height), noise, scratch):
+                made["holds_spike"] = True
+                step = _step(count, hold, scratch)
+            guess = step.height if abs(step.height) > 0.05 * height else height
+            shift = min(max(-step.shift / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
+            time_s += shift / omega
+            omega *= 1.0 + min(max(step.stretch / guess, -MOST_STRETCH), MOST_STRETCH)
+            height = abs(guess)
+        square, off, stuck, used = 0.0, 0.0, 0.0, 0
+        for i in range(count):
+            if scratch.weight[i] > 0:
+                used += 1
+                square += scratch.residual[i] ** 2
+            if scratch.stuck[i] > 0:
+                stuck += 1.0
+                off += abs(scratch.residual[i])
+        made["used"] = used
+        made["holds_clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
+        made["time_s"] = time_s
+        made["time_se_s"] = noise * np.sqrt(step.shift_variance) / (height * omega)
+        made["omega_rad_s"] = omega
+        made["omega_se_rad_s"] = noise * np.sqrt(step.stretch_variance) / height * omega
+        made["height"] = step.height
+        made["offset"] = step.offset
+        made["misfit"] = np.sqrt(square / max(used, 1))
+
+
+@compiled
+def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, int]:
+    """Fills `scratch` with the samples of a `span`, thinned; how many, and how many are lost.
+
+    Their times too. Lost and stuck ones have no weight. Stuck are three or more in a row on the
+    channel's least or largest value. `span`: one SPAN.
+    """
+    first, stop, shift = span["first"], span["stop"], span["shift"]
+    samples, times, segments, sign = source.samples, source.times_s, source.segments, source.sign
+    stride = -(-(stop - first) // MOST_SAMPLES)
+    count = -(-(stop - first) // stride)
+    low, high = sign * source.low, sign * source.high
+    lost = extreme = 0
+    for i in range(count):
+        value = sign * samples[first + i * stride + shift]
+        there = np.isfinite(value)
+        scratch.value[i] = value
+        scratch.weight[i] = 1.0 if there else 0.0
+        scratch.stuck[i] = 0.0
+        lost += not there
+        extreme += (value == low) | (value == high)
+    if extreme > 2:
+        _without_stuck(count, low, high, scratch)
+    if times.size > 0:
+        for i in range(count):
+            scratch.time_s[i] = times[first + i * stride + shift]
+        return count, lost
+    i = 0
+    for k in range(segments.size):
+        begin, start_s = segments[k]["first"], segments[k]["start_s"]
+        period_s = segments[k]["period_s"]
+        end = segments[k + 1]["first"] if k + 1 < segments.size else np.inf
+        while i < count and first + i * stride < end:
+            scratch.time_s[i] = start_s + (first + i * stride - begin) * period_s
+            i += 1
+    return count, lost
+
+
+@compiled
+def _without_stuck(count: int, low: float, high: float, scratch: Scratch) -> None:
+    """Marks stuck samples and takes their weight."""
+    values = scratch.value
+    run = 0
+    for i in range(count):
+        on = values[i] in (low, high)
+        run = run + 1 if on and (run == 0 or values[i] == values[i - 1]) else (1 if on else 0)
+        if run >= 3:
+            scratch.stuck[i - 2 : i + 1], scratch.weight[i - 2 : i + 1] = 1.0, 0.0
+
+
+@compiled
+def _shapes(
+    count: int, time_s: float, omega: float, alpha: float, table: Records, window_rad: float,
+    scratch: Scratch,
+) -> None:  # fmt: skip
+    """Fills angle, template, its slope and scatter at each sample.
+
+    Linear between the points of `table` (g,), constant outside.
+    """
+    times, phis, shapes, slopes = scratch.time_s, scratch.phi, scratch.shape, scratch.slope
+    scale, most = (table.size - 1) / (2.0 * window_rad), table.size - 1.001
+    for i in range(count):
+        tau = times[i] - time_s
+        phi = (omega + 0.5 * alpha * tau) * tau
+        place = (phi + window_rad) * scale
+        place = place if place > 0.0 else 0.0
+        place = place if place < most else most
+        lower = int(place)
+        share, here, after = place - lower, table[lower], table[lower + 1]
+        phis[i] = phi
+        shapes[i] = here["value"] + share * (after["value"] - here["value"])
+        slopes[i] = here["slope"] + share * (after["slope"] - here["slope"])
+        scratch.scatter[i] = here["scatter"]
+
+
+@compiled
+def leave_rows(
+    source: Source, table: Records, window_rad: float, rows: Records, spans: Records,
+    found: Records, scratch: Scratch, phi: FloatArray, left: FloatArray,
+) -> int:  # fmt: skip
+    """What a template leaves of its passages, as shares of their heights; how many samples.
+
+    Fills `phi` [rad] and `left` (n MOST_SAMPLES,) with the samples that are there and lie within
+    the template, of all `rows` (n,) with `spans` and fits `found`. Offset, height and shift of a
+    row are those of its own samples. `table` (g,) of POINT over +-`window_rad`.
+    """
+    used = 0
+    for row in range(rows.size):
+        made = found[row]
+        count, _ = read_window(source, spans[row], scratch)
+        _shapes(
+            count, made["time_s"], made["omega_rad_s"], rows[row]["alpha_rad_s2"], table,
+            window_rad, scratch,
+        )  # fmt: skip
+        inside, value, shape, slope = 0, 0.0, 0.0, 0.0
+        for i in range(count):
+            scratch.weight[i] = 0.0
+            if abs(scratch.phi[i]) <= window_rad and np.isfinite(scratch.value[i]):
+                scratch.weight[i] = 1.0
+                inside += 1
+                value += scratch.value[i]
+                shape += scratch.shape[i]
+                slope += scratch.slope[i]
+        if inside < 1:
+            continue
+        value, shape, slope = value / inside, shape / inside, slope / inside
+        aa, ab, bb, av, bv = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(count):
+            if scratch.weight[i] > 0.0:
+                a, b, v = (
+                    scratch.shape[i] - shape,
+                    scratch.slope[i] - slope,
+                    scratch.value[i] - value,
+                )
+                aa, ab, bb, av, bv = aa + a * a, ab + a * b, bb + b * b, av + a * v, bv + b * v
+        # columns that cannot be told apart share what there is
+        aa, bb = aa * (1.0 + 1e-12) + 1e-300, bb * (1.0 + 1e-12) + 1e-300
+        determinant = aa * bb - ab * ab
+        by_a, by_b = (bb * av - ab * bv) / determinant, (aa * bv - ab * av) / determinant
+        for i in range(count):
+            if scratch.weight[i] > 0.0:
+                rest = scratch.value[i] - value
+                rest -= by_a * (scratch.shape[i] - shape) + by_b * (scratch.slope[i] - slope)
+                phi[used], left[used] = scratch.phi[i], rest / made["height"]
+                used += 1
+    return used
+
+
+@compiled
+def _step(count: int, hold: float, scratch: Scratch) -> TemplateFit:
+    """One Gauss-Newton step of the first `count` samples of a window.
+
+    Residuals of all samples that are there (0 for lost ones) go to `scratch`. The stretch is held
+    by `hold`, the inverse of its variance per noise variance; the other three have a prior too weak
+    to matter, for rows without samples.
+    """
+    values, weights, phis = scratch.value, scratch.weight, scratch.phi
+    shapes, slopes, residuals = scratch.shape, scratch.slope, scratch.residual
+    n00 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
+    for i in range(count):
+        if weights[i] > 0:
+            value, shape, slope = values[i], shapes[i], slopes[i]
+            bent = phis[i] * slope
+            n00 += 1.0
+            n10 += shape
+            n20 += slope
+            n30 += bent
+            n11 += shape * shape
+            n21 += slope * shape
+            n31 += bent * shape
+            n22 += slope * slope
+            n32 += bent * slope
+            n33 += bent * bent
+            r0 += value
+            r1 += value * shape
+            r2 += value * slope
+            r3 += value * bent
+    n33 += hold
+    weak = 1e-9 * (n00 + n11 + n22 + n33 + 1e-30)
+    solved = _solve(
+        (n00 + weak, n11 + weak, n22 + weak, n33 + weak),
+        (n10, n20, n30, n21, n31, n32),
+        (r0, r1, r2, r3),
+    )
+    a, b, c, d = solved.offset, solved.height, solved.shift, solved.stretch
+    for i in range(count):
+        residual = values[i] - (a + b * shapes[i] + (c + d * phis[i]) * slopes[i])
+        residuals[i] = residual if np.isfinite(residual) else 0.0
+    return solved
+
+
+@compiled
+def _solve(
+    diagonal: tuple[float, float, float, float],
+    below: tuple[float, float, float, float, float, float],
+    right: tuple[float, float, float, float],
+) -> TemplateFit:
+    """The solution of four normal equations, and two diagonal elements of the inverse.
+
+    The last two elements, by L D L'. `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is
+    a loop or a root: a fit waits for this.
+    """
+    n10, n20, n30, n21, n31, n32 = below
+    r0, r1, r2, r3 = right
+    i0 = 1.0 / diagonal[0]
+    l10, l20, l30 = n10 * i0, n20 * i0, n30 * i0
+    i1 = 1.0 / (diagonal[1] - l10 * n10)
+    n21 -= l20 * n10
+    n31 -= l30 * n10
+    l21, l31 = n21 * i1, n31 * i1
+    i2 = 1.0 / (diagonal[2] - l20 * n20 - l21 * n21)
+    n32 -= l30 * n20 + l31 * n21
+    l32 = n32 * i2
+    i3 = 1.0 / (diagonal[3] - l30 * n30 - l31 * n31 - l32 * n32)
+    r1 -= l10 * r0
+    r2 -= l20 * r0 + l21 * r1
+    r3 -= l30 * r0 + l31 * r1 + l32 * r2
+    d = r3 * i3
+    c = r2 * i2 - l32 * d
+    b = r1 * i1 - l21 * c - l31 * d
+    return TemplateFit(r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3)
+
+
+@compiled
+def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
+    """Whether any samples are wild; takes the weight off these.
+
+    Their residual leaves the mean of its neighbours', by more than theirs do, or they are not the
+    tire at all.
+    """
+    limit, foreign = (
+        max(WILD_SIGMAS * noise, WILD_SHARE * height),
+        max(WILD_SIGMAS * noise, FOREIGN_SHARE * height),
+    )
+    values, weights = scratch.value, scratch.weight
+    residuals, bends = scratch.residual, scratch.bend
+    most = 0.0
+    for i in range(count):
+        if scratch.stuck[i] > 0:
+            residuals[i] = 0.0
+        size = abs(residuals[i])
+        most = size if size > most else most
+    if (
+        most <= 0.5 * limit
+    ):  # no residual leaves its neighbours' mean by more than twice the largest
+        return False
+    bends[0] = bends[count - 1] = 0.0
+    for i in range(1, count - 1):
+        bend = abs(residuals[i] - 0.5 * (residuals[i - 1] + residuals[i + 1]))
+        bends[i] = bend if np.isfinite(values[i - 1] + values[i] + values[i + 1]) else 0.0
+    found = False
+    for i in range(count):
+        largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
+        usual = WILD_SCATTERS * height * scratch.scatter[i]
+        if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(
+            foreign, usual
+        ):
+            weights[i] = 0.0
+            found = True
+    return found
+
 
 #: knots over the template's window, and points of its table; twice as many knots follow edges
 #: twice as sharp, with half of the samples for each

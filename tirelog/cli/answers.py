@@ -1,0 +1,291 @@
+"""`tirelog compare | diagnose | form | ladder | propose LOG... --model M`: logs, model -> answer.
+
+Question (logs, model, options) --ask--> answer
+    --> remarks, picture, and the answer as a page, a table or JSON
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial, wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+
+from tirelog.cli import options
+from tirelog.cli.options import in_a_folder
+from tirelog.cli.session import Session, write_json
+from tirelog.errors import UsageError, refuse_unknown
+from tirelog.vocabulary.tables import COMPARE, ERRORS_BY
+
+if TYPE_CHECKING:
+    from tirelog.api.answers import MeasuredLogs
+    from tirelog.api.models import Model
+
+
+Answer = TypeVar("Answer")
+#: columns of `ladder --by-log`
+_BY_LOG = ("log", "parameter", "unit", "value", "se", "distance_km", "load_N")
+
+
+@dataclass(frozen=True)
+class Question:
+    """Logs, a model and the options that these commands have alike."""
+
+    logs: options.Logs
+    model: options.ModelFile
+    setup: options.SetupFile = None
+    output: options.Output = None
+    format: options.Format = None
+    quiet: options.Quiet = False
+    channel: options.ChannelName = None
+    effects: options.EffectsFile = None
+    plot: options.Plot = None
+
+    @property
+    def session(self) -> Session:
+        """The session that reads the logs and writes the answer."""
+        return Session(self.setup, self.quiet, self.output, self.format)
+
+    def answered(
+        self, session: Session, doing: str, ask: Callable[[MeasuredLogs, Model], Answer]
+    ) -> Answer:
+        """What is answered; a log that cannot be read is said and left out."""
+        from tirelog.api.answers import measure
+        from tirelog.api.models import load_model
+
+        read = load_model(self.model, effects=self.effects)
+        found = measure(session.recordings(self.logs), read, self.channel)
+        session.notes(found.notes)
+        with session.working() as line:
+            line.say(doing)
+            return ask(found, read)
+
+    def show(self, session: Session, answer: Any, remarks: Iterable[str], **how: str) -> None:
+        """What a reader should know first, said; and the picture, if one is asked for."""
+        session.notes(remarks)
+        if self.plot is not None:
+            session.notes(f"more is drawn in {beside}" for beside in answer.draw(self.plot, **how))
+
+
+def with_question(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the options of a Question, its first argument, before its own."""
+    asked = inspect.signature(Question, eval_str=True).parameters
+    _, *own = inspect.signature(command, eval_str=True).parameters.values()
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        question = Question(**{name: given.pop(name) for name in asked})
+        command(question, **given)
+
+    parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in (*asked.values(), *own)]
+    vars(run)["__signature__"] = inspect.Signature(parameters)  # which typer reads
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    del run.__wrapped__  # whose signature has the question
+    return run
+
+
+def write_answer(
+    session: Session,
+    name: str,
+    answer: Any,
+    page: Callable[[Any], None] | None = None,
+    rows: Sequence[Mapping[str, Any]] | None = None,
+    empty: Sequence[str] = (),
+) -> None:
+    """The answer as JSON, as a page if it has one, or as a table `name` of its rows, or others."""
+    if session.json:
+        write_json(answer.to_json(), session.output)
+    elif page is not None and session.paged:
+        page(answer)
+    else:
+        session.write_rows(name, [answer.rows() if rows is None else rows], empty)
+
+
+@with_question
+def compare(
+    asked: Question,
+    by: Annotated[
+        str | None,
+        typer.Option(
+            "--by",
+            help="A table by revolution, angle, speed, regime or conditions; with a [road] in the "
+            "setup by hit, time or frequency.",
+        ),
+    ] = None,
+    kind: Annotated[str, options.plot_kind(COMPARE)] = "page",
+) -> None:
+    """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
+    from tirelog.api import answers
+    from tirelog.cli.pages import comparison_page
+
+    options.refuse_kind_alone(kind, asked.plot)
+    if by is not None:
+        refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
+    with asked.session as session:
+        result = asked.answered(session, "fitting the model", answers.compare)
+        parts = None if by is None else result.by(by)
+        asked.show(session, result, result.notes, kind=kind)
+        if parts is None:
+            write_answer(session, "compare", result, comparison_page)
+        else:
+            session.write_rows("compare", parts)
+
+
+@with_question
+def diagnose(
+    asked: Question,
+    bootstrap: Annotated[
+        int,
+        typer.Option(
+            metavar="DRAWS",
+            help="Draw the manoeuvres anew so many times, and say how often each effect is named.",
+            min=0,
+            max=10000,
+        ),
+    ] = 0,
+    leave_one_out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="log|tire",
+            help="Diagnose without each log, or tire, in turn; say where the verdict changes.",
+        ),
+    ] = None,
+) -> None:
+    """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
+    from tirelog.api import answers
+    from tirelog.cli.pages import diagnosis_page
+
+    if leave_one_out not in (None, "log", "tire"):
+        raise UsageError(
+            f"--leave-one-out {leave_one_out}", allowed="allowed are log, tire", do="choose one"
+        )
+    with asked.session as session:
+        ask = partial(
+            answers.diagnose,
+            bootstrap=bootstrap,
+            leave_one_out=session.tires if leave_one_out == "tire" else bool(leave_one_out),
+            progress=session.say,
+        )
+        result = asked.answered(session, "diagnosing", ask)
+        to_repeat = answers.Asked(
+            tuple(asked.logs),
+            asked.setup,
+            asked.model,
+            channel=asked.channel,
+            effects=asked.effects,
+        )
+        result = replace(result, next_command=to_repeat.with_options(result.next_command))
+        asked.show(session, result, result.before.remarks)
+        write_answer(session, "diagnose", result, diagnosis_page)
+
+
+@with_question
+def form(asked: Question) -> None:
+    """Read the tire's contact pressure and stiffness out of its logs, with standard errors."""
+    from tirelog.api import answers
+
+    with asked.session as session:
+        result = asked.answered(session, "fitting the form", answers.tire_form)
+        asked.show(session, result, result.notes)
+        write_answer(session, "form", result)
+
+
+@with_question
+def ladder(
+    asked: Question,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            "--save", help="Write the model at the top of the ladder.", callback=in_a_folder
+        ),
+    ] = None,
+    propose: Annotated[
+        bool,
+        typer.Option(
+            "--propose",
+            help="Where the effects end above the floor: write down what is unknown, as `propose`.",
+        ),
+    ] = False,
+    by_log: Annotated[
+        bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")
+    ] = False,
+) -> None:
+    """Add effects one by one until nothing more is worth adding; one row per step."""
+    from tirelog.api import answers
+    from tirelog.api.models import refuse_another, save_model
+    from tirelog.cli.pages import ladder_bars
+
+    if save is not None:
+        refuse_another(save)
+    with asked.session as session:
+        ask = partial(answers.ladder, propose=propose, keep=asked.model, progress=session.say)
+        result = asked.answered(session, "climbing", ask)
+        if not asked.quiet:
+            ladder_bars(result)
+        asked.show(session, result, result.remarks)
+        if save is not None:
+            save_model(result.model, save)
+        rows = result.strengths_by_log if by_log else None
+        write_answer(session, "ladder", result, rows=rows, empty=_BY_LOG)
+
+
+def propose(
+    logs: options.Logs,
+    model: options.ModelFile,
+    setup: options.SetupFile = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Write the model with what is proposed; none if nothing is.",
+            callback=in_a_folder,
+        ),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help="json in place of the page.")
+    ] = None,
+    quiet: options.Quiet = False,
+    channel: options.ChannelName = None,
+    effects: options.EffectsFile = None,
+    plot: options.Plot = None,
+    despite: Annotated[
+        bool, typer.Option("--despite", help="Also if an effect of the catalogue explains it.")
+    ] = False,
+    shape: Annotated[
+        bool, typer.Option("--shape", help="A measured shape in any case, in place of formulas.")
+    ] = False,
+) -> None:
+    """Write down the unknown effect: formulas that remove it, or its measured shape."""
+    from tirelog.api import answers
+    from tirelog.api.models import refuse_another, save_model
+    from tirelog.cli.pages import proposal_page
+
+    if format not in (None, "json"):
+        raise UsageError(
+            f"--format {format}", allowed="json is allowed", do="give it, or leave it out"
+        )
+    if output is not None:
+        refuse_another(output)
+    question = Question(logs, model, setup, None, None, quiet, channel, effects, plot)
+    with question.session as session:
+        ask = partial(answers.propose, despite=despite, shape=shape, progress=session.say)
+        result = question.answered(session, "proposing", ask)
+        follows = ""
+        if result.status != "nothing":
+            question.show(session, result, ())
+            better = output or Path("BETTER.toml")
+            asked = answers.Asked(tuple(logs), setup, better, channel=channel, effects=effects)
+            follows = asked.command("compare", model=True)
+        elif unwritten := [str(path) for path in (output, plot) if path is not None]:
+            session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
+        if output is not None and result.model is not None:
+            save_model(result.model, output)
+        if format == "json":
+            write_json(result.to_json() | {"next_command": follows}, None)
+        else:
+            proposal_page(result, follows)

@@ -1,1 +1,0 @@
-"""Commands on logs, and those that make tables of them."""

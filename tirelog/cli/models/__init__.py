@@ -1,1 +1,0 @@
-"""Commands on models, and on what logs say of them."""

@@ -1,0 +1,467 @@
+"""A model against hits on obstacles: fit in time, comparison, what a motion tells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.optimize import least_squares, minimize_scalar
+
+from tirelog.data.recording import Conditions
+from tirelog.errors import ModelError, UsageError, or_refusal
+from tirelog.inference.fit.cells import descend, errors_of
+from tirelog.inference.measured import motion_names
+from tirelog.inference.obstacle_log import DISTURBED, WINDOW_S, TransientLog, around
+from tirelog.inference.stacks.align import split_turns
+from tirelog.physics.carcass.numbers import MOTION
+from tirelog.physics.model.model import Model
+from tirelog.physics.moving.road import road_of
+from tirelog.physics.moving.transient import (
+    Course,
+    Schedule,
+    Transient,
+    driven,
+    free_rolling_radius,
+)
+from tirelog.vocabulary.arrays import FloatArray
+
+# ---- When a hit happened, and what the model says of it.
+#
+# Four nuisance numbers per hit, found by least squares.
+#
+#     TransientLog, Model, rough time
+#         --one motion of the model--> readings over (time of the hit, phase of the sensor)
+#         --least squares--> Hit
+#
+# Nuisances: where the model's patch centre lies among the passages, from the steady revolutions
+# around (`alignment`); the time at which the wheel's centre stood over the obstacle's beginning
+# and a
+# shift of the wheel's angle, fitted to what the obstacle added as measured, D = y - T(phi), so
+# that a
+# misfit of the model's steady waveform does not move them; and the level. Speed and load are
+# those of
+# the revolutions around it.
+
+
+#: Nuisance numbers of a hit.
+NUISANCES = 4
+#: The patch centre of the model is sought this far [rad] from the passages, and compared at so
+#: many angles. Twice as far reaches shapes that lie on the wrong side of the patch.
+_ALIGNED_RAD, _ALIGNED_AT = 0.15, 1024
+#: Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for what
+#: the start leaves to die away; twice as much drives that metre more.
+_RUN_UP_M = 1.0
+#: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns]
+#: from the rough time; then beside the best few on a fine grid and unsmoothed. Twice as coarse a
+#: grid needs signals smoothed as much more; twice as many of the best take twice as long.
+_SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
+#: Angle [rad] from the patch centre within which the steady waveform is steep. Twice as much
+#: leaves an eighth less of the turn to find a hit's time by.
+_STEEP_RAD = 0.4
+#: Turns before and after the rough time between which the hit is sought. Twice as far takes in the
+#: passages before and after the one that was hit.
+_BEFORE, _AFTER = 1.25, 0.5
+#: Largest phase [rad] of a hit, either way. Twice as much lets a hit that the model does not
+#: describe be turned as far until it seems to.
+_PHASE_RAD = 0.2
+
+
+@dataclass(frozen=True)
+class Hit:
+    """One passage over the obstacle, its samples in the window after it, (m,).
+
+    since_s  time since the hit; measured, predicted (steady + added + level); added: what the
+             obstacle added as measured, missed: what
+    of it the model's does not cover
+    """
+
+    time_s: float
+    time_se_s: float
+    alignment_rad: float
+    phase_rad: float
+    level: float
+    speed_m_s: float
+    since_s: FloatArray
+    measured: FloatArray
+    predicted: FloatArray
+    added: FloatArray
+    missed: FloatArray
+    remarks: tuple[str, ...]
+
+
+def motion_at(
+    log: TransientLog, model: Model, rough_s: float, window_s: float
+) -> tuple[Transient, float]:
+    """(the model's motion over the obstacle, the time in it at which the hit happens).
+
+    At the speed and load around `rough_s`.
+    """
+    turn = 2.0 * np.pi / log.spin_rad_s
+    around = np.linspace(rough_s - 2.0 * turn, rough_s + window_s, 64)
+    around = around[(around >= log.time_s[0]) & (around <= log.time_s[-1])]
+    slope, spin = np.polyfit(around - rough_s, log.wheel.speed_rad_s(around), 1)
+    nearest = int(np.argmin(np.abs(log.conditions.time_s - (rough_s - 1.5 * turn))))
+    conditions = log.conditions.take(slice(nearest, nearest + 1))
+    load = float(conditions.load_N[0]) if conditions.known("load_N") else model.values["load_N"]
+    # the axle's speed at which the model's wheel turns as the log's does
+    radius = free_rolling_radius(
+        model, replace(conditions, speed_m_s=np.array([log.radius_m * spin]))
+    )
+    run_up = _RUN_UP_M / (radius * spin)
+    length = run_up + window_s + 0.02
+    speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
+    speed = (
+        Schedule((0.0, length), speeds)
+        if abs(slope) > 1e-2 * spin
+        else Schedule.constant(float(radius * spin))
+    )
+    folder = Path(log.folder).parent if log.folder else None
+    road = road_of(replace(log.road, spacing_m=None), _driven(speed, run_up), folder=folder)
+    return driven(model, conditions, Course(speed, Schedule.constant(load), road, length)), run_up
+
+
+def _driven(speed: Schedule, time_s: float) -> float:
+    """Distance [m] after `time_s` of a straight schedule."""
+    return 0.5 * (speed(0.0) + speed(time_s)) * time_s
+
+
+def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = WINDOW_S) -> Hit:
+    """The hit near `rough_s`, its nuisances fitted.
+
+    The window ends after `window_s` or with the log.
+    """
+    window_s = min(window_s, log.time_s[-1] - rough_s)
+    transient, reached = motion_at(log, model, rough_s, window_s)
+    return _fitted(log, transient, reached, rough_s, window_s)
+
+
+def view_of(
+    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
+) -> View:
+    """The samples from before to after the hit beside the motion."""
+    early = rough_s - _BEFORE * 2.0 * np.pi / log.spin_rad_s
+    rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
+    return View(
+        log, transient, reached, rows, alignment(log, transient.model, transient.conditions)
+    )
+
+
+def _fitted(
+    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
+) -> Hit:
+    turn = 2.0 * np.pi / log.spin_rad_s
+    view = view_of(log, transient, reached, rough_s, window_s)
+    times = np.arange(rough_s - _BEFORE * turn, rough_s + _AFTER * turn, _GRID_S)
+    best = _sought(view, times, max(round(_SMOOTH_S * log.rate_Hz), 1))
+
+    def left_at(x: FloatArray) -> FloatArray:
+        return view.left(best + 1e-3 * float(x[0]), float(x[1]))
+
+    bounds = ([-1.0, -_PHASE_RAD], [1.0, _PHASE_RAD])
+    found = least_squares(left_at, np.zeros(2), bounds=bounds, diff_step=[1e-3, 1e-3])
+    time, phase = best + 1e-3 * float(found.x[0]), float(found.x[1])
+    left = view.left(time, phase)
+    freedom = max(left.size - NUISANCES, 1)
+    slopes: FloatArray = np.asarray(found.jac, dtype=np.float64)
+    variance = float(left @ left) / freedom
+    error = 1e-3 * float(np.sqrt(variance * np.linalg.pinv(slopes.T @ slopes)[0, 0]))
+    return view.hit(time, error, phase, window_s)
+
+
+def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
+    """Angle [rad] of the model's patch where the passages are: its steady waveform laid on T."""
+    phi = np.linspace(-np.pi, np.pi, _ALIGNED_AT, endpoint=False)
+    measured = log.steady_at(phi, np.full(_ALIGNED_AT, log.spin_rad_s))
+    measured = measured - measured.mean()
+
+    def left(shift: float) -> float:
+        wave = model.predict(
+            conditions, np.mod(phi + shift + np.pi, 2.0 * np.pi) - np.pi, surface=log.surface
+        )[0]
+        return float(np.sum((measured - wave + wave.mean()) ** 2))
+
+    return float(
+        minimize_scalar(
+            left, bounds=(-_ALIGNED_RAD, _ALIGNED_RAD), method="bounded", options={"xatol": 1e-6}
+        ).x
+    )
+
+
+def _sought(view: View, times: FloatArray, width: int) -> float:
+    """The time [s] at which the model's answer is most like the measured one."""
+    # where the waveform is steep, a wheel that was turned a little off weighs more than the time of
+    # the hit
+    apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > _STEEP_RAD
+    losses = np.array(
+        [
+            np.sum(uniform_filter1d(view.left(float(time), 0.0) * apart, width) ** 2)
+            for time in times
+        ]
+    )
+    low = np.flatnonzero((losses <= np.roll(losses, 1)) & (losses <= np.roll(losses, -1)))
+    candidates = times[low[np.argsort(losses[low])[:_BEST]]]
+    near = np.arange(-2.0 * _GRID_S, 2.0 * _GRID_S, _FINE_S)
+    fine = (candidates[:, None] + near).ravel()
+    return float(
+        fine[int(np.argmin([np.sum((view.left(float(time), 0.0) * apart) ** 2) for time in fine]))]
+    )
+
+
+@dataclass(frozen=True)
+class View:
+    """The samples `rows` of a log beside a motion that meets the obstacle at `reached` [s]."""
+
+    log: TransientLog
+    transient: Transient
+    reached: float
+    rows: NDArray[np.bool_]
+    aligned_rad: float
+
+    def _angles(self, when: FloatArray, time_s: float, phase_rad: float) -> FloatArray:
+        """The wheel's angle among the passages at the samples, (m,), if the hit is at `time_s`.
+
+        Passages before and after tell it; between, where the obstacle disturbs them, it swings as
+        the model's does.
+        """
+        motion, turn = self.transient.motion, 2.0 * np.pi / self.log.spin_rad_s
+        begin, end = self.reached, min(self.reached + DISTURBED[1] * turn, motion.time_s[-1])
+        at = np.clip(when, begin, end)
+        psi = np.interp(at, motion.time_s, motion.psi_rad)
+        first, last = np.interp([begin, end], motion.time_s, motion.psi_rad)
+        swing: FloatArray = psi - first - (last - first) * (at - begin) / (end - begin)
+        return self.log.wheel.theta(when - self.reached + time_s) + phase_rad + swing
+
+    def _parts(
+        self, time_s: float, phase_rad: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(added by the model, steady as measured, motion's time, wheel's angle), (m,) each.
+
+        The angle is that among the passages.
+        """
+        when = self.log.time_s[self.rows] - time_s + self.reached
+        theta = self._angles(when, time_s, phase_rad)
+        added = self.transient.added(
+            self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface
+        )
+        added = np.where(when < self.transient.motion.time_s[0], 0.0, added)
+        spin = np.interp(when, self.transient.motion.time_s, self.transient.motion.omega_rad_s)
+        return added, self.log.steady_at(theta, spin), when, theta
+
+    def left(self, time_s: float, phase_rad: float) -> FloatArray:
+        """Measured less steady as measured less added by the model, without its mean, (m,)."""
+        added, steady, _, _ = self._parts(time_s, phase_rad)
+        left = self.log.values[self.rows] - steady - added
+        centred: FloatArray = left - left.mean()
+        return centred
+
+    def hit(self, time_s: float, error_s: float, phase_rad: float, window_s: float) -> Hit:
+        since = self.log.time_s - time_s
+        window = replace(self, rows=(since >= 0.0) & (since <= window_s))
+        added, steady, when, theta = window._parts(time_s, phase_rad)
+        measured = self.log.values[window.rows]
+        model = self.transient.at(
+            self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface
+        )
+        level = float(np.mean(measured - model))
+        off = self.log.off()[window.rows]
+        missed = measured - steady - added
+        return Hit(
+            time_s, error_s, self.aligned_rad, phase_rad, level,
+            float(self.transient.conditions.speed_m_s[0]), since[window.rows], measured,
+            model + level, off - off.mean(), missed - missed.mean(), self.transient.remarks,
+        )  # fmt: skip
+
+
+# ---- What a motion tells and the steady waveform does not.
+#
+# Masses, damping and bristles, fitted to the answers to obstacles.
+#
+#     TransientLogs, Model
+#         --the descent of every fit, over the free names of `carcass.numbers.MOTION`
+#           and (time, phase) of each hit--> Learned
+#
+# What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
+# tire of a wrong mass rings out of step with the measured one, so that the least error may be far
+# from the truth: the fit begins with the first moments after a hit, smoothed, and goes on to longer
+# and plain signals. Parameters that the steady waveform tells stay as they are.
+
+
+#: A hit is fitted for so long [s] after it, with signals smoothed over so long [s], one pair after
+#: the other. The first stages see the blow alone, before an error of a frequency has become one of
+#: phase; in stages twice as long it has become twice as large.
+_STAGES = ((0.03, 2e-3), (0.06, 1e-3), (0.12, 0.0), (0.2, 0.0))
+_WINDOW_S = _STAGES[-1][0]
+#: Steps of a stage at most, the share of the sum of squares that a further one has to gain, and
+#: the step of a parameter for its derivative, relative. Twice as many steps take twice as long;
+#: twice as long ones double what is not linear in a slope.
+_STEPS, _SETTLED, _STEP = 6, 1e-2, 0.02
+#: Steps of a hit's time [s] and phase [rad] for their derivatives; the descent moves them at most
+#: ten times as far at once.
+_NUISANCE_STEPS = (1e-4, 1e-3)
+
+
+@dataclass(frozen=True)
+class Learned:
+    """The model with values and errors of what was fitted.
+
+    With the error (rms, the observable's unit) before and after, and the hits used.
+    """
+
+    model: Model
+    names: tuple[str, ...]
+    before: float
+    after: float
+    hits: int
+
+
+@dataclass(frozen=True)
+class _Event:
+    """A hit: its log around it, rough time and window."""
+
+    log: TransientLog
+    rough_s: float
+    window_s: float
+
+    def view(self, model: Model, window_s: float) -> View:
+        """The log beside the motion, for so long after the hit, at most to the window's end."""
+        window_s = min(window_s, self.window_s)
+        motion = motion_at(self.log, model, self.rough_s, window_s)
+        return view_of(self.log, *motion, self.rough_s, window_s)
+
+
+def learn_motion(logs: Sequence[TransientLog], model: Model) -> Learned:
+    """The free parameters of `motion_names` fitted to all hits.  UsageError if none is free."""
+    names = motion_names(model)
+    if not names:
+        raise UsageError(
+            "no free parameter that a motion tells",
+            allowed=f"allowed are {', '.join(MOTION)}",
+            do="free one in the model file",
+        )
+    problem = _Hits(model, names, *_events(logs, model))
+    theta = problem.start
+    begun = problem.residual(theta)
+    low, high = problem.bounds
+    for stage in _STAGES:
+        problem.stage = stage
+        reached = descend(problem, theta, low, high, problem.sizes, steps=_STEPS, settled=_SETTLED)
+        theta = reached.theta
+    left = problem.residual(theta)
+    slopes = problem.slopes(theta, np.ones(theta.size))
+    known = errors_of(slopes, _variance(left, theta.size))
+    count = len(names)
+    errors = {n: s for n, s in zip(names, known.se[:count].tolist()) if np.isfinite(s)}
+    fitted = model.with_values(dict(zip(names, theta[:count].tolist())), se=errors)
+    return Learned(fitted, names, _rms(begun), _rms(left), len(problem.events))
+
+
+def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], FloatArray]:
+    """All hits, and time and phase of each by the model as it is, (h, 2)."""
+    events, nuisances = [], []
+    for log in logs:
+        for i, rough in enumerate(log.hits_s):
+            window = float(
+                min(
+                    [_WINDOW_S, *(log.hits_s[i + 1 : i + 2] - rough - 0.02), log.time_s[-1] - rough]
+                )
+            )
+            near = around(log, float(rough))
+            hit = fit_hit(near, model, float(rough), window)
+            events.append(_Event(near, hit.time_s, window))
+            nuisances.append((hit.time_s, hit.phase_rad))
+    return events, np.array(nuisances)
+
+
+class _Hits:
+    """All hits as one problem of least squares.
+
+    theta is the parameters, then time and phase of each hit; `stage` is how long after a hit and
+    how smooth.
+    """
+
+    def __init__(
+        self, model: Model, names: tuple[str, ...], events: Sequence[_Event], nuisances: FloatArray
+    ) -> None:
+        self.model, self.names, self.events = model, names, events
+        self.start = np.concatenate([[model.values[n] for n in names], nuisances.ravel()])
+        self.stage = _STAGES[-1]
+        self._seen: tuple[tuple[bytes, float], list[View]] = (b"", 0.0), []
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Those of the parameters; a hit's time and phase have none."""
+        parameters = [self.model.parameters[name] for name in self.names]
+        free = np.full(self.start.size - len(parameters), np.inf)
+        return (
+            np.concatenate([[p.min for p in parameters], -free]),
+            np.concatenate([[p.max for p in parameters], free]),
+        )
+
+    def sizes(self, theta: FloatArray) -> FloatArray:
+        own = [max(abs(v), 0.3 * abs(self.model.parameters[n].probe)) for n, v in self._own(theta)]
+        hits = (theta.size - len(own)) // 2
+        return np.concatenate([own, np.tile(10.0 * np.array(_NUISANCE_STEPS), hits)])
+
+    def residual(self, theta: FloatArray) -> FloatArray:
+        return self._left(self._views(theta), theta)
+
+    def square(self, theta: FloatArray) -> float:
+        left = or_refusal(self.residual)(theta)
+        return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
+
+    def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
+        views, columns = self._views(theta), []
+        left = self._left(views, theta)
+        for i, (name, value) in enumerate(self._own(theta)):
+            step = _STEP * max(abs(value), 0.1 * abs(self.model.parameters[name].probe))
+            step = -step if value + step > self.model.parameters[name].max else step
+            moved = theta + step * (np.arange(theta.size) == i)
+            columns.append((left - self._left(self._made(moved), moved)) / step)
+        for i in range(len(self.names), theta.size):
+            step = _NUISANCE_STEPS[(i - len(self.names)) % 2]
+            moved = theta + step * (np.arange(theta.size) == i)
+            columns.append((left - self._left(views, moved)) / step)
+        return np.stack(columns, axis=1) * size
+
+    def _own(self, theta: FloatArray) -> list[tuple[str, float]]:
+        return list(zip(self.names, theta.tolist()))
+
+    def _views(self, theta: FloatArray) -> list[View]:
+        """The motions at the parameters, which take long: those of the last point are kept."""
+        key = theta[: len(self.names)].tobytes(), self.stage[0]
+        if self._seen[0] != key:
+            self._seen = key, self._made(theta)
+        return self._seen[1]
+
+    def _made(self, theta: FloatArray) -> list[View]:
+        model = self.model.with_values(dict(self._own(theta)))
+        return [event.view(model, self.stage[0]) for event in self.events]
+
+    def _left(self, views: Sequence[View], theta: FloatArray) -> FloatArray:
+        """What the model misses at all hits within the stage, one after the other, (N,)."""
+        parts = []
+        for view, (time, phase) in zip(views, theta[len(self.names) :].reshape(-1, 2)):
+            left = view.left(float(time), float(phase))
+            width = round(self.stage[1] * view.log.rate_Hz)
+            parts.append(uniform_filter1d(left, width) if width > 1 else left)
+        return np.concatenate(parts)
+
+
+def _variance(left: FloatArray, fitted: int) -> float:
+    """Variance [unit^2] that one value of `left` (N,) counts with.
+
+    After so many numbers are fitted; what is missed is taken for noise, correlated as it is.
+    """
+    spectrum = np.abs(np.fft.rfft(left, 2 * left.size)) ** 2
+    covariance = np.fft.irfft(spectrum)[: left.size]
+    fades = int(np.argmax(covariance <= 0.0)) or left.size
+    together = 2.0 * float(np.sum(covariance[:fades])) / float(covariance[0]) - 1.0
+    return float(left @ left) / max(left.size - fitted, 1) * together
+
+
+def _rms(left: FloatArray) -> float:
+    return float(np.sqrt(np.mean(left**2)))

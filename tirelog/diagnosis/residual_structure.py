@@ -1,0 +1,651 @@
+"""What is left after the last step, in physical words.
+
+Where, even or odd, what it follows, at which exponent of speed or fixed frequency.
+
+    projected whitened residual against families of columns:
+        (what a cell is driven under: 1, (v/20)^e for a few e, acceleration, time, load, distance,
+        water) x (free shapes over the angle)    -> the family with the largest T describes it
+        (v/20)^e x (free shapes over the time since the exit edge): what stands still there moves
+        over the angle as the speed changes, and no shape over the angle repeats it
+        rings after the exit edge at a fixed frequency in time, or at a fixed wavelength along the
+        tread                                    -> which of the two
+
+Significance by the same sign flips of manoeuvres, the largest over families; size by the held-out
+removal of the best family.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes a second to import
+
+from tirelog.apart import made_apart
+from tirelog.diagnosis.agreement import contributions
+from tirelog.diagnosis.candidates.assessment import (
+    Scores,
+    flip_test,
+    gain_and_error,
+    nuisance,
+    surely_gains,
+)
+from tirelog.diagnosis.candidates.signatures import even_share, hats, hats_on, with_candidate
+from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base, TogetherBase, apart, change_to, thinned
+from tirelog.inference.cells.together import model_of
+from tirelog.inference.floor import held_out_losses
+from tirelog.inference.metric import ProjectedOut, per_group, side_by_side
+from tirelog.inference.scatter import load_derivative
+from tirelog.physics.effects import Drive, Effect, Site
+from tirelog.physics.effects.base import Values
+from tirelog.physics.pressure import bell
+from tirelog.physics.spectral import ComplexArray, Parameter
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
+
+# ---- What a rest may go with: everything that a cell is driven under, and which of it moves
+# together.
+#
+# Base -> factors by name, (C,) each: powers of the speed, conditions that vary, single logs
+
+
+#: exponents of speed that are tested: each is one more candidate for chance
+EXPONENTS = (0.0, 1.0, 2.0)
+#: single logs that a remainder may follow: each is one more factor that may fit by chance; the
+#: family-wise p counts them all, so that twice as many ask more of each
+MOST_LOGS = 4
+#: a quantity is named in place of a log from this share of its statistic on; half as much would
+#: name a quantity that explains half of what the log does
+_NAMED_FIRST = 0.95
+#: two quantities that move together beyond this correlation are not told apart: a fifth of the one
+#: in size is its own then; at 0.96 it would be 28 %
+_TOGETHER = 0.98
+#: a rest is looked at over powers of the speed, and over the size of what has a sign
+SPEED = CONDITIONS["speed_m_s"].symbol
+SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
+
+
+def factors_of(base: Base) -> dict[str, FloatArray]:
+    """What a cell is driven under, (C,) each, by name; what does not vary is left out."""
+    c = base.cells.conditions
+    result = {f"{SPEED}^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
+    if base.fit.stuck:  # no parameter takes a level beside what follows speed
+        result |= {name: x - x.mean() for name, x in result.items() if np.ptp(x) > 0.0}
+    for name, condition in CONDITIONS.items():
+        values = getattr(c, name)
+        if condition.symbol == SPEED:
+            continue  # by its powers, above
+        if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
+            result[condition.symbol] = (
+                values - (0.0 if condition.signed else values.mean())
+            ) / np.abs(values).max()
+    logs = np.unique(base.cells.log)
+    for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
+        result[f"log {number}"] = (base.cells.log == number) - float(
+            np.mean(base.cells.log == number)
+        )
+    return result
+
+
+def best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
+    """The factor that explains most.
+
+    A quantity is preferred to the log itself if it explains nearly as much.
+    """
+    best = int(np.argmax(statistic))
+    names = list(factors)
+    if names[best].startswith("log "):
+        near = [
+            i
+            for i, name in enumerate(names)
+            if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]
+        ]
+        best = max(near, key=lambda i: statistic[i]) if near else best
+    return best
+
+
+def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
+    """Other quantities that went along with the factor `name` in these cells.
+
+    It could be any of them.
+    """
+    mine = factors[name]
+    if name.startswith(SPEED) or np.ptp(mine) == 0.0:
+        return ()
+    others = [
+        n
+        for n, x in factors.items()
+        if n != name and not n.startswith((SPEED, "log ")) and np.ptp(x) > 0.0
+    ]
+    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
+
+
+# ---- Free shapes of the contact pressure as columns of the observable.
+#
+# What a cause in the patch looks like through the carcass.
+#
+#     bells on the patch, one after the other -> the model's own response to each -> columns (C,
+#     m, k)
+#
+# A carcass answers a pressure the more the faster it rolls (the beam near its critical speed
+# doubles
+# it), so an exponent of speed that is read off the strain is not that of a cause in the patch. If
+# these few columns explain as much as free shapes of the strain do, they tell the exponent.
+
+
+#: centres over L, width over L, height over the mean pressure
+_CENTRES = np.linspace(-1.8, 1.8, 19)
+#: half of it leaves gaps between the centres, twice as much tells neighbours apart half as well
+_WIDTH = 0.15
+#: twice as much doubles the share of the response that is not linear in it
+_HEIGHT = 0.02
+
+
+def _probe(centre: float) -> Effect:
+    """A bell of pressure at `centre` (over L)."""
+
+    def pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
+        height = v["height"] * site.mean_pressure
+        return bell(height, centre * site.half_length_m, _WIDTH * site.half_length_m, site.radius_m)
+
+    return Effect(
+        id="probe",
+        mechanism="a bell of pressure",
+        follows=(),
+        acts_on=("contact_pressure",),
+        parameters=(
+            Parameter(
+                "height", "1", "height over the mean pressure", 0.0, -1.0, 1.0, probe=_HEIGHT
+            ),
+        ),
+        strength=("height",),
+        source="",
+        valid="",
+        signature="",
+        pressure=pressure,
+    )
+
+
+def pressure_columns(base: Base) -> FloatArray | None:
+    """Changes of the prediction by a bell of pressure at each place of the patch, (C, m, 19).
+
+    None if the model cannot be computed with one of them.
+    """
+    changes = []
+    for centre in _CENTRES:
+        pressed = with_candidate(base.model, _probe(float(centre)), {"height": _HEIGHT})
+        change = change_to(base, pressed)
+        if isinstance(change, ModelError):
+            return None
+        changes.append(change / _HEIGHT)
+    return np.stack(changes, axis=-1)
+
+
+#: exponents of speed that describe what was found, to half a power
+FINE_EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+#: ring-downs behind the exit edge that are tried: fixed frequencies [Hz] or wavelengths [m], and
+#: how soon they decay, in time [s] or along the tread [m]
+_FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
+_WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
+_DECAYS_S = (0.008, 0.02)
+_DECAYS_M = (0.1, 0.3)
+#: a ringing turns so often before it has fallen to 1/e: with half of it a single bump would be one
+_TURNS = 1.0
+#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what is left:
+#: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
+_RINGS_MORE = 1.15
+_RINGS_SHARE = 0.35
+#: share of the energy that makes a parity: the other one is then a third as large.  With twice the
+#: rest it may be half as large; of a shape on one side alone both are equal
+_PARITY = 0.9
+#: half lengths of the patch within which a shape belongs to the patch (even or odd), or to the edge
+#: of its side (a wake is longer)
+_NEAR = 3.5
+_WAKE = 6.0
+#: cells that a ring-down is looked for in: the time goes with their number
+_SOME_CELLS = 24
+#: share of what both sides explain that one side alone must, and its ratio to the other side's;
+#: half as much would call a shape of both sides one-sided if one of them is the larger
+_ONE_SIDED = 0.93
+_MORE = 1.03
+#: a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave none
+_ONE_SIGN = 0.8
+
+
+#: nodes of free shapes over the time since the exit edge [s]: as many as over the angle; half as
+#: close, a ringing of 150 Hz would have three to a period and not six
+_TIMES_S = np.r_[0:0.03:0.001, 0.03:0.06:0.003, 0.06:0.42:0.02]
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What a free shape still explains in the residual.
+
+    `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
+    change of the contact pressure explains it best, `in_time` if a shape over the time since the
+    exit edge does; `shape` (m,) the residual's leading one over
+    `phi_rad` (m,). `observable`: of several fitted together the one that it is told of;
+    `contradicts`: nothing repeats within that one, but it contradicts the others.
+    """
+
+    significant: bool
+    p: float
+    size: float
+    where: str | None
+    parity: str | None
+    follows: str | None
+    speed_exponent: float | None
+    frequency_Hz: float | None
+    shape: FloatArray
+    phi_rad: FloatArray
+    in_pressure: bool = False
+    together: tuple[str, ...] = ()
+    observable: str | None = None
+    contradicts: bool = False
+    in_time: bool = False
+
+
+def _describe_several(base: TogetherBase) -> Leftover:
+    """The rest of the observable in which it is largest."""
+    parts = apart(base)
+    found = [describe(part) for part in parts]
+    share = [part.plain.weight / base.plain.weight for part in parts]
+    sizes = [
+        left.size / part.floor.square * part_share
+        for left, part, part_share in zip(found, parts, share, strict=True)
+    ]
+    # one test for each observable
+    found = [
+        replace(left, p=min(left.p * len(parts), 1.0), significant=left.significant)
+        for left in found
+    ]
+    told = [i for i, left in enumerate(found) if left.significant]
+    if told:
+        most = max(told, key=lambda i: sizes[i])
+        return replace(
+            found[most], size=sum(sizes[i] for i in told), observable=parts[most].cells.label
+        )
+    against = max(contributions(base), key=lambda one: one.size * one.contradicts)
+    most = int(np.argmax(sizes))
+    if not against.contradicts:
+        return replace(found[most], size=sizes[most])
+    at = [part.cells.label for part in parts].index(against.observable)
+    return replace(
+        found[at],
+        significant=True,
+        p=against.p,
+        size=against.size * share[at],
+        observable=against.observable,
+        contradicts=True,
+    )
+
+
+def _shapes(base: Base) -> FloatArray:
+    """Free shapes over the angle, (C, m, k)."""
+    phi = base.cells.phi
+    return hats(phi) if phi.shape[1] > 1 else np.ones((*phi.shape, 1))
+
+
+def _late_shapes(base: Base) -> FloatArray:
+    """Free shapes over the time since the exit edge, (C, m, k)."""
+    since = _behind_m(base) / base.cells.conditions.speed_m_s[:, None]
+    return hats_on(since, _TIMES_S[: int(np.searchsorted(_TIMES_S, since.max())) + 1])
+
+
+def _behind_m(base: Base) -> FloatArray:
+    """How far the tread has come since the exit edge, (C, m) [m]."""
+    radius = base.model.values["radius_m"]
+    after = (np.nan_to_num(base.cells.phi, nan=-1.0) - half_angle(base)) * radius
+    behind: FloatArray = np.where(after > 0, after, after + 2.0 * np.pi * radius)
+    return behind
+
+
+def _score(
+    base: Base,
+    taken: ProjectedOut,
+    residual: FloatArray,
+    columns: FloatArray,
+    factor: FloatArray | float = 1.0,
+) -> Scores:
+    """Evidence for factor x columns, (C, m, k).
+
+    Free shapes are many, so some columns are projected at a time.
+    """
+    left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
+    flat = left.reshape(-1, left.shape[-1])
+    return Scores(
+        per_group((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre),
+        flat.T @ flat,
+    )
+
+
+def _scores(
+    base: Base,
+    taken: ProjectedOut,
+    residual: FloatArray,
+    columns: FloatArray,
+    factors: Sequence[FloatArray],
+) -> list[Scores]:
+    """Evidence for each factor x columns, as far as there are processes side by side."""
+    return made_apart([partial(_score, base, taken, residual, columns, f) for f in factors])
+
+
+def describe(base: Base) -> Leftover:
+    """The rest that this fit leaves.
+
+    Of several observables it is told of the one in which it is largest, its size in floors of all.
+    """
+    if isinstance(base, TogetherBase):
+        return _describe_several(base)
+    cells = base.cells
+    taken = nuisance(base)
+    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    factors, free = factors_of(base), _shapes(base)
+    scores = _scores(base, taken, residual, free, [f[:, None, None] for f in factors.values()])
+    by_speed = [name for name in factors if name.startswith(SPEED) and cells.phi.shape[1] > 1]
+    if by_speed:
+        late = _late_shapes(base)
+        by = [factors[name][:, None, None] for name in by_speed]
+        scores += _scores(base, taken, residual, late, by)
+        del late
+    statistic, p = flip_test(scores, cells.manoeuvres)
+    best = best_factor(factors, statistic[: len(factors)])
+    name = list(factors)[best]
+    most_late = int(np.argmax(statistic[len(factors) :])) if by_speed else 0
+    in_time = bool(by_speed and statistic[len(factors) + most_late] > statistic[best])
+    if in_time:
+        best, name = len(factors) + most_late, by_speed[most_late]
+        free = _late_shapes(base)
+    together = gone_along(factors, name)
+    free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
+    held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
+    gain, error = gain_and_error(base.held_white, held_white)
+    size = float((base.held_plain - held_plain).sum()) / base.plain.weight
+    shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
+    if (
+        p[best] > ALARM_P
+        or not surely_gains(gain, error, float(p[best]), base.share(size))
+        or size < LEAST_SHARE_OF_FLOOR * base.floor.square
+    ):
+        return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
+    free = _late_shapes(base) if in_time else _shapes(base)
+    exponent, in_pressure = (
+        _exponent(base, taken, residual, free, pressed=not in_time)
+        if name.startswith(SPEED) and not _crosses_zero(base)
+        else (None, False)
+    )
+    if cells.phi.shape[1] == 1:
+        return Leftover(
+            True,
+            float(p[best]),
+            size,
+            None,
+            None,
+            "nothing" if exponent == 0.0 else name.split("^")[0],
+            exponent,
+            None,
+            shape,
+            phi,
+            together=together,
+        )
+    where, parity = place_and_parity(base, shape, phi)
+    if in_time:
+        where, parity = "exit", "mixed"
+    side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
+    where, parity = (side, "mixed") if side else (where, parity)
+    follows = "nothing" if exponent == 0.0 else name.split("^")[0]
+    return Leftover(
+        True,
+        float(p[best]),
+        size,
+        where,
+        parity,
+        follows,
+        exponent,
+        _frequency(base),
+        shape,
+        phi,
+        in_pressure,
+        together,
+        in_time=in_time,
+    )
+
+
+def _exponent(
+    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray, *, pressed: bool
+) -> tuple[float, bool]:
+    """The exponent of speed with which free shapes explain most.
+
+    Also, if `pressed` is asked, whether these are shapes of the pressure rather than of the
+    observable.
+    """
+    speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
+
+    def explained(columns: FloatArray) -> list[float]:
+        return [
+            _explained(one)
+            for one in _scores(base, taken, residual, columns, [speed**e for e in FINE_EXPONENTS])
+        ]
+
+    # one after the other in memory
+    bells = pressure_columns(base) if pressed and free.shape[-1] > 1 else None
+    by_pressure = [] if bells is None else explained(bells)
+    del bells
+    by_shape = explained(free)
+    in_pressure = max(by_pressure, default=-1.0) >= max(by_shape)
+    best = by_pressure if in_pressure else by_shape
+    return FINE_EXPONENTS[int(np.argmax(best))], in_pressure
+
+
+def _crosses_zero(base: Base) -> bool:
+    """Is what is left of a number per revolution now above, now below zero?
+
+    What follows the speed but for a level that a parameter takes grows with no power of it.
+    """
+    cells = base.cells
+    if cells.phi.shape[1] > 1:
+        return False
+    left = base.plain(np.nan_to_num(cells.values - base.fit.prediction))
+    return bool(abs(left.sum()) < _ONE_SIGN * np.abs(left).sum())
+
+
+def _one_side(
+    base: Base, taken: ProjectedOut, residual: FloatArray, free: FloatArray, exponent: float
+) -> str | None:
+    """'entry' or 'exit' if shapes on that side alone explain what both sides do.
+
+    The base parameters are free. Patch length, shift and stiffness make a one-sided cause look
+    two-sided once they are fitted; the question takes that back.
+    """
+    reach, phi = _WAKE * half_angle(base), np.nan_to_num(base.cells.phi)
+    factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
+
+    def explains(low: float, high: float) -> float:
+        return _explained(
+            _score(base, taken, residual, free, factor * ((phi >= low) & (phi <= high))[..., None])
+        )
+
+    both, sides = (
+        explains(-reach, reach),
+        {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)},
+    )
+    best, other = sorted(sides, key=lambda name: -sides[name])
+    return best if sides[best] > _ONE_SIDED * both and sides[best] > _MORE * sides[other] else None
+
+
+def _explained(score: Scores) -> float:
+    """T squared: whitened sum of squares that the columns explain."""
+    return float(((score.scores.sum(axis=0) @ score.root()) ** 2).sum())
+
+
+def leading_shape(base: Base) -> FloatArray:
+    """The residual's leading shape over the angle, (m,).
+
+    In the observable's unit at the cell where it is largest.
+    """
+    residual = base.plain(np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside))
+    size, strength, shape = np.linalg.svd(residual, full_matrices=False)
+    scale = (
+        strength[0] * np.abs(size[:, 0] / np.maximum(base.plain.weights.max(axis=1), 1e-300)).max()
+    )
+    sign = np.sign(size[np.argmax(np.abs(size[:, 0])), 0])
+    shape_found: FloatArray = sign * scale * shape[0]
+    return shape_found
+
+
+def half_angle(base: Base) -> float:
+    """L / R [rad] of the model's patch, mean over cells."""
+    model, conditions = base.model, base.cells.conditions
+    if model.beside:
+        model = model_of(model, base.cells.observable, base.cells.member)
+    return float(np.mean(model.half_length_m(conditions))) / model.values["radius_m"]
+
+
+def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[str, str]:
+    """(entry, patch, exit or away; even, odd or mixed) of a shape (m,) at angles (m,).
+
+    What is far from the patch is away; what is as strong on one side as on the other belongs to the
+    patch, else to the edge of its side.
+    """
+    edge = half_angle(base)
+    energy = shape**2
+    total = energy.sum() + 1e-300
+    even = even_share(shape, phi)
+    parity = "even" if even > _PARITY else "odd" if even < 1.0 - _PARITY else "mixed"
+    if energy[np.abs(phi) > (_WAKE if parity == "mixed" else _NEAR) * edge].sum() > 0.5 * total:
+        return "away", parity
+    if parity != "mixed" or energy[np.abs(phi) < 0.6 * edge].sum() > 0.5 * total:
+        return "patch", parity
+    return (
+        "exit" if energy[phi > 0.6 * edge].sum() > energy[phi < -0.6 * edge].sum() else "entry"
+    ), parity
+
+
+def _frequency(base: Base) -> float | None:
+    """The frequency [Hz] of a ring-down after the exit edge.
+
+    Only if a fixed frequency in time explains more than a fixed wavelength.
+    """
+    base = thinned(base, _SOME_CELLS)
+    cells = base.cells
+    taken = nuisance(base)
+    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    behind = _behind_m(base)
+    since = behind / cells.conditions.speed_m_s[:, None]
+    factor = (cells.conditions.speed_m_s / 20.0)[:, None, None]
+
+    def best(
+        numbers: FloatArray, phase: FloatArray, decays: tuple[float, ...]
+    ) -> tuple[float, float]:
+        found = []
+        for number in numbers:
+            for decay in decays:
+                if decays is _DECAYS_S and number * decay < _TURNS:
+                    continue
+                turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
+                wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
+                found.append(
+                    (
+                        _explained(
+                            _score(
+                                base,
+                                taken,
+                                residual,
+                                np.concatenate([wave, factor * wave], axis=-1),
+                            )
+                        ),
+                        float(number),
+                    )
+                )
+        return max(found)
+
+    in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)
+    in_space, _ = best(1.0 / _WAVELENGTHS_M, behind, _DECAYS_M)
+    if in_time < _RINGS_MORE * in_space or in_time < _RINGS_SHARE * float((residual**2).sum()):
+        return None
+    return best(np.linspace(0.92, 1.08, 17) * frequency, since, _DECAYS_S)[1]
+
+
+# ---- What is left that does not repeat: its size, whether a load looks like it, what it goes with.
+
+
+#: share of what is left that one shape must make up to be said, and rank correlation over
+#: manoeuvres of its size with what it is said to follow: so much, and more than chance gives with
+#: this probability on either side (a dozen factors are looked at); doubling either says nothing
+_ONE_SHAPE = 0.5
+_FOLLOWS = 0.5
+_FOLLOWS_P = 0.00135
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """What does not repeat.
+
+    Its root mean square `size` in the observable's unit, whether it looks like a load that
+    changes, and the quantity with which it is large ("" if none), growing with it or falling, and
+    what went along with that.
+    """
+
+    size: float
+    like_load: bool
+    follows: str
+    grows: bool
+    together: tuple[str, ...] = ()
+
+
+def _scattered_several(base: TogetherBase) -> Scattered:
+    """That of the observable that is farthest above its floor, in floors."""
+    parts = apart(base, held_by_all=True)
+    worst = max(parts, key=lambda part: part.square_held / part.floor.square)
+    found = scattered(worst, worst.floor.square)
+    return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
+
+
+def scattered(base: Base, floor_square: float) -> Scattered:
+    """Size and course of what is left beside the floor.
+
+    If only chi-square tells of it, the size is that of cell means.
+    """
+    if isinstance(base, TogetherBase):
+        return _scattered_several(base)
+    plain, cells = base.plain, base.cells
+    beyond = max(
+        base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
+    )
+    left = plain(np.nan_to_num(cells.values - base.fit.prediction - base.fit.beside))
+    square = (left**2).sum(axis=1)
+    load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
+    along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
+    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
+    factors, best, name = factors_of(base), 0.0, ""
+    number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
+    sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
+    if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
+        sizes.append(left[:, 0])
+    ranked = [_ranks(np.bincount(cells.manoeuvre, size) / number) for size in sizes]
+    least = max(_FOLLOWS, _least_rank(cells.manoeuvres))
+    for factor, values in factors.items():
+        mean = np.bincount(cells.manoeuvre, np.abs(values) if factor in SIGNED else values) / number
+        if np.ptp(mean) > 0.0:
+            for of_size in ranked:
+                rank = float(np.corrcoef(of_size, _ranks(mean))[0, 1])
+                if abs(rank) > max(abs(best), least):
+                    best, name = rank, factor
+    together = gone_along(factors, name) if name else ()
+    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
+
+
+def _least_rank(manoeuvres: int) -> float:
+    """Rank correlation that manoeuvres which follow nothing reach with `_FOLLOWS_P`."""
+    if manoeuvres < 3:
+        return 1.0
+    t = float(stdtrit(manoeuvres - 2, 1.0 - _FOLLOWS_P))
+    return float(t / np.sqrt(manoeuvres - 2 + t**2))
+
+
+def _ranks(x: FloatArray) -> FloatArray:
+    return np.unique(x, return_inverse=True)[1].astype(float)

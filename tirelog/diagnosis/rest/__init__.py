@@ -1,1 +1,0 @@
-"""What the best model still leaves, in physical words."""

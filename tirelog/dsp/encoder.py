@@ -1,0 +1,239 @@
+"""The 48-step encoder: pulses to teeth, tooth errors, and the angle of the wheel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.data.recording import Channel
+from tirelog.dsp.encoder_kernels import finite
+from tirelog.kernels import compiled
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+# ---- The wheel angle as a smooth function of time.
+#
+#     knots (n,) with angle and rate
+#         --Hermite--> angle at any time, time at any angle, mean rate over a window
+#
+# Angles grow in the direction of rolling. Between knots the angle is the cubic that has both knots'
+# angles and rates, so it is continuous with its rate.
+
+
+#: counts worked on at once
+PIECE = 1 << 15
+
+
+@compiled
+def _hermite(
+    at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray
+) -> None:
+    """Fills `result` (n,) with the cubics' angles [rad] at the times `at` (n,) [s].
+
+    These are in any order; NaN outside of the knots. Ascending times are quickest. Knots (k,):
+    `time` [s], ascending, `count` times `unit` [rad], `rate` [rad/s].
+    """
+    n, k = time.size, 0
+    low = high = np.nan
+    start = first = second = third = angle = 0.0
+    for i in range(at.size):
+        t = at[i]
+        if not low <= t < high:
+            if not time[0] <= t <= time[n - 1]:
+                result[i] = np.nan
+                continue
+            if k + 2 < n and time[k + 1] <= t < time[k + 2]:
+                k += 1
+            else:
+                k = min(np.searchsorted(time, t, side="right") - 1, n - 2)
+            low, high = time[k], time[k + 1]
+            start, angle, first, last = (
+                low,
+                count[k] * unit,
+                np.float64(rate[k]),
+                np.float64(rate[k + 1]),
+            )
+            h = high - low if high > low else 1.0
+            mean = (count[k + 1] - count[k]) * unit / h
+            second, third = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+        s = t - start
+        result[i] = angle + s * (first + s * (second + s * third))
+
+
+@dataclass(frozen=True)
+class AngleFunction:
+    """Knots of the wheel angle, shape (n,).
+
+    `time_s` ascending, `count` in units of `unit_rad`, `rate_rad_s`, `stretch` the run without a
+    loss of the count; `noise_rad` standard deviation of an angle read from it. The types are small:
+    an hour has millions of knots.
+
+    The edges of pulses and counts lie between two samples, so such errors grow with the speed and
+    are alike from tooth to tooth: `grid_rad` has their standard deviation at each knot, `noise_rad`
+    is their median. It is empty for other sensors.
+    """
+
+    time_s: FloatArray
+    count: NDArray[np.int32] | FloatArray
+    unit_rad: float
+    rate_rad_s: NDArray[np.float32]
+    stretch: NDArray[np.int32]
+    noise_rad: float
+    grid_rad: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    def noise_at(self, time_s: FloatArray) -> FloatArray:
+        """Standard deviation [rad] of the angles at times, of which NaN counts as the end."""
+        if not self.grid_rad.size:
+            return np.full(time_s.shape, self.noise_rad)
+        at = np.searchsorted(self.time_s, time_s, side="right") - 1
+        return self.grid_rad[np.clip(at, 0, self.time_s.size - 1)].astype(np.float64)
+
+    def shared_noise_at(self, time_s: FloatArray) -> FloatArray:
+        """The part of `noise_at` [rad] that angles a patch apart have in common, at times."""
+        return self.noise_at(time_s) if self.grid_rad.size else np.zeros(time_s.shape)
+
+    def knots(self, low: int, high: int) -> tuple[FloatArray, FloatArray]:
+        """Times [s] and angles [rad] of the knots [low, high)."""
+        return self.time_s[low:high], np.asarray(
+            self.count[low:high] * self.unit_rad, dtype=np.float64
+        )
+
+    def stretch_at(self, time_s: FloatArray) -> IntArray:
+        """Number of the stretch at times, of which NaN counts as the end."""
+        return self.stretch[
+            np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 1)
+        ].astype(np.int64)
+
+    @cached_property
+    def _climbing(self) -> NDArray[np.int32] | FloatArray:
+        """The counts, none below one before it.
+
+        A wheel that has rolled back has its angles again later.
+        """
+        forward = all(
+            bool(np.all(np.diff(self.count[s : s + PIECE + 1]) >= 0))
+            for s in range(0, self.count.size, PIECE)
+        )
+        return self.count if forward else np.maximum.accumulate(self.count)
+
+    def coarse(self, time_s: FloatArray) -> FloatArray:
+        """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""
+        low, high = np.searchsorted(self.time_s, time_s[[0, -1]])
+        times, angles = self.knots(max(int(low) - 1, 0), int(high) + 1)
+        return (
+            np.interp(time_s, times, angles, left=np.nan, right=np.nan)
+            if times.size
+            else np.full(time_s.size, np.nan)
+        )
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Angle [rad] at the times, NaN outside of the knots, shape as given."""
+        result = np.empty(time_s.shape)
+        if result.size and self.time_s.size > 1:
+            _hermite(
+                finite(time_s).ravel(),
+                self.time_s,
+                self.count,
+                self.rate_rad_s,
+                self.unit_rad,
+                result.reshape(-1),
+            )
+        elif result.size:
+            result.fill(np.nan)
+        return result
+
+    def time_at(self, angle_rad: FloatArray) -> FloatArray:
+        """Time [s] at which a forward-rolling wheel has the angles; NaN outside of the knots."""
+        climbing, wanted = self._climbing, angle_rad / self.unit_rad
+        # counts up to a whole number are those up to what is wanted; a search for floats would copy
+        # millions of counts
+        last = (
+            np.floor(np.nan_to_num(np.clip(wanted, -2e9, 2e9))).astype(np.int32)
+            if climbing.dtype == np.int32
+            else wanted
+        )
+        k = np.clip(np.searchsorted(climbing, last, side="right") - 1, 0, climbing.size - 2)
+        start, rise = climbing[k], (climbing[k + 1] - climbing[k]).astype(np.float64)
+        u = np.where(rise > 0, (wanted - start) / np.where(rise > 0, rise, 1.0), 0.0)
+        h = self.time_s[k + 1] - self.time_s[k]
+        inside = (u > -1e-9) & (u < 1 + 1e-9)
+        near = np.where(inside, self.time_s[k] + np.clip(u, 0.0, 1.0) * h, self.time_s[0])
+        rate = np.where(rise > 0, rise * self.unit_rad / np.where(h > 0, h, 1.0), np.inf)
+        for _ in range(2):
+            near = np.clip(
+                near - (self.at(near) - angle_rad) / rate, self.time_s[k], self.time_s[k + 1]
+            )
+        return np.where(inside, near, np.nan)
+
+    def mean_rate(self, time_s: FloatArray, span_s: float) -> FloatArray:
+        """Rate [rad/s] over a window of `span_s` centred at each time, cut at the ends.
+
+        A low-pass with -3 dB at 0.443 / span_s.
+        """
+        first, last = (
+            np.maximum(time_s - span_s / 2, self.time_s[0]),
+            np.minimum(time_s + span_s / 2, self.time_s[-1]),
+        )
+        span = np.where(last > first, last - first, np.nan)
+        return (self.at(last) - self.at(first)) / span
+
+
+# ---- Counters and angle channels.
+#
+# The wheel angle is already there, and only its steps must become knots in time.
+#
+# samples (size,) of counts or angles --changes, unwrapped--> times (n,) [s] and turns (n,) [1]
+
+
+#: knots per second that an angle channel keeps; twice as many follow twice as quick a shake in
+#: twice the memory
+ANGLE_KNOTS_Hz = 500.0
+
+
+def counter_knots(
+    channel: Channel, size: float, is_angle: bool
+) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """(times [s], turns, backward) of a channel that counts `size` per turn.
+
+    Knots shape (n,), `backward` True if it rolls back.
+
+    A counter that jumps from c to d between two samples has passed (c + d + 1) / 2 in their middle.
+    A counter that jumps by more than half of the next power of two has wrapped; one that has been
+    below zero has a sign, and twice as many numbers. An angle wraps at a turn.
+    """
+    times, counts = [], []
+    wrap, offset, last = (size, 0.0, np.nan) if is_angle else (0.0, 0.0, np.nan)
+    every = max(int(channel.axis.rate_Hz / ANGLE_KNOTS_Hz), 1) if is_angle else 1
+    for start, block in channel.blocks():
+        index: FloatArray = np.arange(start, start + block.size, dtype=np.float64)
+        known = np.isfinite(block)
+        x, index = block[known], index[known]
+        if x.size == 0:
+            continue
+        if not is_angle:
+            low, high = float(x.min()), float(x.max())
+            bits = max(np.ceil(np.log2(max(high + 1.0, -low, 2.0))), 7 if low < 0 else 8)
+            wrap = max(wrap, 2.0 ** (bits + (low < 0)))
+        before = np.concatenate([[last if np.isfinite(last) else x[0]], x[:-1]])
+        step = x - before
+        turned = np.where(step < -wrap / 2, wrap, 0.0) - np.where(step > wrap / 2, wrap, 0.0)
+        unwrapped = x + offset + np.cumsum(turned)
+        offset, last = float(unwrapped[-1] - x[-1]), float(x[-1])
+        if is_angle:
+            pick = np.arange((-start) % every, x.size, every)
+            times.append(channel.axis.at(index[pick]))
+            counts.append(unwrapped[pick])
+        else:
+            change = np.flatnonzero(step + turned)
+            times.append(channel.axis.at(np.asarray(index[change] - 0.5)))
+            counts.append(unwrapped[change] - 0.5 * (step + turned)[change] + 0.5)
+    if not times:
+        return np.zeros(0), np.zeros(0), np.zeros(0, bool)
+    time, turns = np.concatenate(times), np.concatenate(counts) / size
+    if turns.size and turns[-1] < turns[0]:
+        turns = -turns  # a count that falls as the wheel rolls forward
+    backward = np.concatenate([[False], np.diff(turns) < 0]) if turns.size else np.zeros(0, bool)
+    return time, turns, backward

@@ -1,1 +1,0 @@
-"""The 48-step encoder: pulses to teeth, tooth errors, and the angle of the wheel."""

@@ -1,0 +1,651 @@
+"""What is beside the model, in a metric: one free offset per log, and shared random effects.
+
+    Cells, metric -> a log's column is 1 in its own cells, 0 elsewhere: whitened, one array (C, m)
+                     for all logs together
+                  -> the columns of the shared effects, each as large as its standard deviation
+
+What a log's baseline stands at is nobody's physics. A metric couples no two manoeuvres and a
+manoeuvre belongs to one log, so the columns of two logs never meet: each is projected out alone,
+and the number of logs costs neither memory nor time. A shared effect is not projected out but
+shrunk by what its standard deviation allows: the sum of squares left is the least one that
+amplitudes can leave, their own squares in standard deviations counted with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.inference.cells.cells import Cells
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+# ---- Linear algebra in a given metric.
+#
+# Columns out of residuals, normal matrices per manoeuvre, held-out losses.
+#
+# Arrays are cells x angles x columns, (C, m, k); `manoeuvre` (C,) numbers the groups 0 ... M-1. A
+# metric is what the arrays were multiplied with before they came here: whitened for significance,
+# plain (shift removed, weighted by revolutions) for size.
+
+
+#: singular values below this share of the largest are no directions: EJ, k, mu, y and load share
+#: one scale; twice as much drops directions that are seen 1.4 times as well
+RANK = 1e-7
+#: cells that are worked on at a time
+_BLOCK = 32
+#: columns of free shapes that are worked on at a time
+SOME_COLUMNS = 8
+
+
+def stacked(columns: FloatArray) -> FloatArray:
+    """Columns (..., k) as (N, k), all leading axes in one; k may be 0."""
+    return columns.reshape(math.prod(columns.shape[:-1]), columns.shape[-1])
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Orthonormal basis (N, r) of the span of columns (..., k).
+
+    All leading axes are flattened; scale-free in each column.
+
+    Free shapes are many columns: beside them there are never more than two arrays of their size.
+    """
+    flat: FloatArray = stacked(columns)
+    norm = np.linalg.norm(flat, axis=0)
+    flat = flat[:, norm > 0] / norm[norm > 0]
+    if not flat.shape[1]:
+        return flat
+    values, vectors = np.linalg.eigh(flat.T @ flat)
+    keep = values > RANK * values[-1]
+    basis: FloatArray = flat @ (vectors[:, keep] / np.sqrt(values[keep]))
+    del flat
+    basis -= basis @ (0.5 * (basis.T @ basis - np.eye(basis.shape[1])))
+    return basis
+
+
+def without(basis: FloatArray, x: FloatArray) -> FloatArray:
+    """x (C, m) or (C, m, k) with its part in the span of `basis` (N, r) taken out."""
+    flat = x.reshape(basis.shape[0], -1)
+    taken = basis @ (basis.T @ flat)
+    return np.subtract(flat, taken, out=taken).reshape(x.shape)
+
+
+def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """operator(rows, x[rows]) for all cells of x (C, m, k), some at a time.
+
+    What it needs besides its result stays small.
+    """
+    result = np.empty(x.shape)
+    for start in range(0, x.shape[0], _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        result[rows] = operator(rows, x[rows])
+    return result
+
+
+def side_by_side(
+    metric: Callable[[FloatArray], FloatArray], parts: Sequence[FloatArray]
+) -> FloatArray:
+    """The metric of all columns of the parts (C, m, k), as one array.
+
+    Some columns at a time, since free shapes are many.
+    """
+    result = np.empty((*parts[0].shape[:-1], sum(part.shape[-1] for part in parts)))
+    first = 0
+    for part in parts:
+        for start in range(0, part.shape[-1], SOME_COLUMNS):
+            some = part[..., start : start + SOME_COLUMNS]
+            result[..., first : first + some.shape[-1]] = metric(some)
+            first += some.shape[-1]
+    return result
+
+
+def per_group(products: FloatArray, group: IntArray) -> FloatArray:
+    """Sums of (C, ...) over the members of each group (a manoeuvre, a log), (groups, ...)."""
+    total = np.zeros((int(group.max()) + 1, *products.shape[1:]))
+    np.add.at(total, group, products)
+    return total
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of each manoeuvre.
+
+    gram (M, p, p), right (M, p), square (M,) of residual on columns.
+    """
+
+    gram: FloatArray
+    right: FloatArray
+    square: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, residual: FloatArray, manoeuvre: IntArray) -> Normal:
+        """columns (C, m, p), residual (C, m)."""
+        swapped = np.swapaxes(columns, 1, 2)
+        return cls(
+            per_group(swapped @ columns, manoeuvre),
+            per_group((swapped @ residual[..., None])[..., 0], manoeuvre),
+            per_group((residual**2).sum(axis=1), manoeuvre),
+        )
+
+
+def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
+    """Least squares from normal equations, (..., p, p) and (..., p).
+
+    Columns are scaled to one; directions without support stay at zero.
+    """
+    scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
+    scale = np.where(scale > 1e-140, scale, np.inf)
+    scaled = gram / scale[..., :, None] / scale[..., None, :]
+    inverse = _inverse(scaled)
+    return (inverse @ (right / scale)[..., None])[..., 0] / scale
+
+
+def _inverse(gram: FloatArray) -> FloatArray:
+    """The inverse of symmetric (..., p, p) on the directions that have support.
+
+    Where all have, which the size of the plain inverse shows, that is it: for fifty columns it
+    takes a tenth of the time of an eigenvalue problem, and a diagnosis beside nuisances a third
+    less.
+    """
+    try:
+        inverse = np.asarray(np.linalg.inv(gram), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return _inverse_on_support(gram)
+    size = np.sqrt((inverse**2).sum(axis=(-2, -1)))
+    poor = ~(size * gram.shape[-1] < 0.1 / RANK)
+    if np.any(poor):
+        inverse[poor] = _inverse_on_support(gram[poor])
+    return inverse
+
+
+def _inverse_on_support(gram: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(gram)
+    good = values > RANK * values[..., -1:]
+    inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
+    return np.asarray((vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2))
+
+
+# ---- The metric in which residuals are judged.
+#
+# One linear operator per manoeuvre that makes repeatable noise white.
+#
+#     x (C, m, k) -> x / sd -> per cell: shift removed, shrunk along the random effects of
+#     revolutions
+#                           -> per manoeuvre: shrunk along the random effects of manoeuvres
+#                 -> (C, m, k)
+#
+# With columns B of covariance T the covariance I + B T B' has the inverse root
+#
+#     I - Q (1 - 1/sqrt(1 + D)) Q',  Q D Q' = B T B':
+#
+# a small singular value decomposition per cell or manoeuvre, no N x N matrix. Infinite variance
+# removes a direction. Empty bins become zero.
+
+
+#: prior sd of what is taken out of a cell. Shift [rad]: free against what the matched filter
+#: leaves. Amplitude, relative: gains differ by less; doubling it doubles the lever arm's error, and
+#: no other's. Offset, relative to the waveform's rms: anything; 1e8 would cost the others their
+#: digits
+_FREE_SD = {"shift": 0.05, "amplitude": 0.1, "offset": 1e4}
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """What whitens cells: noise, and shrinkage along correlated errors.
+
+    `inverse_sd` (C, m), zero if empty; per cell basis (C, m, k) and shrinkage (C, k); the same per
+    manoeuvre, rows of its cells. `of_manoeuvre`: the manoeuvre of each such group, ascending, if
+    one of them has several (each observable's own); None if they are the manoeuvres in order.
+    """
+
+    inverse_sd: FloatArray
+    basis: FloatArray
+    shrink: FloatArray
+    groups: tuple[NDArray[np.int64], ...] = ()
+    group_basis: tuple[FloatArray, ...] = ()
+    group_shrink: tuple[FloatArray, ...] = ()
+    of_manoeuvre: NDArray[np.int64] | None = None
+
+    @property
+    def values(self) -> int:
+        """The number of values that count."""
+        return int((self.inverse_sd > 0).sum())
+
+    @property
+    def removed(self) -> float:
+        """Degrees of freedom that the shrinkage takes out of chi-square.
+
+        As the expectation under the covariance is one per value.
+        """
+        return float((self.shrink > 0.999999).sum())
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """Whitened x, shape (C, m) or (C, m, k); NaN in empty bins is allowed."""
+        if x.size == 0:
+            return x
+        flat = x.ndim == 2
+        x = x[..., None] if flat else x
+        x = in_blocks(self._of_cells, x)
+        for rows, basis, shrink in zip(
+            self.groups, self.group_basis, self.group_shrink, strict=True
+        ):
+            part = x[rows].reshape(-1, x.shape[-1])
+            x[rows] = (part - basis @ (shrink[:, None] * (basis.T @ part))).reshape(
+                rows.size, -1, x.shape[-1]
+            )
+        return x[..., 0] if flat else x
+
+    def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
+        """The operator of single cells on some of them."""
+        inverse, basis = self.inverse_sd[rows, :, None], self.basis[rows]
+        x = np.where(inverse > 0, x * inverse, 0.0)
+        return x - basis @ (self.shrink[rows, :, None] * (np.swapaxes(basis, 1, 2) @ x))
+
+    def only(self, rows: NDArray[np.bool_]) -> Whitener:
+        """The operator on these cells alone; no manoeuvre's scatter couples them with others."""
+        return replace(self, inverse_sd=np.where(rows[:, None], self.inverse_sd, 0.0))
+
+    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> Whitener:
+        """The operator of some manoeuvres alone, whose cells are the ascending `rows`."""
+        of = self.of_manoeuvre
+        if of is not None:
+            ends = np.searchsorted(of, [manoeuvres.start, manoeuvres.stop]).tolist()
+            manoeuvres = slice(*ends)
+        groups = tuple(np.searchsorted(rows, group) for group in self.groups[manoeuvres])
+        return Whitener(
+            self.inverse_sd[rows],
+            self.basis[rows],
+            self.shrink[rows],
+            groups,
+            self.group_basis[manoeuvres],
+            self.group_shrink[manoeuvres],
+            None if of is None else of[manoeuvres],
+        )
+
+    def with_manoeuvres(
+        self, manoeuvre: NDArray[np.int64], columns: FloatArray, sd: FloatArray
+    ) -> Whitener:
+        """The whitener with random effects of manoeuvres.
+
+        `columns` (C, m, k) in the observable's unit per unit of effect, `sd` (k,).
+        """
+        white = Whitener(self.inverse_sd, self.basis, self.shrink)(columns) * sd
+        groups, bases, shrinks = [], [], []
+        for number in range(int(manoeuvre.max()) + 1):
+            rows = np.flatnonzero(manoeuvre == number)
+            basis, size, _ = np.linalg.svd(
+                white[rows].reshape(-1, white.shape[-1]), full_matrices=False
+            )
+            groups.append(rows)
+            bases.append(basis)
+            shrinks.append(1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        return Whitener(
+            self.inverse_sd, self.basis, self.shrink, tuple(groups), tuple(bases), tuple(shrinks)
+        )
+
+
+def whitener(
+    cells: Cells, discrepancy: float = 0.0, scattered: FloatArray | None = None
+) -> Whitener:
+    """The operator of single cells: noise, shift and the random effects of revolutions.
+
+    `discrepancy` [unit^2] is the mean square that the model at hand misses. It is added to the
+    noise, so that a model that is wrong in shape does not buy shape with amplitude only because
+    amplitude scatters from revolution to revolution. `scattered` (C, m), if any, is what else
+    scatters from cell to cell, at one standard deviation.
+    """
+    inverse = np.where(
+        np.isfinite(cells.values) & np.isfinite(cells.sd),
+        1.0 / np.sqrt(cells.sd**2 + discrepancy),
+        0.0,
+    )
+    C, m = inverse.shape
+    if m == 1:
+        return Whitener(inverse, np.zeros((C, 1, 0)), np.zeros((C, 0)))
+    scale, vectors = np.linalg.eigh(cells.random_cov)
+    root = vectors * np.sqrt(np.maximum(scale, 0.0))[:, None, :]
+    prior = np.array([_FREE_SD[name] for name in cells.free])
+    columns = np.concatenate([cells.random @ root, prior * cells.taken], axis=-1)
+    if scattered is not None:
+        columns = np.concatenate([columns, scattered[..., None]], axis=-1)
+    basis, size, _ = np.linalg.svd(np.nan_to_num(columns) * inverse[..., None], full_matrices=False)
+    return Whitener(inverse, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
+
+
+#: columns of which this share of the norm is left beside the offsets are offsets; twice as much
+#: takes for offsets what is seen to 0.06 % beside them
+_NOTHING = 3e-4
+#: manoeuvres that are left out at a time
+_OFFSET_BLOCK = 32
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """The cells' parts of the offsets of their logs, and shared effects if there are any.
+
+    `direction` (C, m): each cell's part of its log's column, which has length one; `log` (C,) 0
+    ... `count` - 1; `norm` (count,).
+    """
+
+    direction: FloatArray
+    log: IntArray
+    norm: FloatArray
+    shared: Shrunk | None = None
+
+    @classmethod
+    def of(cls, cells: Cells, white: Callable[[FloatArray], FloatArray]) -> Offsets:
+        """The offsets of waveforms; a number per revolution has no offset that is free."""
+        log = np.unique(cells.log, return_inverse=True)[1]
+        alone = cells.phi.shape[1] == 1
+        if alone and cells.shared is None:
+            return cls(np.zeros_like(cells.phi), log, np.zeros(0))
+        columns = np.zeros_like(cells.phi) if alone else white(cells.level)
+        norm = np.sqrt(np.bincount(log, (columns**2).sum(axis=1)))
+        offsets = cls(columns / np.maximum(norm, 1e-300)[log][:, None], log, norm)
+        if cells.shared is None or not len(cells.shared):
+            return offsets
+        sized = white(cells.shared.columns) * cells.shared.sd
+        level = offsets.products(sized) / np.maximum(norm, 1e-300)[:, None]
+        return replace(offsets, shared=Shrunk.of(offsets._levelled(sized), cells.shared.sd, level))
+
+    @property
+    def count(self) -> int:
+        return self.norm.size
+
+    @property
+    def taken(self) -> int:
+        """How many of them are of waveforms, and free."""
+        return int((self.norm > 0.0).sum())
+
+    def products(self, x: FloatArray) -> FloatArray:
+        """Inner products of x (C, m, k) with each log's direction, (count, k)."""
+        result = np.zeros((self.count, x.shape[-1]))
+        np.add.at(result, self.log, (np.swapaxes(x, 1, 2) @ self.direction[..., None])[..., 0])
+        return result
+
+    def without(self, x: FloatArray) -> FloatArray:
+        """x (C, m) or (C, m, k) with offsets taken out and shared effects shrunk."""
+        x = self._levelled(x)
+        return x if self.shared is None else self.shared(x)
+
+    def _levelled(self, x: FloatArray) -> FloatArray:
+        """x (C, m) or (C, m, k) with the offsets taken out."""
+        if not self.count or not x.size:
+            return x
+        flat = x.ndim == 2
+        x = x[..., None] if flat else x
+        level = self.direction[..., None] * self.products(x)[self.log][:, None, :]
+        x = np.subtract(x, level, out=level)
+        return x[..., 0] if flat else x
+
+    def fit(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Offset of each log (count,) and amplitudes (K,) nearest to the whitened x (C, m)."""
+        if not self.count:
+            return np.zeros(0), np.zeros(0)
+        offsets = self.products(x[..., None])[:, 0] / np.maximum(self.norm, 1e-300)
+        if self.shared is None:
+            return offsets, np.zeros(0)
+        sized = self.shared.fit(self._levelled(x))
+        return offsets - self.shared.level @ sized, sized * self.shared.sd
+
+
+@dataclass(frozen=True)
+class Shrunk:
+    """Shared effects in a metric, offsets taken out: the root of their inverse covariance.
+
+    With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
+    root I - Q (1 - 1/sqrt(1 + D)) Q', Q D Q' = B B': `basis` Q (N, r) and `shrink` (r,). `turn`
+    (K, r) gives the amplitudes in standard deviations from Q' x; `sd` (K,); `level` (count, K) the
+    part of each column that is an offset.
+    """
+
+    basis: FloatArray
+    shrink: FloatArray
+    turn: FloatArray
+    sd: FloatArray
+    level: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, sd: FloatArray, level: FloatArray) -> Shrunk:
+        """columns (C, m, K), whitened, offsets taken out, times their standard deviations."""
+        flat = columns.reshape(-1, columns.shape[-1])
+        values, vectors = np.linalg.eigh(flat.T @ flat)
+        keep = values > RANK * max(float(values[-1]), 1e-300)
+        values, vectors = values[keep], vectors[:, keep]
+        root = np.sqrt(values)
+        return cls(
+            flat @ (vectors / root),
+            1.0 - 1.0 / np.sqrt(1.0 + values),
+            vectors * (root / (1.0 + values)),
+            sd,
+            level,
+        )
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """x (C, m) or (C, m, k), shrunk along the effects."""
+        flat = x.reshape(self.basis.shape[0], -1)
+        taken = self.basis @ (self.shrink[:, None] * (self.basis.T @ flat))
+        return np.subtract(flat, taken, out=taken).reshape(x.shape)
+
+    def fit(self, x: FloatArray) -> FloatArray:
+        """Amplitudes (K,) in standard deviations, from x (C, m) with offsets taken out."""
+        return np.asarray(self.turn @ (self.basis.T @ x.ravel()), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class ProjectedOut:
+    """What is projected out of residual and signatures.
+
+    The offsets, and the span of other whitened columns beside them.
+    """
+
+    offsets: Offsets
+    basis: FloatArray
+
+    @classmethod
+    def of(cls, offsets: Offsets, columns: FloatArray) -> ProjectedOut:
+        """`columns` (C, m, k) whitened; they are used up."""
+        before = np.linalg.norm(stacked(columns), axis=0)
+        left = offsets.without(columns)
+        del columns
+        left[..., np.linalg.norm(stacked(left), axis=0) <= _NOTHING * before] = 0.0
+        return cls(offsets, orthonormal(left))
+
+    def without(self, x: FloatArray) -> FloatArray:
+        """x (C, m) or (C, m, k) with all of it taken out."""
+        return without(self.basis, self.offsets.without(x))
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """For each of some manoeuvres (n of them, at `rows`) what all the others say.
+
+    Normal equations of the columns, gram (n, p, p) and right (n, p), the offset eliminated; of the
+    offset of its log the products with columns (n, p), itself and the residual (n,): those of the
+    manoeuvre's own cells if its log has no other.
+    """
+
+    rows: slice
+    gram: FloatArray
+    right: FloatArray
+    cross: FloatArray
+    size: FloatArray
+    level: FloatArray
+
+
+@dataclass(frozen=True)
+class Levelled:
+    """Normal equations of each manoeuvre with its log's offset beside the columns.
+
+    Those of the offset's column o on the columns (M, p), on itself and on the residual (M,);
+    `log` (M,). `prior`: precision (p,) of what is known of the columns' strengths before any
+    manoeuvre, and its pull (p,), precision times the mean; nothing without.
+    """
+
+    normal: Normal
+    cross: FloatArray
+    size: FloatArray
+    right: FloatArray
+    log: IntArray
+    prior: tuple[FloatArray, FloatArray] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        columns: FloatArray,
+        residual: FloatArray,
+        offset: FloatArray,
+        manoeuvre: IntArray,
+        log: IntArray,
+    ) -> Levelled:
+        """columns (C, m, p), residual and offset (C, m), in one metric; manoeuvre and log (C,)."""
+        own = np.zeros(int(manoeuvre.max()) + 1, np.int64)
+        own[manoeuvre] = np.unique(log, return_inverse=True)[1]
+        return cls(
+            Normal.of(columns, residual, manoeuvre),
+            per_group((np.swapaxes(columns, 1, 2) @ offset[..., None])[..., 0], manoeuvre),
+            per_group((offset**2).sum(axis=1), manoeuvre),
+            per_group((offset * residual).sum(axis=1), manoeuvre),
+            own,
+        )
+
+    def beside(self, more: Levelled, crossed: FloatArray) -> Levelled:
+        """With the columns of another (M, k) behind its own.
+
+        `crossed` (M, p, k): products of its columns with the other's.
+        """
+        upper = np.concatenate([self.normal.gram, crossed], axis=2)
+        lower = np.concatenate([np.swapaxes(crossed, 1, 2), more.normal.gram], axis=2)
+        normal = Normal(
+            np.concatenate([upper, lower], axis=1),
+            np.concatenate([self.normal.right, more.normal.right], axis=1),
+            self.normal.square,
+        )
+        return replace(self, normal=normal, cross=np.concatenate([self.cross, more.cross], axis=1))
+
+    @classmethod
+    def joined(
+        cls,
+        parts: Sequence[Levelled],
+        log: IntArray,
+        prior: tuple[FloatArray, FloatArray] | None = None,
+    ) -> Levelled:
+        """Those of successive manoeuvres as one; `log` (M,) of all, and what is known before."""
+        gram, right, square = (
+            np.concatenate([getattr(part.normal, name) for part in parts])
+            for name in ("gram", "right", "square")
+        )
+        cross, size, of_offset = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("cross", "size", "right")
+        )
+        return cls(Normal(gram, right, square), cross, size, of_offset, log, prior)
+
+    def _known(self, gram: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Normal equations (..., p, p), (..., p) with what is known before."""
+        if self.prior is None:
+            return gram, right
+        precision, pull = (part[: right.shape[-1]] for part in self.prior)
+        return gram + np.diag(precision), right + pull
+
+    def left_out(self) -> tuple[FloatArray, FloatArray]:
+        """(theta (M, p), offset (M,)): for each manoeuvre the solution of all the others.
+
+        If no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
+        with the rest held.
+        """
+        theta, offset = np.empty_like(self.cross), np.empty_like(self.size)
+        for rest in self._without_each():
+            theta[rest.rows] = solve_scaled(rest.gram, rest.right)
+            level = rest.level - (rest.cross * theta[rest.rows]).sum(axis=1)
+            offset[rest.rows] = np.divide(
+                level, rest.size, out=np.zeros_like(level), where=rest.size > 0
+            )
+        return theta, offset
+
+    def of_errors(self, of: Levelled) -> FloatArray:
+        """What errors of the columns' strengths add to the losses of another metric, (M,).
+
+        In the mean, with each manoeuvre left out: the other's sum of squares by the covariance
+        that all the others leave.
+        """
+        added = np.empty_like(self.size)
+        for rest in self._without_each():
+            spread = solve_scaled(rest.gram[:, None], of.normal.gram[rest.rows])
+            added[rest.rows] = np.einsum("mii->m", spread)
+        return added
+
+    def _without_each(self) -> Iterator[_Rest]:
+        """What all the others leave, some manoeuvres at a time."""
+        everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
+        of_log = [per_group(x, self.log) for x in everything]
+        gram_of_log, right_of_log = _without_offset(*of_log)
+        whole = (self.normal.gram.sum(axis=0), gram_of_log.sum(axis=0), right_of_log.sum(axis=0))
+        for start in range(0, self.size.size, _OFFSET_BLOCK):
+            rows = slice(start, start + _OFFSET_BLOCK)
+            log = self.log[rows]
+            own = [x[rows] for x in everything]
+            others = [x[log] - mine for x, mine in zip(of_log, own, strict=True)]  # of the same log
+            alone = others[3] <= 1e-12 * own[3]
+            others[3] = np.where(alone, 0.0, others[3])
+            gram, right = _without_offset(*others)
+            gram, right = self._known(
+                gram + whole[1] - gram_of_log[log], right + whole[2] - right_of_log[log]
+            )
+            seen = np.einsum("mii->mi", gram) > RANK * np.einsum(
+                "mii->mi", whole[0] - own[0]
+            )  # a column that the offsets take is none
+            gram = np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0)
+            cross, size, level = (
+                np.where(alone.reshape(-1, *([1] * (mine.ndim - 1))), mine, other)
+                for mine, other in zip(own[2:], others[2:], strict=True)
+            )
+            yield _Rest(rows, gram, np.where(seen, right, 0.0), cross, size, level)
+
+    def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
+        """(theta (p,), offset (M,)) by which the optimum is missed.
+
+        What the `first` columns and the offsets would still move by on all data; nothing at an
+        optimum.
+        """
+        crosses, sizes = per_group(self.cross, self.log)[:, :first], per_group(self.size, self.log)
+        grams, rights = (
+            per_group(self.normal.gram, self.log)[:, :first, :first],
+            per_group(self.normal.right, self.log)[:, :first],
+        )
+        gram, right = _without_offset(
+            grams, rights, crosses, sizes, per_group(self.right, self.log)
+        )
+        theta = np.zeros(self.cross.shape[1])
+        whole = self._known(gram.sum(axis=0)[None], right.sum(axis=0)[None])
+        theta[:first] = solve_scaled(*whole)[0]
+        level = -np.divide(
+            crosses @ theta[:first], sizes, out=np.zeros_like(sizes), where=sizes > 0
+        )
+        return theta, level[self.log]
+
+    def loss(self, theta: FloatArray, offset: FloatArray) -> FloatArray:
+        """Sum of squares of residual - columns theta - offset o in each manoeuvre, (M,)."""
+        crossed = (
+            2.0 * offset * ((self.cross * theta).sum(axis=1) - self.right) + offset**2 * self.size
+        )
+        quadratic = np.einsum("mi,mij,mj->m", theta, self.normal.gram, theta)
+        sums: FloatArray = np.maximum(
+            self.normal.square
+            - 2.0 * (theta * self.normal.right).sum(axis=1)
+            + quadratic
+            + crossed,
+            0.0,
+        )
+        return sums
+
+
+def _without_offset(
+    gram: FloatArray, right: FloatArray, cross: FloatArray, size: FloatArray, level: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Normal equations (K, p, p) and (K, p) once each row's offset is eliminated."""
+    share = np.divide(cross, size[:, None], out=np.zeros_like(cross), where=size[:, None] > 0)
+    return gram - cross[:, :, None] * share[:, None, :], right - share * level[:, None]

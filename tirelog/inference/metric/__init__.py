@@ -1,1 +1,0 @@
-"""The metric in which residuals are compared: whitening, free offsets, projections."""

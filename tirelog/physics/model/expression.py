@@ -1,0 +1,488 @@
+"""Do the units of a formula agree?  By walking it, with unknown units as unknowns.
+
+    formula, units of its names -> the dimension (m, kg, s, K) of every part
+        -> '' or the part that does not fit, in words
+
+A parameter whose unit is not known may have any that makes the formula right, and so may a plain
+number that is added, is compared or divides (speed / 20); a plain factor is a number.
+Powers of ten are not looked at: km and mm are lengths.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tirelog.errors import ModelError, nearest
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
+from tirelog.vocabulary.observables import OBSERVABLES
+
+# ---- A user's formula in a model file.
+#
+# Parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
+#
+# Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else
+# b`,
+# and numpy's elementary functions by their plain names. Everything is computed in floating point,
+# so
+# no exponent grows beyond it.
+
+
+#: letters of a formula, and how deep it may be nested: far above what a person writes, far below
+#: what the parser's own recursion takes
+LONGEST, DEEPEST = 1000, 40
+_ELEMENTARY: tuple[Callable[..., Any], ...] = (
+    np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh,
+    np.arcsinh, np.arccosh, np.arctanh, np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10,
+    np.log1p, np.sqrt, np.cbrt, np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum,
+    np.maximum, np.where, np.clip, np.hypot, np.heaviside, np.sinc,
+)  # fmt: skip
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    function.__name__: function for function in _ELEMENTARY
+} | {"abs": np.abs}
+#: how many arguments each takes; a third one of a function of two numbers would be numpy's array to
+#: write into
+ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {
+    "where": (3,),
+    "clip": (2, 3),
+}
+CONSTANTS = {"pi": np.pi, "e": np.e}
+_BINARY: Mapping[type, Callable[..., Any]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+    ast.Mod: np.mod,
+    ast.BitAnd: np.logical_and,
+    ast.BitOr: np.logical_or,
+}
+_UNARY: Mapping[type, Callable[..., Any]] = {
+    ast.USub: np.negative,
+    ast.UAdd: np.positive,
+    ast.Not: np.logical_not,
+    ast.Invert: np.logical_not,
+}
+_COMPARE: Mapping[type, Callable[..., Any]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+}
+_BOOLEAN: Mapping[type, Callable[..., Any]] = {ast.And: np.logical_and, ast.Or: np.logical_or}
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A parsed formula: its text and the names that it reads."""
+
+    text: str
+    names: frozenset[str]
+    tree: ast.expr
+
+    def __call__(self, values: Mapping[str, Any]) -> np.ndarray:
+        """The formula's value if the names have these values (arrays that broadcast).
+
+        ModelError if it is not finite.
+        """
+        with np.errstate(all="ignore"):
+            result = np.asarray(_compute(self.tree, values), dtype=np.float64)
+        if not np.isfinite(result).all():
+            raise ModelError(
+                f"expression {self.text!r} is not finite everywhere",
+                allowed="a finite number at every xi and condition is allowed",
+                do="guard it with where(), clip() or a comparison",
+            )
+        return result
+
+
+def parse_expression(text: str, allowed: frozenset[str] | set[str]) -> Expression:
+    """The parsed formula `text` over the `allowed` names.
+
+    ModelError for anything else, with what is allowed.
+    """
+    if len(text) > LONGEST:
+        raise ModelError(
+            f"expression of {len(text)} characters",
+            allowed=f"up to {LONGEST} are allowed",
+            do="shorten it",
+        )
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
+        raise ModelError(
+            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)})",
+            allowed="numbers, names, operators and calls are allowed",
+            do="correct it",
+        ) from None
+    names: set[str] = set()
+    _check(tree, text, allowed, names, 0)
+    return Expression(text, frozenset(names), tree)
+
+
+def _check(
+    node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: set[str], depth: int
+) -> None:
+    """Refuses every node that is not on the list; collects names."""
+    if depth > DEEPEST:
+        raise ModelError(
+            f"expression {text!r} is nested deeper than {DEEPEST}",
+            allowed="a flatter one is allowed",
+            do="split it",
+        )
+    if isinstance(node, ast.Name):
+        if node.id not in allowed and node.id not in CONSTANTS:
+            raise ModelError(
+                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}",
+                allowed=f"allowed here are {', '.join(sorted(allowed))}, pi, e and the functions "
+                f"{', '.join(FUNCTIONS)}",
+                do="use one of them",
+            )
+        names.add(node.id)
+        return
+    for part in _parts(node, text):
+        _check(part, text, allowed, names, depth + 1)
+
+
+def _parts(node: ast.AST, text: str) -> list[ast.expr]:
+    """The operands of an allowed node."""
+    if (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, int | float)
+        and not isinstance(node.value, bool)
+        and abs(node.value) < 1e300
+    ):
+        return []
+    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+        return [node.left, node.right]
+    if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
+        return [node.operand]
+    if isinstance(node, ast.BoolOp):
+        return node.values
+    if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
+        return [node.left, *node.comparators]
+    if isinstance(node, ast.IfExp):
+        return [node.test, node.body, node.orelse]
+    called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+    if isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords:
+        if len(node.args) not in ARGUMENTS[called]:
+            many = " or ".join(map(str, ARGUMENTS[called]))
+            raise ModelError(
+                f"expression {text!r} gives {called}() {len(node.args)} arguments",
+                allowed=f"allowed are {many}",
+                do="correct it",
+            )
+        return node.args  # a starred argument is refused as a node of its own
+    what = called or type(node).__name__
+    raise ModelError(
+        f"expression {text!r} uses {what}, which is not allowed",
+        allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a if "
+        f"c else b, and the functions {', '.join(FUNCTIONS)}",
+        do="write it with these",
+    )
+
+
+def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return np.float64(node.value)
+    if isinstance(node, ast.Name):
+        return values[node.id] if node.id in values else CONSTANTS[node.id]
+    if isinstance(node, ast.BinOp):
+        left, right = _compute(node.left, values), _compute(node.right, values)
+        return (
+            _BINARY[type(node.op)](_float(left), _float(right))
+            if not _logical(node.op)
+            else _BINARY[type(node.op)](left, right)
+        )
+    if isinstance(node, ast.UnaryOp):
+        operand = _compute(node.operand, values)
+        return _UNARY[type(node.op)](
+            _float(operand) if isinstance(node.op, ast.USub | ast.UAdd) else operand
+        )
+    if isinstance(node, ast.BoolOp):
+        result = _compute(node.values[0], values)
+        for part in node.values[1:]:
+            result = _BOOLEAN[type(node.op)](result, _compute(part, values))
+        return result
+    if isinstance(node, ast.Compare):
+        terms = [_compute(part, values) for part in (node.left, *node.comparators)]
+        result = np.True_
+        for op, left, right in zip(node.ops, terms, terms[1:]):
+            result = np.logical_and(result, _COMPARE[type(op)](left, right))
+        return result
+    if isinstance(node, ast.IfExp):
+        return np.where(
+            _compute(node.test, values), _compute(node.body, values), _compute(node.orelse, values)
+        )
+    call: Any = node  # `_check` let nothing but a call of an allowed function through
+    arguments = [_compute(part, values) for part in call.args]
+    try:
+        return FUNCTIONS[call.func.id](*arguments)
+    except (TypeError, ValueError):
+        raise ModelError(
+            f"{call.func.id}() does not take {len(arguments)} arguments",
+            allowed=f"as many as numpy's {call.func.id} takes are allowed",
+            do="correct the expression",
+        ) from None
+
+
+def _logical(op: ast.operator) -> bool:
+    return isinstance(op, ast.BitAnd | ast.BitOr)
+
+
+def _float(value: Any) -> Any:
+    return np.asarray(value, dtype=np.float64)
+
+
+#: units by their powers of m, kg, s, K
+BASE: Mapping[str, tuple[float, float, float, float]] = {
+    "1": (0, 0, 0, 0), "rad": (0, 0, 0, 0), "m": (1, 0, 0, 0), "mm": (1, 0, 0, 0),
+    "km": (1, 0, 0, 0), "kg": (0, 1, 0, 0), "s": (0, 0, 1, 0), "Hz": (0, 0, -1, 0),
+    "K": (0, 0, 0, 1), "N": (1, 1, -2, 0), "Pa": (-1, 1, -2, 0), "J": (2, 1, -2, 0),
+}  # fmt: skip
+_SYMBOLS = ("m", "kg", "s", "K")
+#: units of the places that an expression may read
+PLACE_UNITS = {"xi": "m", "phi": "rad", "L": "m", "R": "m", "load": "N"}
+#: units of what an expression may act on; what is not here has the observable's
+RESULT_UNITS = {
+    "contact_pressure": "N/m",
+    "foundation_stiffness": "N/m^2",
+    "strain": "1",
+    "load": "N",
+    "sensor": "1",
+    "radial_acceleration": "m/s^2",
+}
+#: functions of a number that give a number, and those whose arguments and result are alike
+_PURE = (
+    "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "arcsinh",
+    "arccosh", "arctanh", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sinc",
+)  # fmt: skip
+_ALIKE = ("abs", "minimum", "maximum", "clip", "hypot", "floor", "ceil")
+_POWERS = {"sqrt": 0.5, "cbrt": 1.0 / 3.0, "square": 2.0}
+#: dimensions that differ by less than this are one
+_SAME = 1e-9
+
+
+def dimension_of(unit: str) -> FloatArray | None:
+    """Powers of m, kg, s, K of a unit such as `N/m^2` or `1/s`; None if it is not known."""
+    total = np.zeros(4)
+    for i, part in enumerate(unit.replace("*", " ").split("/")):
+        if not part.split():
+            return None
+        for symbol in part.split():
+            name, raised, power = symbol.partition("^")
+            if name not in BASE or (raised and not re.fullmatch(r"-?\d+(\.\d+)?", power)):
+                return None
+            total += (1.0 if i == 0 else -1.0) * float(power or 1.0) * np.array(BASE[name])
+    return total
+
+
+def said(dimension: FloatArray) -> str:
+    """A dimension in words: `m s^-1`, `a number`."""
+    parts = [
+        symbol if power == 1.0 else f"{symbol}^{power:.3g}"
+        for symbol, power in zip(_SYMBOLS, dimension.tolist(), strict=True)
+        if abs(power) > _SAME
+    ]
+    return " ".join(parts) or "a number"
+
+
+@dataclass(frozen=True)
+class _Dimension:
+    """A dimension (4,) and how often each unknown one is a factor of it."""
+
+    known: FloatArray
+    unknown: Mapping[str, float] = field(default_factory=dict)
+
+    def plus(self, other: _Dimension, times: float = 1.0) -> _Dimension:
+        """That of a product with the other to a power."""
+        names = dict.fromkeys((*self.unknown, *other.unknown))
+        both = {n: self.unknown.get(n, 0.0) + times * other.unknown.get(n, 0.0) for n in names}
+        return _Dimension(
+            self.known + times * other.known, {n: x for n, x in both.items() if abs(x) > _SAME}
+        )
+
+    def scaled(self, power: float) -> _Dimension:
+        return _NUMBER.plus(self, power)
+
+
+_NUMBER = _Dimension(np.zeros(4))
+
+
+class _Disagreement(Exception):
+    """A part of a formula whose units do not agree."""
+
+
+class _Walk:
+    """The dimensions of a formula's parts, and what was learnt of the unknown ones."""
+
+    def __init__(self, units: Mapping[str, FloatArray | None]) -> None:
+        self._units = units
+        self._learnt: dict[str, _Dimension] = {}
+        self._literals = 0
+
+    def settled(self, dimension: _Dimension) -> _Dimension:
+        """The dimension with what was learnt put in."""
+        for name, meaning in self._learnt.items():
+            if times := dimension.unknown.get(name, 0.0):
+                rest = {n: x for n, x in dimension.unknown.items() if n != name}
+                dimension = _Dimension(dimension.known, rest).plus(meaning, times)
+        return dimension
+
+    def equal(self, one: _Dimension, other: _Dimension) -> bool:
+        """Make both alike by what is unknown; False if nothing unknown can."""
+        rest = self.settled(one.plus(other, -1.0))
+        if not rest.unknown:
+            return bool(np.abs(rest.known).max() < _SAME)
+        name, times = next(iter(rest.unknown.items()))
+        others = {n: x for n, x in rest.unknown.items() if n != name}
+        meaning = _Dimension(rest.known, others).scaled(-1.0 / times)
+        self._learnt = {n: self.replaced(known, name, meaning) for n, known in self._learnt.items()}
+        self._learnt[name] = meaning
+        return True
+
+    @staticmethod
+    def replaced(dimension: _Dimension, name: str, meaning: _Dimension) -> _Dimension:
+        times = dimension.unknown.get(name, 0.0)
+        rest = {n: x for n, x in dimension.unknown.items() if n != name}
+        return _Dimension(dimension.known, rest).plus(meaning, times) if times else dimension
+
+    def any_unit(self) -> _Dimension:
+        """The dimension of a plain number that takes what is asked of it."""
+        self._literals += 1
+        return _Dimension(np.zeros(4), {f"number {self._literals}": 1.0})
+
+    def number(self, node: ast.expr, what: str) -> None:
+        """The part must be a number."""
+        found = self.of(node)
+        if not self.equal(found, _NUMBER):
+            told = said(self.settled(found).known)
+            raise _Disagreement(f"{what} {ast.unparse(node)}, which is {told} and no number")
+
+    def alike(self, nodes: list[ast.expr], whole: ast.expr) -> _Dimension:
+        """The parts must be of one dimension, which comes back."""
+        first: _Dimension | None = None
+        for node in nodes:
+            found = self.any_unit() if _literal(node) else self.of(node)
+            if first is not None and not self.equal(first, found):
+                both = [said(self.settled(d).known) for d in (first, found)]
+                raise _Disagreement(f"{ast.unparse(whole)} mixes {both[0]} and {both[1]}")
+            first = first or found
+        return first or _NUMBER
+
+    def of(self, node: ast.expr) -> _Dimension:
+        """The dimension of a part.  _Disagreement: its own parts do not fit."""
+        if isinstance(node, ast.Name):
+            if node.id in CONSTANTS:
+                return _NUMBER
+            known = self._units.get(node.id)
+            return _Dimension(np.zeros(4), {node.id: 1.0}) if known is None else _Dimension(known)
+        if isinstance(node, ast.UnaryOp):
+            return _NUMBER if isinstance(node.op, ast.Not | ast.Invert) else self.of(node.operand)
+        if isinstance(node, ast.BinOp):
+            return self._binary(node)
+        if isinstance(node, ast.Compare):
+            self.alike([node.left, *node.comparators], node)
+            return _NUMBER
+        if isinstance(node, ast.BoolOp):
+            for part in node.values:
+                self.of(part)
+            return _NUMBER
+        if isinstance(node, ast.IfExp):
+            self.of(node.test)
+            return self.alike([node.body, node.orelse], node)
+        return self._call(node) if isinstance(node, ast.Call) else _NUMBER
+
+    def _binary(self, node: ast.BinOp) -> _Dimension:
+        if isinstance(node.op, ast.Add | ast.Sub | ast.Mod):
+            return self.alike([node.left, node.right], node)
+        if isinstance(node.op, ast.Mult):
+            return self.of(node.left).plus(self.of(node.right))
+        if isinstance(node.op, ast.Div):
+            right = self.any_unit() if _literal(node.right) else self.of(node.right)
+            return self.of(node.left).plus(right, -1.0)
+        if isinstance(node.op, ast.Pow):
+            self.number(node.right, "a power of")
+            power = _value(node.right)
+            if power is not None:
+                return self.of(node.left).scaled(power)
+            self.number(node.left, "a fitted power of")
+            return _NUMBER
+        self.of(node.left)
+        self.of(node.right)
+        return _NUMBER
+
+    def _call(self, node: ast.Call) -> _Dimension:
+        name = getattr(node.func, "id", "")
+        if name in _PURE:
+            self.number(node.args[0], f"{name}() of")
+            return _NUMBER
+        if name in _POWERS:
+            return self.of(node.args[0]).scaled(_POWERS[name])
+        if name in _ALIKE:
+            return self.alike(list(node.args), node)
+        if name == "where":
+            self.of(node.args[0])
+            return self.alike(list(node.args[1:]), node)
+        if name == "arctan2":
+            self.alike(list(node.args), node)
+        else:  # sign, heaviside
+            self.of(node.args[0])
+        return _NUMBER
+
+
+def _literal(node: ast.expr) -> bool:
+    return _value(node) is not None
+
+
+def _value(node: ast.expr) -> float | None:
+    """The number that stands there, with its sign; None for anything else."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+        inner = _value(node.operand)
+        return None if inner is None else inner * (-1.0 if isinstance(node.op, ast.USub) else 1.0)
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return float(node.value)
+    return None
+
+
+def disagreement(text: str, units: Mapping[str, str], result: str) -> str:
+    """'' if the units of a formula agree, else the part that does not fit.
+
+    `units` of its parameters by name, "" for one that is not known; `result`: the unit of the
+    whole. The formula is one that `parse_expression` let through.
+    """
+    names = PLACE_UNITS | {c.symbol: c.unit for c in CONDITIONS.values()} | dict(units)
+    walk = _Walk({name: dimension_of(unit) if unit else None for name, unit in names.items()})
+    wanted = dimension_of(result)
+    tree = ast.parse(text.strip(), mode="eval").body
+    try:
+        whole = walk.any_unit() if _literal(tree) else walk.of(tree)
+    except _Disagreement as problem:
+        return str(problem)
+    if wanted is None or walk.equal(whole, _Dimension(wanted)):
+        return ""
+    return f"the whole is {said(walk.settled(whole).known)}, and {said(wanted)} is wanted"
+
+
+def unit_disagreements(model: Model) -> dict[str, str]:
+    """What does not fit in the user's own formulas of a model, by effect."""
+    found = {}
+    for entry in model.effects:
+        if "expression" not in entry.source:
+            continue
+        acts_on = str(entry.source.get("acts_on", "contact_pressure"))
+        result = RESULT_UNITS.get(acts_on) or OBSERVABLES[model.observable].unit
+        units = {p.name: p.unit for p in entry.parameters}
+        wrong = disagreement(str(entry.source["expression"]), units, result)
+        if wrong:
+            found[entry.id] = wrong
+    return found

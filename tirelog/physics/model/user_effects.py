@@ -1,0 +1,594 @@
+"""A user's own effects.
+
+By expression in a model file, by a Python file, or by an installed package (entry points
+"tirelog.effects").
+
+What an expression means depends on `acts_on`:
+    contact_pressure      a pressure [N/m] added to p, that is then rescaled to carry the load; may
+                          read xi, phi, L, R
+    strain                a strain added to the waveform; may read xi, phi, L, R
+    radial_acceleration   [m/s^2], outward, added to the waveform of an accelerometer; may read xi,
+                          phi, L, R
+    foundation_stiffness  [N/m^2] added to k;  baseline  a strain added all around;  load  [N] added
+                          to F
+    sensor                the waveform is multiplied by 1 + expression
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import traceback
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from errno import ENOENT
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from tirelog.errors import ModelError, TirelogError, nearest, refuse_unknown
+from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
+from tirelog.physics.effects.base import Values
+from tirelog.physics.model.expression import FUNCTIONS, Expression, parse_expression
+from tirelog.physics.spectral import Parameter, grid_angles, to_modes
+from tirelog.storage.remote import open_input
+from tirelog.storage.whole import LARGEST_BYTES, part_name, taken_as_input
+from tirelog.vocabulary import conditions
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES
+
+# ---- Python files that the user has let run, known by the sha256 of their bytes.
+#
+# A model file may name a Python file with effects. One that a stranger sent must not run because a
+# model is opened: it runs if the user has named the same bytes at a command before, on this
+# machine.
+# They are remembered in $XDG_STATE_HOME/tirelog/let_run (else ~/.local/state), a line per file, the
+# newest last; of a list that has grown too large the older half is forgotten.
+
+
+#: bytes of the list that are read and kept: some 6,000 files
+_MOST_BYTES = 1 << 20
+#: of this process, if no list can be kept
+_now: set[str] = set()
+
+
+def let_run(content: bytes, name: str) -> None:
+    """Remember that the user has named a file of this content; `name` is for the reader."""
+    digest = hashlib.sha256(content).hexdigest()
+    if may_run(content):
+        _now.add(digest)
+        return
+    _now.add(digest)
+    line = f"{digest}  {ascii(name)[1:-1]}\n".encode()
+    with suppress(OSError, RuntimeError):  # a list that cannot be kept: for this process only
+        place = _list()
+        place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        number = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        try:
+            full = os.fstat(number).st_size + len(line) > _MOST_BYTES
+            if not full:
+                os.write(number, line)
+        finally:
+            os.close(number)
+        if full:
+            known = _known(place)
+            _rewrite(place, b"\n".join([*known[len(known) // 2 :], line]))
+
+
+def _rewrite(place: Path, content: bytes) -> None:
+    """Put a whole new list in the old one's place."""
+    part = part_name(place)
+    try:
+        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as stream:
+            stream.write(content)
+        part.replace(place)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def may_run(content: bytes) -> bool:
+    """True if the user has named a file of just this content before."""
+    digest = hashlib.sha256(content).hexdigest()
+    if digest in _now:
+        return True
+    with suppress(OSError, RuntimeError):
+        return any(line.split(b" ")[0] == digest.encode() for line in _known(_list()))
+    return False
+
+
+def _known(place: Path) -> list[bytes]:
+    """The lines at the list's end that are whole and within its bounds."""
+    with open(place, "rb") as stream:
+        before = max(stream.seek(0, os.SEEK_END) - _MOST_BYTES, 0)
+        stream.seek(before)
+        lines = stream.read(_MOST_BYTES).splitlines()
+    return lines[1:] if before else lines  # the first one may have lost its begin
+
+
+def _list() -> Path:
+    """Where the list is kept.  RuntimeError: the user has no home."""
+    given = Path(os.environ.get("XDG_STATE_HOME", ""))
+    folder = given if given.is_absolute() else Path.home() / ".local" / "state"
+    return folder / "tirelog" / "let_run"
+
+
+ENTRY_POINTS = "tirelog.effects"
+#: name in an expression -> field of the conditions
+CONDITIONS = {c.symbol: c.field for c in conditions.CONDITIONS.values() if c.in_expressions}
+PLACES = ("xi", "phi", "L", "R", "load")
+EXPRESSION_ACTS_ON = (
+    "contact_pressure",
+    "foundation_stiffness",
+    "strain",
+    "baseline",
+    "load",
+    "sensor",
+    "radial_acceleration",
+)
+_WAVES = ("contact_pressure", "strain", "radial_acceleration")
+
+
+def effect_by_expression(
+    name: str, acts_on: str, expression: str, parameters: tuple[Parameter, ...]
+) -> Effect:
+    """The effect that a model file describes.
+
+    ModelError if name, place or formula are not allowed.
+    """
+    refuse_unknown(
+        acts_on,
+        EXPRESSION_ACTS_ON,
+        f"effect {name!r} acts on {acts_on!r}",
+        do="choose one",
+        error=ModelError,
+    )
+    places = PLACES if acts_on in _WAVES else ()
+    formula = parse_expression(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
+    return effect_by_formula(name, acts_on, formula, parameters)
+
+
+class Formula(Protocol):
+    """What a user's effect computes: its words, the names that it reads, and its values."""
+
+    @property
+    def text(self) -> str: ...
+    @property
+    def names(self) -> frozenset[str]: ...
+    def __call__(self, values: Mapping[str, Any]) -> FloatArray: ...
+
+
+def effect_by_formula(
+    name: str, acts_on: str, formula: Formula, parameters: tuple[Parameter, ...]
+) -> Effect:
+    """The effect that acts on a place as a formula says.
+
+    ModelError if its name or a parameter's is not allowed.
+    """
+    taken = {*PLACES, *CONDITIONS, *FUNCTIONS, "pi", "e"}
+    clash = [p.name for p in parameters if p.name in taken or not p.name.isidentifier()]
+    if name in BY_ID or not name.replace("-", "_").isidentifier() or clash:
+        raise ModelError(
+            f"effect {name!r} with parameters {[p.name for p in parameters]}: "
+            f"{', '.join(clash) or name} is taken or no plain name",
+            allowed="allowed are names that are no effect, function or condition",
+            do="rename it",
+        )
+    return Effect(
+        id=name,
+        mechanism=f"by expression: {formula.text}",
+        follows=tuple((CONDITIONS[n], 1.0) for n in sorted(formula.names & set(CONDITIONS))),
+        acts_on=(_STAGE.get(acts_on, acts_on),),
+        parameters=parameters,
+        strength=_strength(formula, parameters),
+        source="the model file",
+        valid="as its author says",
+        signature="as its author says",
+        observables=tuple(OBSERVABLES),
+        needs=tuple(CONDITIONS[n] for n in sorted(formula.names & set(CONDITIONS)) if n != "speed"),
+        **_hook(acts_on, formula),
+    ).checked()
+
+
+_STAGE = {"foundation_stiffness": "structure"}
+
+
+def _hook(acts_on: str, formula: Formula) -> dict[str, Any]:
+    def column(v: Values, drive: Drive) -> FloatArray:
+        return np.atleast_2d(formula(_names(v, drive)))
+
+    def pressure(v: Values, drive: Drive, site: Site) -> Any:
+        return to_modes(
+            np.atleast_2d(
+                _spread(formula(_names(v, drive, site, grid_angles())), grid_angles().size)
+            )
+        )
+
+    def at_angles(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
+        empty = np.isnan(
+            phi_rad
+        )  # bins without a sample have no angle, and that is no fault of the formula
+        values = formula(_names(v, drive, site, np.where(empty, 0.0, phi_rad)))
+        return np.atleast_2d(np.where(empty, np.nan, values))
+
+    hooks: dict[str, dict[str, Any]] = {
+        "contact_pressure": {"pressure": pressure},
+        "strain": {"strain": at_angles},
+        "radial_acceleration": {"acceleration": at_angles},
+        "foundation_stiffness": {
+            "structure": lambda v, drive: Structure(added_stiffness=column(v, drive))
+        },
+        "baseline": {"baseline": column},
+        "load": {"added_load": column},
+        "sensor": {"gain": lambda v, drive: 1.0 + column(v, drive)},
+    }
+    return hooks[acts_on]
+
+
+def _spread(values: FloatArray, size: int) -> FloatArray:
+    """Values that do not depend on xi, all around."""
+    return (
+        np.broadcast_to(values, (*values.shape[:-1], size))
+        if values.ndim and values.shape[-1] == 1
+        else np.broadcast_to(values, np.broadcast_shapes(values.shape, (1, size)))
+    )
+
+
+def _names(
+    v: Values, drive: Drive, site: Site | None = None, phi_rad: FloatArray | None = None
+) -> dict[str, Any]:
+    values: dict[str, Any] = dict(v) | {
+        name: getattr(drive, column) for name, column in CONDITIONS.items()
+    }
+    if site is not None and phi_rad is not None:
+        values |= {
+            "phi": phi_rad,
+            "xi": phi_rad * site.radius_m,
+            "L": site.half_length_m,
+            "R": site.radius_m,
+            "load": site.load_N,
+        }
+    return values
+
+
+def _strength(formula: Formula, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    """The parameter that switches the formula off at zero; all of them if none does so alone."""
+    rng = np.random.default_rng(0)
+    size = 64
+    trial: dict[str, Any] = {name: rng.uniform(0.5, 1.5, size) for name in (*CONDITIONS, *PLACES)}
+    trial |= {"xi": np.linspace(-2.0, 2.0, size), "phi": np.linspace(-2.0, 2.0, size)}
+    trial |= {p.name: p.probe for p in parameters}
+    for p in parameters:
+        with np.errstate(all="ignore"):
+            try:
+                if not np.any(formula({**trial, p.name: 0.0})):
+                    return (p.name,)
+            except ModelError:
+                continue
+    return tuple(p.name for p in parameters)
+
+
+def effects_of_file(path: Path, *, asked: bool = True) -> dict[str, Effect]:
+    """The effects that a Python file defines: every module-level `Effect`.
+
+    The file is the user's own and is executed. If it was not asked for by the user but named by a
+    model file, it has to be one that the user had run before, byte by byte.
+    """
+    code = _code(path, asked)
+    namespace: dict[str, Any] = {"__name__": f"tirelog_effects_{path.stem}", "__file__": str(path)}
+    try:
+        exec(compile(code, str(path), "exec"), namespace)
+    except (Exception, SystemExit) as problem:
+        raise _failed(problem, path) from problem
+    return _collected([value for value in namespace.values() if isinstance(value, Effect)], path)
+
+
+def _code(path: Path, asked: bool) -> bytes:
+    """The file's content, which may run.  ModelError: it cannot be read, or may not."""
+    try:
+        if not asked and not path.is_file():  # a model file names no device and no pipe
+            raise FileNotFoundError(ENOENT, "no such file")
+        with open_input(path) as stream:
+            code = stream.read(LARGEST_BYTES + 1)
+    except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
+        raise ModelError(
+            f"cannot be read ({getattr(problem, 'strerror', None) or problem})",
+            allowed="a Python file with effects is allowed",
+            do="give its path" if asked else "bring it there, or give its path with --effects",
+            file=path,
+        ) from None
+    if len(code) > LARGEST_BYTES:
+        raise ModelError(
+            f"is larger than {LARGEST_BYTES >> 20} MB",
+            allowed="a Python file with effects is allowed",
+            do="leave its data in a file beside it",
+            file=path,
+        )
+    if asked:
+        let_run(code, str(path))
+    elif not may_run(code):
+        raise ModelError(
+            "is Python that you have not let run on this machine, or that has changed since",
+            allowed="a model file may name it, only you can let it run",
+            do=f"read it, then give --effects {path} once",
+            file=path,
+        )
+    taken_as_input(path)
+    return code
+
+
+def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
+    """A ModelError for what a user's own Python raised, with its line."""
+    told = (
+        "calls sys.exit"
+        if isinstance(problem, SystemExit)
+        else f"{type(problem).__name__}: {problem}"
+    )
+    return ModelError(
+        f"{what}{told}",
+        allowed="Python that runs and returns is allowed",
+        do="correct it",
+        file=path,
+        line=_line(problem, path),
+    )
+
+
+def _line(problem: BaseException, path: object) -> int | None:
+    """The last line of the file that was at work, or the one that is no Python."""
+    frames = traceback.walk_tb(problem.__traceback__)
+    lines = [line for frame, line in frames if frame.f_code.co_filename == str(path)]
+    return getattr(problem, "lineno", None) or (lines[-1] if lines else None)
+
+
+@dataclass(frozen=True)
+class _Hook:
+    """A user's function; what it raises is the user's to mend, and is told so."""
+
+    function: Callable[..., Any]
+    what: str
+    origin: object
+
+    def __call__(self, *arguments: Any) -> Any:
+        try:
+            return self.function(*arguments)
+        except (TirelogError, MemoryError):
+            raise
+        except (Exception, SystemExit) as problem:
+            raise _failed(problem, self.origin, self.what) from problem
+
+
+def _watched(effect: Effect, origin: object) -> Effect:
+    """The effect, whose functions say whose they are when they fail."""
+    hooks = {f.name: value for f in fields(effect) if callable(value := getattr(effect, f.name))}
+    what = f" of the effect {effect.id!r}: "
+    watched: dict[str, Any] = {
+        name: _Hook(hook, name + what, origin) for name, hook in hooks.items()
+    }
+    return replace(effect, **watched)
+
+
+def installed_effects() -> dict[str, Effect]:
+    """The effects of installed packages.
+
+    Entry points of the group "tirelog.effects", each an Effect or a list of them.
+    """
+    found: dict[str, Effect] = {}
+    for point in entry_points(group=ENTRY_POINTS):
+        value = point.load()
+        found |= _collected(
+            list(value) if isinstance(value, list | tuple) else [value], point.value
+        )
+    return found
+
+
+def catalogue_with(path: Path | None = None, *, asked: bool = True) -> Mapping[str, Effect]:
+    """The whole catalogue of effects by id.
+
+    Our own, installed packages', and those of the Python file at `path`, `asked` as for
+    `effects_of_file`.
+    """
+    own = effects_of_file(path, asked=asked) if path else {}
+    return {**BY_ID, **installed_effects(), **own}
+
+
+def effect_called(name: str, path: Path | None = None, *, asked: bool = True) -> Effect:
+    """The effect of this name in the whole catalogue.  ModelError: there is none."""
+    catalogue = catalogue_with(path, asked=asked)
+    refuse_unknown(
+        name, catalogue, f"unknown effect {name!r}", do="see `tirelog effects`", error=ModelError
+    )
+    return catalogue[name]
+
+
+def own_effects(path: Path | None = None, *, asked: bool = True) -> list[Effect]:
+    """Effects that are candidates beside our own: installed packages' and those of a file."""
+    catalogue = catalogue_with(path, asked=asked)
+    return [effect for name, effect in catalogue.items() if name not in BY_ID]
+
+
+def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
+    found: dict[str, Effect] = {}
+    for effect in effects:
+        if not isinstance(effect, Effect):
+            raise ModelError(
+                f"gives {type(effect).__name__}",
+                allowed="tirelog.physics.Effect is allowed",
+                do="correct it",
+                file=origin,
+            )
+        if effect.id in BY_ID or effect.id in found:
+            raise ModelError(
+                f"effect {effect.id!r} exists already",
+                allowed="a new name is allowed",
+                do="rename it",
+                file=origin,
+            )
+        found[effect.id] = _watched(effect.checked(), origin)
+    if not found:
+        raise ModelError(
+            "has no effect",
+            allowed="at least one tirelog.physics.Effect at module level is needed",
+            do="define it",
+            file=origin,
+        )
+    return found
+
+
+# ---- An effect without a formula: a measured shape along one coordinate, times a law.
+#
+#     [[effects]]
+#     name = "proposed"
+#     shape = "empirical"
+#     acts_on = "strain"            # or radial_acceleration, contact_pressure, load
+#     frame = "time_since_exit"     # what the shape stands still in, see FRAMES
+#     law = "speed / 20"            # how it grows, over conditions alone; "1" for always the same
+#     nodes = [0.0, 0.002, 0.004]   # ascending, in the frame's unit
+#     values = [0.0, 8e-5, -3e-5]   # at the nodes, straight lines between them, nothing outside
+#     parameters = { amplitude = { value = 1.0, min = -10.0, max = 10.0 } }
+#
+# A shape is numbers only: nothing in it is executed. Its values have the unit of what it acts on;
+# of
+# a contact pressure they are shares of the mean pressure F / (2 L).
+
+
+#: nodes of a shape: a turn at 1 degree has 360 of them; twice as many resolve what no strain shows
+MOST_NODES = 720
+#: values and nodes are physical quantities in SI: what is larger is a fault of the file
+LARGEST = 1e12
+#: keys of a table in a model file, besides its name
+KEYS = ("shape", "acts_on", "frame", "law", "nodes", "values")
+AMPLITUDE = Parameter("amplitude", "", "factor on the measured shape", 1.0, -10.0, 10.0, probe=1.0)
+
+
+@dataclass(frozen=True)
+class ShapeFrame:
+    """A coordinate in which a shape may stand still.
+
+    `coordinate` in the language of expressions, its `unit`, `words` for a sentence; `acts_on` the
+    stages that it is for; `periodic` [rad] if it closes on itself.
+    """
+
+    name: str
+    coordinate: str
+    unit: str
+    words: str
+    acts_on: tuple[str, ...] = ("strain", "radial_acceleration")
+    periodic: float | None = None
+
+
+#: distance since the exit edge, and to the entry edge, in the language of expressions [m]
+FROM_EXIT_M = "((xi - L) % (2 * pi * R))"
+TO_ENTRY_M = "((-L - xi) % (2 * pi * R))"
+FRAMES: Mapping[str, ShapeFrame] = {
+    frame.name: frame
+    for frame in (
+        ShapeFrame("wheel_angle", "phi", "rad", "along the wheel's angle", periodic=2.0 * np.pi),
+        ShapeFrame(
+            "patch", "xi / L", "1", "along the patch (xi / L)",
+            ("strain", "radial_acceleration", "contact_pressure"),
+        ),
+        ShapeFrame(
+            "time_since_exit", f"{FROM_EXIT_M} / speed", "s", "in the time since the exit edge"
+        ),
+        ShapeFrame("distance_since_exit", FROM_EXIT_M, "m", "in the distance since the exit edge"),
+        ShapeFrame(
+            "time_before_entry", f"{TO_ENTRY_M} / speed", "s", "in the time before the entry edge"
+        ),
+        ShapeFrame(
+            "distance_before_entry", TO_ENTRY_M, "m", "in the distance before the entry edge"
+        ),
+        ShapeFrame("speed", "speed", "m/s", "along the speed", ("load",)),
+    )
+}  # fmt: skip
+ACTS_ON = tuple(dict.fromkeys(stage for frame in FRAMES.values() for stage in frame.acts_on))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Straight lines between values at nodes, along a frame's coordinate, times a law."""
+
+    text: str
+    coordinate: Expression
+    law: Expression
+    nodes: FloatArray
+    values: FloatArray
+    period: float | None
+    in_mean_pressures: bool
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What it reads."""
+        more = {"load", "L"} if self.in_mean_pressures else set()
+        return self.coordinate.names | self.law.names | more | {AMPLITUDE.name}
+
+    def __call__(self, values: Mapping[str, Any]) -> FloatArray:
+        """The amplitude times law and shape where the names have these values."""
+        at = self.coordinate(values)
+        if self.period is None:
+            shape = np.interp(at, self.nodes, self.values, left=0.0, right=0.0)
+        else:
+            shape = np.interp(at, self.nodes, self.values, period=self.period)
+        result = values[AMPLITUDE.name] * self.law(values) * shape
+        if self.in_mean_pressures:
+            result = result * np.asarray(values["load"]) / (2.0 * np.asarray(values["L"]))
+        return np.asarray(result, dtype=np.float64)
+
+
+def effect_by_shape(
+    name: str,
+    acts_on: str,
+    frame: str,
+    law: str,
+    nodes: Any,
+    values: Any,
+    amplitude: Parameter = AMPLITUDE,
+) -> Effect:
+    """The effect of a measured shape: `values` at ascending `nodes`, two lists of numbers.
+
+    ModelError if place, frame, law or numbers are not allowed.
+    """
+    known = FRAMES.get(frame)
+    if known is None or acts_on not in known.acts_on:
+        allowed = {n: f for n, f in FRAMES.items() if known is None or acts_on in f.acts_on}
+        raise ModelError(
+            f"effect {name!r}: a shape along {frame!r} that acts on {acts_on!r}"
+            f"{nearest(frame, FRAMES) if known is None else ''}",
+            allowed=[f"{n} ({' '.join(f.acts_on)})" for n, f in (allowed or FRAMES).items()],
+            do="choose one",
+        )
+    at, heights = _numbers(name, "nodes", nodes), _numbers(name, "values", values)
+    if at.size != heights.size or not 2 <= at.size <= MOST_NODES or np.any(np.diff(at) <= 0.0):
+        raise ModelError(
+            f"effect {name!r}: {at.size} nodes and {heights.size} values are no shape",
+            allowed=f"2 to {MOST_NODES} ascending nodes, and a value for each, are allowed",
+            do="correct them",
+        )
+    places = {"load"} if acts_on != "load" else set()
+    coordinate = parse_expression(known.coordinate, {*PLACES, *CONDITIONS})
+    formula = Shape(
+        f"a measured shape {known.words}, times {law}",
+        coordinate,
+        parse_expression(law, {*CONDITIONS, *places}),
+        at,
+        heights,
+        known.periodic,
+        acts_on == "contact_pressure",
+    )
+    return effect_by_formula(name, acts_on, formula, (amplitude,))
+
+
+def _numbers(name: str, key: str, given: Any) -> FloatArray:
+    """A list of finite numbers as an array.  ModelError: it is something else."""
+    good = isinstance(given, list | tuple | np.ndarray) and len(given) <= MOST_NODES
+    good = good and all(
+        isinstance(x, int | float) and not isinstance(x, bool) and abs(x) <= LARGEST for x in given
+    )
+    if not good:
+        raise ModelError(
+            f"effect {name!r}: {key} are no list of numbers",
+            allowed=f"up to {MOST_NODES} finite numbers are allowed",
+            do="correct them",
+        )
+    return np.asarray(given, dtype=np.float64)

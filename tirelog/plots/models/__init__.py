@@ -1,1 +1,0 @@
-"""Pictures of models, and of what was found of them."""

@@ -1,1 +1,0 @@
-"""Pictures of the tables that are made of a log."""

@@ -1,0 +1,654 @@
+"""Pictures of the revolutions of a grating: waterfall, polar footprint, edges, lengths, orders.
+
+Recording and FootprintOfChannel of each channel --while the log is open--> TurnsSketch
+    --all of them, and the kind--> a slide as PNG, SVG or PDF, a panel per log
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tirelog.data.recording import Recording
+from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.physics.model.model import Model
+from tirelog.physics.moving.modes import Mode, natural_modes, of_model
+from tirelog.plots.style import (
+    COLOURS,
+    EDGE,
+    MICRO,
+    RAW,
+    SLIDE,
+    by_value,
+    figure_page,
+    label,
+    on_a_slide,
+    robust_range,
+    write,
+)
+from tirelog.strain.footprint.footprint import FootprintOfChannel
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import good
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+# ---- The order map: how much of each order of the wheel a grating feels, over speed or over time.
+#
+#     revolutions (n, m) --transform over the angle--> amplitude of each order (n, k)
+#         --like speeds (or times) together--> a map whose height is the frequency, order x wheel's
+#
+# At constant speed all that repeats stands on orders; where an order crosses a natural frequency of
+# the tire it grows. With a ring model its modes are drawn as the belt feels them.
+
+
+#: highest frequency that is drawn [Hz]: what an instrumented tire's belt still moves at
+HIGHEST_HZ = 300.0
+#: steps of speed, or of time, of a map
+_STEPS = 40
+#: a drive whose speeds span less of their median than this is drawn over time
+_ONE_SPEED = 0.1
+#: names of lines are so far apart, of the height
+_APART = 0.035
+#: the least amplitudes, so many of a hundred, are all as dark: they are noise
+_DARKEST = 5.0
+#: logs that have a panel
+_MOST = 2
+#: the end of the axis of speed without a log [m/s]
+FASTEST_M_S = 40.0
+#: speeds at which modes are computed
+MODE_SPEEDS = 12
+#: a mode that is damped more than that does not ring: no line of a map shows it
+_MOST_DAMPED = 0.3
+
+
+@dataclass(frozen=True)
+class OrderMap:
+    """Amplitudes by order along a drive.
+
+    along      "speed" [m/s] or "time" [s], edges its steps (s + 1,)
+    wheel_Hz   the wheel's frequency at each edge (s + 1,)
+    amplitude  rms over the step's revolutions of each order's amplitude [strain], (s, k), order 1
+               first; NaN where no revolution is
+    """
+
+    along: str
+    edges: FloatArray
+    wheel_Hz: FloatArray
+    amplitude: FloatArray
+
+
+def amplitudes(values: FloatArray) -> FloatArray:
+    """Amplitude of the orders 1 ... k of each revolution, (n, k); values (n, m), NaN if unknown.
+
+    Empty bins are filled from their neighbours, and so few orders are given that every one has two
+    samples per cycle even in the sparsest revolution.
+    """
+    n, m = values.shape
+    known = np.isfinite(values)
+    whole = np.array(values)
+    at = np.arange(m)
+    for row in np.flatnonzero(~known.all(axis=1)):
+        have = known[row]
+        whole[row] = np.interp(at, at[have], values[row, have], period=m) if have.any() else np.nan
+    most = max(int(0.4 * known.sum(axis=1).min()), 1) if n else 1
+    found: FloatArray = 2.0 * np.abs(np.fft.rfft(whole, axis=1))[:, 1 : most + 1] / m
+    return found
+
+
+def map_of(
+    values: FloatArray, speed_m_s: FloatArray, time_s: FloatArray, radius_m: float
+) -> OrderMap:
+    """The order map of revolutions, over speed, or over time if they are of one speed."""
+    several = np.ptp(speed_m_s) > _ONE_SPEED * np.median(speed_m_s)
+    axis = speed_m_s if several else time_s
+    # a moment of its own for each revolution; of like speeds some together
+    steps = int(min(_STEPS, max(axis.size // 2, 1) if several else axis.size))
+    edges = np.linspace(axis.min(), axis.max() + 1e-9, steps + 1)
+    row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, steps - 1)
+    squares = amplitudes(values) ** 2
+    mean = np.full((steps, squares.shape[1]), np.nan)
+    for step in np.unique(row):
+        mean[step] = squares[row == step].mean(axis=0)
+    if several:
+        speeds = edges
+    else:
+        order = np.argsort(time_s)
+        speeds = np.interp(edges, time_s[order], speed_m_s[order])
+    return OrderMap(
+        "speed" if several else "time", edges, speeds / (2.0 * np.pi * radius_m), np.sqrt(mean)
+    )
+
+
+def order_maps(
+    figure: Figure,
+    maps: Sequence[tuple[Axes, str, OrderMap]],
+    orders: Sequence[int] = (1, 5, 10, 20, 40),
+) -> None:
+    """Draw maps, each with its name on its axes of `figure`, at one scale of colours.
+
+    `orders` are named at the edge.
+    """
+    from matplotlib.colors import LogNorm
+
+    every = np.concatenate([found.amplitude.ravel() for _, _, found in maps])
+    known = MICRO * every[np.isfinite(every) & (every > 0.0)]
+    low, high = (
+        (float(np.percentile(known, _DARKEST)), float(known.max())) if known.size else (0.1, 1.0)
+    )
+    mesh: Any = None
+    for axes, name, found in maps:
+        bounds = np.arange(found.amplitude.shape[1] + 1) + 0.5
+        mesh = axes.pcolormesh(
+            np.broadcast_to(found.edges[:, None], (found.edges.size, bounds.size)),
+            found.wheel_Hz[:, None] * bounds,
+            MICRO * found.amplitude,
+            norm=LogNorm(low, max(high, 1.01 * low)),
+            cmap="viridis",
+            rasterized=True,
+        )
+        top = min(HIGHEST_HZ, float(found.wheel_Hz.max() * bounds[-1]))
+        label(
+            axes,
+            "speed [m/s]" if found.along == "speed" else "time [s]",
+            "frequency on the belt [Hz]",
+            xlim=(found.edges[0], found.edges[-1]),
+            ylim=(0.0, top),
+        )
+        axes.set_title(name)
+        axes.grid(False)
+        for order in orders:
+            height = order * found.wheel_Hz[-1]
+            if order < bounds[-1] and height < 0.97 * top:
+                place = (found.edges[-1], height)
+                axes.annotate(f" order {order}", place, fontsize=9, va="center")
+    figure.colorbar(mesh, ax=figure.axes, label="amplitude of an order [microstrain]", format="%g")
+
+
+def on_the_belt(mode: Mode, wheel_Hz: float) -> float:
+    """The frequency [Hz] at which a point of the turning belt feels a mode.
+
+    A wave of n lobes that goes with the rotation passes the belt's points n turns a turn more
+    slowly, one against it so much faster; what stands beside the tire is given as it is heard.
+    """
+    turned = {"with": -1.0, "against": 1.0}.get(mode.direction, 0.0) * mode.lobes * wheel_Hz
+    return abs(mode.frequency_Hz + turned)
+
+
+def modes_over(
+    axes: Axes, model: Model, found: OrderMap | None, *, highest_Hz: float, **more: Any
+) -> None:
+    """The modes of a ring model in the air as lines over speed on `axes`, as the belt feels them.
+
+    On the road waves of several numbers of lobes mix, and a mode has no one frequency on the belt.
+    `found` is the map below the lines; without it they go from rest to FASTEST_M_S. `more`: the
+    hub's mass and inertia, as for `of_model`.
+    """
+    from matplotlib.patheffects import Stroke
+
+    radius_m = model.values["radius_m"]
+    if found is None:
+        places = speeds = np.linspace(0.0, FASTEST_M_S, MODE_SPEEDS)
+    else:
+        places = np.linspace(found.edges[0], found.edges[-1], MODE_SPEEDS)
+        speeds = 2.0 * np.pi * radius_m * np.interp(places, found.edges, found.wheel_Hz)
+    tire = of_model(model.values, **more)
+    lines: dict[tuple[str, str], FloatArray] = {}
+    for number, speed in enumerate(speeds):
+        wheel_Hz = float(speed) / (2.0 * np.pi * radius_m)
+        # where the tire stands, what goes with the rotation and against it is one: just turning
+        turning = max(float(speed), 1e-3)
+        for mode in natural_modes(tire, speed_m_s=turning, to_Hz=2.0 * highest_Hz):
+            if mode.damping_ratio < _MOST_DAMPED:
+                line = lines.setdefault((mode.shape, mode.direction), np.full(len(speeds), np.nan))
+                line[number] = on_the_belt(mode, wheel_Hz)
+    below = -np.inf
+    around = [Stroke(linewidth=3.4, foreground="white"), Stroke(linewidth=1.6, foreground="black")]
+    for (shape, direction), line in sorted(lines.items(), key=lambda item: item[1][-1]):
+        style = {"with": "-", "against": "--"}.get(direction, ":")
+        axes.plot(places, line, style, color="black", lw=1.6, path_effects=around)
+        height = float(line[-1])
+        if not height <= highest_Hz or height - below < _APART * highest_Hz:
+            continue  # names would lie on each other
+        below = height
+        axes.annotate(
+            f" {shape}", (places[-1], height), xytext=(4, 0), textcoords="offset points",
+            fontsize=9, va="center", annotation_clip=False,
+        )  # fmt: skip
+    handles = [
+        axes.plot([], [], style, color="black", lw=1.6, label=f"{word} the rotation")[0]
+        for style, word in (("-", "wave with"), ("--", "wave against"))
+    ]
+    axes.legend(handles=handles, loc="upper left", title="modes in the air", title_fontsize=10)
+
+
+def modes_over_orders(
+    model: Model,
+    maps: Sequence[tuple[str, OrderMap]],
+    path: Path,
+    *,
+    highest_Hz: float = HIGHEST_HZ,
+    **more: Any,
+) -> None:
+    """Write the modes over the order maps of logs, by name, to `path`; over speed without one."""
+    with on_a_slide():
+        shown = list(maps[:_MOST])
+        figure = figure_page(SLIDE[0] if len(shown) > 1 else 0.8 * SLIDE[0], SLIDE[1])
+        panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
+        if shown:
+            named = [(axes, Path(log).name, found) for axes, (log, found) in zip(panels, shown)]
+            order_maps(figure, named, orders=())
+        below = [found for _, found in shown]
+        for axes, found in zip(panels, below or (None,), strict=True):
+            modes_over(axes, model, found, highest_Hz=highest_Hz, **more)
+            if found is None:
+                label(axes, "speed [m/s]", "frequency on the belt [Hz]", ylim=(0.0, highest_Hz))
+            axes.set_ylim(0.0, highest_Hz)
+            axes.margins(x=0.0)
+        write(figure, path)
+
+
+def map_of_log(recording: Recording, channel: str | None = None) -> OrderMap:
+    """The order map of a log's strain, of its first grating or the one that is named.
+
+    UsageError: no such channel, or too few revolutions.
+    """
+    parts = list(stacks_from_logs([recording], "strain", channel))
+    return map_of(
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.conditions.speed_m_s for part in parts]),
+        np.concatenate([part.conditions.time_s for part in parts]),
+        parts[0].radius_m,
+    )
+
+
+# ---- Waveforms drawn around the wheel, as they are where they act: the road is below.
+
+
+def around_the_wheel(
+    axes: Any,
+    waves: Sequence[tuple[FloatArray, FloatArray, FloatArray, str]],
+    colours: Sequence[Any],
+    half_angle_rad: float,
+    unit: str = "microstrain",
+) -> float:
+    """Waveforms (angle, value, band, name) on polar `axes`: zero is a circle, the road is below.
+
+    The tire turns so that the entry is at the right. The radius of the zero circle comes back: the
+    whole range of the values, so that the lowest of them stays off the centre.
+    """
+    values = np.concatenate([w for _, w, _, _ in waves])
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    zero = 1.6 * max(high - low, 1e-12) - low
+    axes.set_theta_zero_location("S")
+    axes.set_theta_direction(-1)
+    for (phi, wave, band, name), colour in zip(waves, colours, strict=True):
+        axes.fill_between(
+            phi, zero + wave - band, zero + wave + band, color=colour, alpha=0.3, lw=0
+        )
+        axes.plot(phi, zero + wave, color=colour, label=name)
+    round_it = np.linspace(-np.pi, np.pi, 361)
+    axes.plot(round_it, np.full(361, zero), color=RAW, lw=0.9, ls="--")
+    outer = zero + high + 0.12 * (high - low)
+    arc = np.linspace(-half_angle_rad, half_angle_rad, 61)
+    axes.plot(arc, np.full(61, outer), color=EDGE, lw=6.0, solid_capstyle="butt")
+    axes.annotate("patch", (0.0, outer), xytext=(0, -14), textcoords="offset points",
+                  ha="center", va="top", color=EDGE, annotation_clip=False)  # fmt: skip
+    axes.annotate("rolls →", (0.94, 0.04), xycoords="axes fraction", ha="right", color=RAW)
+    step = _round_step(high - low)
+    ticks = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    names = [f"{t:g} {unit}" if t == ticks[-1] else f"{t:g}" for t in ticks]
+    _, labels = axes.set_rgrids(zero + ticks, names, angle=205.0, fontsize=10)
+    for text in labels:
+        text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
+        text.set_ha("center")
+    axes.set_rlim(0.0, outer)
+    turns = np.arange(-135, 181, 45)
+    axes.set_thetagrids(turns % 360, ["" if t == 0 else f"{t}°" for t in turns], fontsize=11)
+    axes.grid(alpha=0.35)
+    return zero
+
+
+def _round_step(span: float) -> float:
+    """A round number that divides the span into two to four."""
+    size = 10.0 ** np.floor(np.log10(span / 2.0))
+    return float(size * max(n for n in (1.0, 2.0, 5.0) if n * size <= span / 2.0))
+
+
+#: channels that are drawn; more panels cannot be read on a slide
+MOST = 4
+#: revolutions of a channel that are kept, evenly over the log if there are more: 4 MB
+_MOST_TURNS = 2000
+#: classes of speed that have a colour each
+_CLASSES = 4
+#: half of the part of the wheel that a waterfall shows, in half lengths of the patch
+_AROUND = 7.0
+#: half of a close-up of an edge, in half lengths of the patch
+_CLOSE = 0.55
+#: standard errors of a band
+_SIGMAS = 2.0
+
+
+@dataclass(frozen=True)
+class TurnsSketch:
+    """The revolutions of one channel, read while its log was open.
+
+    phi_rad (m,), entry negative; strain (n, m), NaN where there is no sample; time_s, speed_m_s,
+    manoeuvre (n,); every is the share of revolutions kept: each `every`-th.
+    found holds the contact length of each passage.
+    """
+
+    log: str
+    channel: str
+    radius_m: float
+    phi_rad: FloatArray
+    strain: FloatArray
+    time_s: FloatArray
+    speed_m_s: FloatArray
+    every: int
+    found: FootprintOfChannel
+    static_length_m: float | None = None
+
+    @classmethod
+    def of(cls, recording: Recording, found: FootprintOfChannel) -> TurnsSketch:
+        """The sketch of a channel whose log is open.
+
+        UsageError: fewer whole revolutions than a picture of them needs.
+        """
+        stacks = stacks_from_logs([recording], "strain", found.channel.name)
+        total = sum(len(stack) for stack in stacks.outlines())
+        every = -(-total // _MOST_TURNS)
+        kept, first = [], 0  # less the revolutions before this stack
+        for stack in stacks:
+            kept.append(stack.take(slice(first % every, None, every)))
+            first -= len(stack)
+        return cls(
+            recording.log,
+            found.channel.name,
+            kept[0].radius_m,
+            kept[0].phi_rad,
+            np.concatenate([part.values for part in kept]),
+            np.concatenate([part.conditions.time_s for part in kept]),
+            np.concatenate([part.conditions.speed_m_s for part in kept]),
+            every,
+            found,
+            recording.setup.tire.static_footprint_length_m,
+        )
+
+    @property
+    def name(self) -> str:
+        """Log and channel."""
+        return f"{Path(self.log).name}: {self.channel}"
+
+    @property
+    def length(self) -> tuple[float, float, float]:
+        """Median contact length [m], its standard error and the scatter of a passage's [m].
+
+        The error is that of the median and, beside it, that of the form that all passages share.
+        """
+        lengths = self.found.footprint.length_m[good(self.found.footprint.quality)]
+        lengths = lengths[np.isfinite(lengths)]
+        if not lengths.size:
+            return float("nan"), float("nan"), float("nan")
+        middle = float(np.median(lengths))
+        scatter = 1.4826 * float(np.median(np.abs(lengths - middle)))
+        form = self.found.footprint.form_se_m
+        shared = float(np.nanmedian(form)) if np.isfinite(form).any() else 0.0
+        return middle, float(np.hypot(1.2533 * scatter / lengths.size**0.5, shared)), scatter
+
+    @property
+    def half_angle_rad(self) -> float:
+        """Half of the patch on the wheel; of a log without lengths a usual one."""
+        length = self.length[0]
+        return 0.5 * (length if np.isfinite(length) else 0.1) / self.radius_m
+
+
+@dataclass(frozen=True)
+class SpeedClass:
+    """Revolutions of like speed: their mean waveform and its band, (m,), as strain."""
+
+    speed_m_s: float
+    turns: int
+    mean: FloatArray
+    scatter: FloatArray
+
+    @property
+    def se(self) -> FloatArray:
+        """Standard error of the mean, (m,)."""
+        return np.asarray(self.scatter / max(self.turns, 1) ** 0.5)
+
+
+def speed_classes(sketch: TurnsSketch) -> list[SpeedClass]:
+    """The revolutions by speed, slowest first, in classes of equal width.
+
+    A class whose revolutions are fewer than three has no scatter and is left out.
+    """
+    speed = sketch.speed_m_s
+    # a spread of a tenth of the speed is one class
+    span = float(np.ptp(speed)) / max(float(np.median(speed)), 1e-9)
+    count = 1 if span < 0.1 else _CLASSES
+    edges = np.linspace(speed.min(), speed.max(), count + 1)
+    which = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, count - 1)
+    found = []
+    for number in range(count):
+        rows = which == number
+        known = np.isfinite(sketch.strain[rows])
+        if rows.sum() < 3:
+            continue
+        times = known.sum(axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.nansum(sketch.strain[rows], axis=0) / times
+            square = np.nansum((sketch.strain[rows] - mean) ** 2, axis=0) / (times - 1)
+        scatter = np.where(times > 2, np.sqrt(square), np.nan)
+        found.append(
+            SpeedClass(
+                float(speed[rows].mean()), int(rows.sum()), np.where(times, mean, np.nan), scatter
+            )
+        )
+    return found
+
+
+def turns_picture(sketches: Sequence[TurnsSketch], path: Path, kind: str) -> None:
+    """Write the picture of this kind to `path`: a panel per channel, of at most MOST."""
+    with on_a_slide():
+        write(KINDS[kind](sketches), path)
+
+
+def _panels(sketches: Sequence[TurnsSketch], **more: Any) -> tuple[Figure, Iterator[Any]]:
+    """A page with a panel for each channel that is drawn; its title says which are not."""
+    shown = min(len(sketches), MOST)
+    columns = 1 if shown == 1 else 2
+    rows = -(-shown // columns)
+    width = 0.75 * SLIDE[0] if shown == 1 else SLIDE[0]
+    figure = figure_page(width, SLIDE[1] if rows == 1 else 1.45 * SLIDE[1])
+    panels = figure.subplots(rows, columns, squeeze=False, **more)
+    for spare in panels.ravel()[shown:]:
+        spare.remove()
+    if len(sketches) > MOST:
+        figure.suptitle(f"{len(sketches) - MOST} more are not drawn")
+    return figure, zip(panels.ravel(), sketches[:MOST])
+
+
+def waterfall(sketches: Sequence[TurnsSketch]) -> Figure:
+    """Strain in colour over the angle about the patch and the revolutions, one scale for all."""
+    figure, panels = _panels(sketches)
+    low, high = robust_range(*(s.strain for s in sketches[:MOST]), share=0.0, margin=0.0)
+    mesh: Any = None
+    for axes, sketch in panels:
+        reach = min(_AROUND * sketch.half_angle_rad, np.pi)
+        near = np.abs(sketch.phi_rad) <= reach
+        mesh = axes.pcolormesh(
+            np.degrees(sketch.phi_rad[near]),
+            1 + sketch.every * np.arange(len(sketch.strain)),
+            MICRO * filled(sketch.strain)[:, near],
+            cmap="viridis",
+            vmin=MICRO * low,
+            vmax=MICRO * high,
+            shading="nearest",
+            rasterized=True,
+        )
+        for side in (-1.0, 1.0):
+            axes.axvline(np.degrees(side * sketch.half_angle_rad), color="white", lw=1.0, ls="--")
+        speeds = f"{sketch.speed_m_s.min():.0f} to {sketch.speed_m_s.max():.0f} m/s"
+        each = f", each {sketch.every}th" if sketch.every > 1 else ""
+        axes.set(
+            xlabel="angle from the patch centre [deg]",
+            ylabel=f"revolution{each}",
+            title=f"{sketch.name}\n{speeds}",
+        )
+    figure.colorbar(mesh, ax=figure.axes, label="strain [microstrain]")
+    return figure
+
+
+def filled(values: FloatArray) -> FloatArray:
+    """The revolutions with bins between two known ones filled; longer gaps stay empty, (n, m).
+
+    A bin is narrower than a sample is apart from the next at speed: it is empty, and nothing lost.
+    """
+    left, right = np.roll(values, 1, axis=1), np.roll(values, -1, axis=1)
+    made: FloatArray = np.where(np.isfinite(values), values, 0.5 * (left + right))
+    return made
+
+
+def polar(sketches: Sequence[TurnsSketch]) -> Figure:
+    """The mean strain around the wheel, road below, by speed; the patch as an arc on the road."""
+    figure, panels = _panels(sketches, subplot_kw={"projection": "polar"})
+    for axes, sketch in panels:
+        classes = speed_classes(sketch)
+        around_the_wheel(
+            axes,
+            [
+                (
+                    sketch.phi_rad,
+                    MICRO * c.mean,
+                    MICRO * c.scatter,
+                    f"{c.speed_m_s:.1f} m/s ({c.turns})",
+                )
+                for c in classes
+            ],
+            by_value([c.speed_m_s for c in classes]),
+            sketch.half_angle_rad,
+        )
+        length, se, _ = sketch.length
+        told = f"\npatch {1e3 * length:.1f} ± {1e3 * se:.1f} mm" if np.isfinite(length) else ""
+        axes.set_title(f"{sketch.name}{told}")
+        axes.legend(loc="center", title="mean of (revolutions)", title_fontsize=10)
+    return figure
+
+
+def edges(sketches: Sequence[TurnsSketch]) -> Figure:
+    """Entry and exit edge close up: means by speed with two standard errors and the scatter."""
+    shown = sketches[:MOST]
+    figure = figure_page(SLIDE[0], SLIDE[1] * (1.0 if len(shown) < 3 else 1.45))
+    panels = figure.subplots(len(shown), 2, squeeze=False, sharey="row")
+    for row, sketch in zip(panels, shown):
+        classes = speed_classes(sketch)
+        colours = by_value([c.speed_m_s for c in classes])
+        half = sketch.half_angle_rad
+        _, _, scatter = sketch.length
+        for axes, side, name in zip(row, (-1.0, 1.0), ("entry", "exit")):
+            reach = _CLOSE * half
+            near = np.abs(sketch.phi_rad - side * half) <= reach + 2 * np.diff(sketch.phi_rad).max()
+            x = 1e3 * sketch.radius_m * sketch.phi_rad[near]
+            heights = []
+            for c, colour in zip(classes, colours, strict=True):
+                mean = MICRO * c.mean[near]
+                heights.append(mean)
+                for band, alpha in ((c.scatter, 0.15), (_SIGMAS * c.se, 0.45)):
+                    width = MICRO * band[near]
+                    axes.fill_between(
+                        x, mean - width, mean + width, color=colour, alpha=alpha, lw=0
+                    )
+                axes.plot(x, mean, ".-", color=colour, ms=5, label=f"{c.speed_m_s:.1f} m/s")
+            middle = 1e3 * side * half * sketch.radius_m
+            axes.axvspan(
+                middle - 500 * scatter, middle + 500 * scatter, color=EDGE, alpha=0.2, lw=0
+            )
+            axes.axvline(middle, color=EDGE, lw=1.5, ls="--")
+            label(
+                axes,
+                "ξ from the patch centre [mm]",
+                "strain [microstrain]" if side < 0 else "",
+                xlim=(
+                    middle - 1e3 * reach * sketch.radius_m,
+                    middle + 1e3 * reach * sketch.radius_m,
+                ),
+            )
+            axes.set_title(f"{sketch.name}, {name}", loc="left")
+        row[0].legend(loc="lower left")
+    figure.suptitle(
+        "dark band two standard errors of the mean, light band scatter of a revolution; "
+        "orange the edge, and how far it scatters",
+        fontsize=12,
+    )
+    return figure
+
+
+def lengths(sketches: Sequence[TurnsSketch]) -> Figure:
+    """Contact length with two standard errors over speed and over time, a colour per channel."""
+    figure = figure_page(*SLIDE)
+    by_speed, by_time = figure.subplots(1, 2, sharey=True)
+    heights = []
+    for number, sketch in enumerate(sketches[: len(COLOURS) - 1]):
+        f, p = sketch.found.footprint, sketch.found.passages
+        clean = good(f.quality) & np.isfinite(f.length_m)
+        rows = np.flatnonzero(clean)
+        rows = rows[:: max(-(-rows.size // 300), 1)]
+        colour, length = COLOURS[number], 1e3 * f.length_m[rows]
+        for axes, x, name in (
+            (by_speed, p.speed_m_s, sketch.name),
+            (by_time, p.time_s, None),
+        ):
+            axes.errorbar(
+                x[rows],
+                length,
+                yerr=_SIGMAS * 1e3 * f.length_se_m[rows],
+                fmt=".",
+                color=colour,
+                ms=5,
+                elinewidth=0.8,
+                alpha=0.75,
+                label=name,
+            )
+        heights.append(length)
+        if sketch.static_length_m is not None:
+            for axes in (by_speed, by_time):
+                axes.axhline(1e3 * sketch.static_length_m, color=colour, lw=1.2, ls=":")
+            heights.append(np.array([1e3 * sketch.static_length_m]))
+    limits = robust_range(*heights, share=0.0)
+    label(by_speed, "speed [m/s]", "contact length [mm]", ylim=limits)
+    label(by_time, "time [s]", "")
+    by_speed.legend(loc="best")
+    left = len(sketches) - (len(COLOURS) - 1)
+    figure.suptitle(
+        "bars two standard errors"
+        + (f"; {left} channels more are not drawn" if left > 0 else "")
+        + ("; dotted: static footprint" if any(s.static_length_m for s in sketches) else ""),
+        fontsize=12,
+    )
+    return figure
+
+
+def orders(sketches: Sequence[TurnsSketch]) -> Figure:
+    """The order map of each channel, at one scale of colours."""
+    figure, panels = _panels(sketches)
+    order_maps(
+        figure,
+        [(axes, s.name, map_of(s.strain, s.speed_m_s, s.time_s, s.radius_m)) for axes, s in panels],
+    )
+    return figure
+
+
+KINDS: Mapping[str, Callable[[Sequence[TurnsSketch]], Any]] = {
+    "waterfall": waterfall,
+    "polar": polar,
+    "edges": edges,
+    "lengths": lengths,
+    "orders": orders,
+}

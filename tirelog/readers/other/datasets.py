@@ -1,0 +1,639 @@
+"""ROS bags as MCAP: ROS 1 by its own definitions, the .db3 of ROS 2 message by message.
+
+rosbags makes Python code of the definitions in a ROS 1 bag and runs it; so every name in them is
+looked at first.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.readers.other.conversion import Answer, NoNumbers, one_line
+
+# ---- An HDF5 file of columns, which a converter fills piece by piece.
+
+
+#: values of a chunk, and datasets of a file
+_CHUNK, _MOST_DATASETS = 1 << 14, 5000
+#: letters of a name
+_MOST_LETTERS = 80
+
+
+def proper(name: object) -> str:
+    """A name that a setup's `source` can spell: no brackets, colons, slashes."""
+    plain = "".join(letter for letter in str(name)[: 4 * _MOST_LETTERS] if letter.isprintable())
+    plain = re.sub(r"[/\[\]:]+", "_", plain).strip(" .")[:_MOST_LETTERS].strip(" .")
+    return plain or "unnamed"
+
+
+class Datasets:
+    """The HDF5 file at `path`; what is no number is passed over in the answer."""
+
+    def __init__(self, path: Path, answer: Answer) -> None:
+        self.file, self.answer, self.many = h5py.File(path, "w"), answer, 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        problem: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Closes the file.  NoNumbers: there is none in it."""
+        self.file.close()
+        if kind is None and not self.many:
+            raise NoNumbers("it holds no signal over time")
+
+    def group(self, name: object) -> h5py.Group:
+        """A group of that name, or of one like it if it is taken."""
+        return self.file.create_group(self._free(self.file, proper(name)))
+
+    def add(
+        self,
+        group: h5py.Group,
+        name: object,
+        pieces: Iterable[NDArray[Any]],
+        attributes: Mapping[str, str | float | None],
+    ) -> int:
+        """Writes one column; how many values it has (0: it was passed over)."""
+        if self.many >= _MOST_DATASETS:
+            raise NoNumbers(f"has more than {_MOST_DATASETS} channels")
+        made: h5py.Dataset | None = None
+        at = 0
+        told = proper(name)
+        for piece in pieces:
+            values = np.asarray(piece)
+            if values.dtype.kind == "b":
+                values = values.astype(np.uint8)
+            if values.dtype.kind not in "iuf" or values.dtype.itemsize > 8 or values.ndim != 1:
+                self.answer.passed_over.append(f"{told} is no column of numbers ({values.dtype})")
+                break
+            if made is None and values.size:
+                free = self._free(group, told)
+                made = group.create_dataset(
+                    free, shape=(0,), maxshape=(None,), dtype=values.dtype, chunks=(_CHUNK,)
+                )
+            if made is not None:
+                made.resize(at + values.size, axis=0)
+                made[at:] = values
+                at += values.size
+        if made is None:
+            return 0
+        for word, value in attributes.items():
+            if isinstance(value, str):
+                made.attrs[word] = value[:_MOST_LETTERS]
+            elif value is not None and np.isfinite(value):
+                made.attrs[word] = float(value)
+        self.many += 1
+        return at
+
+    def _free(self, group: h5py.Group, name: str) -> str:
+        free, number = name, 2
+        while free in group:
+            free, number = f"{name}_{number}", number + 1
+        return free
+
+
+# ---- A sheet of an Excel workbook (xlsx, xls, xlsb, ods) as text: the first that has rows of
+# numbers.
+#
+# Numbers come as digits that make the same double again, dates and times as ISO 8601.
+
+
+#: rows of numbers that make a sheet a log, and those of a sheet in which they are looked for
+_FEWEST_ROWS, _LOOKED_AT = 2, 10_000
+
+
+def load_excel() -> None:
+    """Imports what reads it."""
+    import python_calamine  # noqa: F401
+
+
+def convert_excel(source: Path, target: Path, answer: Answer) -> None:
+    """Writes the rows of one sheet to `target`.  NoNumbers: no sheet has rows of numbers."""
+    from python_calamine import CalamineWorkbook
+
+    with source.open("rb") as file, CalamineWorkbook.from_filelike(file) as book:
+        names = list(book.sheet_names)
+        for name in names:
+            sheet = book.get_sheet_by_name(name)
+            rows = sheet.iter_rows()
+            some = [row for row, _ in zip(rows, range(_LOOKED_AT), strict=False)]
+            if sum(any(_is_number(cell) for cell in row) for row in some) < _FEWEST_ROWS:
+                continue
+            with target.open("w", encoding="utf-8", newline="\n") as made:
+                for row in some:
+                    made.write(_line(row))
+                for row in rows:
+                    made.write(_line(row))
+            others = [one_line(other) for other in names if other != name]
+            if others:
+                told = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
+                answer.remarks.append(
+                    f"the sheet {one_line(name)} is read, not {told}; "
+                    "save another one as a file of its own to read that"
+                )
+            return
+    raise NoNumbers("no sheet has rows of numbers")
+
+
+def _is_number(cell: object) -> bool:
+    return isinstance(cell, int | float) and not isinstance(cell, bool)
+
+
+def _line(row: list[Any]) -> str:
+    return "\t".join(map(_text, row)).rstrip("\t") + "\n"
+
+
+def _text(cell: object) -> str:
+    if isinstance(cell, bool):
+        return str(int(cell))
+    if isinstance(cell, int | float):
+        return repr(cell)
+    if isinstance(cell, dt.timedelta):
+        return repr(cell.total_seconds())
+    if isinstance(cell, dt.datetime | dt.time):
+        return cell.isoformat(timespec="microseconds")
+    if isinstance(cell, dt.date):
+        return cell.isoformat()
+    return " ".join(str(cell).split()).replace('"', "'")
+
+
+# ---- Feather 2 and Arrow files as Parquet, batch by batch, each checked before it is used.
+
+
+def load_feather() -> None:
+    """Imports what reads it, and starts the threads that it would start later."""
+    import pyarrow as pa
+    import pyarrow.ipc as ipc
+    import pyarrow.parquet
+
+    pa.set_cpu_count(1)
+    pa.set_io_thread_count(1)
+    table = pa.table({"a": [0.0]})
+    sink = pa.BufferOutputStream()
+    with ipc.new_file(sink, table.schema) as made:
+        made.write_table(table)
+    with ipc.open_file(sink.getvalue()) as file:
+        file.get_batch(0)
+
+
+def convert_feather(source: Path, target: Path, answer: Answer) -> None:
+    """Writes the columns of numbers and of times to `target`.  NoNumbers: it has none."""
+    import pyarrow as pa
+    import pyarrow.ipc as ipc
+    import pyarrow.parquet as pq
+
+    alone = ipc.IpcReadOptions(use_threads=False)
+    with source.open("rb") as stream, ipc.open_file(stream, options=alone) as file:
+        kept = [
+            k
+            for k, field in enumerate(file.schema)
+            if not (pa.types.is_nested(field.type) or pa.types.is_null(field.type))
+        ]
+        if not kept:
+            raise NoNumbers("has no column of numbers")
+        schema = pa.schema([file.schema.field(k) for k in kept])
+        if len(kept) < len(file.schema):
+            names = [field.name for k, field in enumerate(file.schema) if k not in kept]
+            answer.passed_over.append(f"{', '.join(names[:5])} (lists and structures)")
+        with pq.ParquetWriter(target, schema) as writer:
+            for k in range(file.num_record_batches):
+                batch = file.get_batch(k)
+                batch.validate(full=True)
+                writer.write_batch(batch.select(kept).replace_schema_metadata(None))
+
+
+_TYPE = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
+_FIELD = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
+_HEADER = "std_msgs/msg/Header"
+_ZSTD = b"\x28\xb5\x2f\xfd"
+#: bytes of one message, as for MCAP, and of a chunk that is written
+_MESSAGE_BYTES, _CHUNK_BYTES = 1 << 23, 1 << 20
+#: types of one definition, and values of an array of fixed length in it, for which code is made
+_MOST_TYPES, _MOST_VALUES = 500, 1 << 16
+
+
+def load_bag() -> None:
+    """Imports what reads it."""
+    import mcap.writer  # noqa: F401
+    import rosbags.rosbag1
+    import rosbags.rosbag2
+    import rosbags.typesys  # noqa: F401
+    import zstandard  # noqa: F401
+
+
+def convert_bag(source: Path, target: Path, answer: Answer) -> None:
+    """Writes the messages of the bag's topics to `target`.  NoNumbers: it has none."""
+    from mcap.writer import CompressionType, Writer
+
+    with source.open("rb") as file:
+        first = file.read(9) == b"#ROSBAG V"
+    with target.open("wb") as made, _opened(source, target, first) as reader:
+        writer = Writer(made, chunk_size=_CHUNK_BYTES, compression=CompressionType.NONE)
+        writer.start(profile="ros2")
+        topics = _Topics(writer, answer)
+        connections = [one for one in reader.connections if topics.add(one, first)]
+        if connections:
+            for connection, time_ns, data in reader.messages(connections):
+                topics.message(connection, time_ns, data)
+        writer.finish()
+    topics.finish()
+    if not topics.written:
+        raise NoNumbers("it holds no message that can be read")
+
+
+@contextmanager
+def _opened(source: Path, target: Path, first: bool) -> Iterator[Any]:
+    """The library's reader.  Its name tells the library what a file is, and may not say more."""
+    if first:
+        from rosbags.rosbag1 import Reader as Reader1
+
+        with Reader1(source) as one:
+            yield one
+    else:
+        from rosbags.rosbag2 import Reader as Reader2
+
+        link = target.with_name("bag.db3")
+        link.symlink_to(source)
+        with Reader2(link) as two:
+            yield two
+
+
+class _Topics:
+    """The channels of the MCAP that is written."""
+
+    def __init__(self, writer: Any, answer: Answer) -> None:
+        self.writer, self.answer = writer, answer
+        self.channels: dict[int, tuple[int, Any]] = {}  # with the store that makes ROS 1 CDR
+        self.names: dict[int, str] = {}
+        self.lost: dict[int, int] = {}
+        self.written = 0
+
+    def add(self, connection: Any, first: bool) -> bool:
+        """True if the topic's messages can be read; else it is passed over, and said."""
+        from rosbags.interfaces import MessageDefinitionFormat
+        from rosbags.typesys import Stores, get_typestore
+
+        store, text, kind = None, str(connection.msgdef.data), str(connection.msgtype)
+        try:
+            if first:
+                store = _store(text, kind)
+                text, _ = store.generate_msgdef(kind, ros_version=2)
+            elif getattr(connection.ext, "serialization_format", "") != "cdr":
+                raise ValueError("its messages are no CDR")
+            elif connection.msgdef.format == MessageDefinitionFormat.NONE:
+                text, _ = get_typestore(Stores.LATEST).generate_msgdef(kind, ros_version=2)
+            elif connection.msgdef.format != MessageDefinitionFormat.MSG:
+                raise ValueError("its definition is no .msg")
+        # the library's own errors are of several trees, and a definition may be anything
+        except Exception as problem:
+            self.answer.passed_over.append(f"topic {connection.topic} of {kind} ({problem})")
+            return False
+        schema = self.writer.register_schema(kind, "ros2msg", text.encode())
+        channel = self.writer.register_channel(str(connection.topic), "cdr", schema)
+        self.channels[connection.id] = channel, store
+        self.names[connection.id] = str(connection.topic)
+        return True
+
+    def message(self, connection: Any, time_ns: int, data: bytes) -> None:
+        """Writes one message; one that cannot be is counted."""
+        channel, store = self.channels[connection.id]
+        try:
+            if store is not None:
+                data = bytes(store.ros1_to_cdr(data, connection.msgtype))
+            elif data.startswith(_ZSTD):
+                data = _unpacked(data)
+            if len(data) > _MESSAGE_BYTES or not 0 <= time_ns < 1 << 63:
+                raise ValueError
+        except MemoryError:
+            raise
+        except Exception:
+            self.lost[connection.id] = self.lost.get(connection.id, 0) + 1
+            return
+        self.writer.add_message(channel, time_ns, data, time_ns)
+        self.written += 1
+
+    def finish(self) -> None:
+        """Says what was lost."""
+        for number, many in self.lost.items():
+            self.answer.losses.append(
+                f"topic {self.names[number]}: {many} messages are damaged and lost"
+            )
+
+
+def _unpacked(data: bytes) -> bytes:
+    import zstandard
+
+    if not 0 <= zstandard.frame_content_size(data) <= _MESSAGE_BYTES:
+        raise ValueError
+    return zstandard.ZstdDecompressor().decompress(data)
+
+
+def _store(text: str, kind: str) -> Any:
+    """A store of the types in a definition of ROS 1.  ValueError: it has a name that is none."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_types_from_msg(text, kind)
+    check_names(types)
+    constants, fields = types.get(_HEADER, ([], []))
+    if fields and fields[0][0] == "seq":  # which ROS 2 does not have, and the library leaves out
+        types[_HEADER] = constants, fields[1:]
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    if kind not in store.fielddefs:
+        raise ValueError(f"it defines {', '.join(store.fielddefs)[:80]}")
+    return store
+
+
+def check_names(types: dict[str, Any]) -> None:
+    """ValueError: a name in parsed definitions is more than a name, or an array is too long."""
+    if len(types) > _MOST_TYPES:
+        raise ValueError(f"it defines more than {_MOST_TYPES} types")
+    for name, (constants, fields) in types.items():
+        for field, described in fields:
+            _check(field, _FIELD)
+            for word, size in _named(described):
+                _check(word, _TYPE if "/" in word else _FIELD)
+                if size > _MOST_VALUES:
+                    raise ValueError(f"it has an array of {size} values")
+        for field, word, value in constants:
+            _check(field, _FIELD)
+            _check(word, _FIELD)
+            if not isinstance(value, bool | int | float | str):
+                raise ValueError("it has a constant that is none")
+        _check(name, _TYPE)
+
+
+def _check(name: object, pattern: re.Pattern[str]) -> None:
+    if not isinstance(name, str) or not pattern.fullmatch(name):
+        raise ValueError(f"{str(name)[:40]!r} is no name")
+
+
+def _named(described: Any) -> Iterable[tuple[str, int]]:
+    """(name of a type, length of an array of it) in the library's description of a field."""
+    kind, inside = described
+    if int(kind) == 1:  # a number or a text
+        yield str(inside[0]), int(inside[1])
+    elif int(kind) == 2:
+        yield str(inside), 0
+    else:
+        yield from ((word, max(size, int(inside[1]))) for word, size in _named(inside[0]))
+
+
+# ---- MDF measurements (versions 3 and 4) as HDF5: a group per clock, its channels and their times.
+#
+# Numbers go through the conversions that the file states. One that is a formula is handed to
+# numexpr,
+# which evaluates text; so only sums and products of numbers and X are let through.
+
+
+#: records read at once
+_RECORDS = 1 << 18
+_FORMULA = re.compile(r"(?:[-+*/() \t]|\d+\.?\d*(?:[eE][-+]?\d+)?|[Xx]1?)*")
+_MDF_LETTERS, _MOST_DEPTH = 200, 8
+
+
+def load_mdf() -> None:
+    """Imports what reads it."""
+    import asammdf  # noqa: F401
+
+
+def convert_mdf(source: Path, target: Path, answer: Answer) -> None:
+    """Writes the channels of numbers to `target`, with the times of each group."""
+    from asammdf import MDF
+
+    with MDF(source) as file, Datasets(target, answer) as to:
+        answer.start = file.start_time.isoformat()
+        masters = file.masters_db
+        for number, group in enumerate(file.groups):
+            records = int(group.channel_group.cycles_nr)
+            if not records:
+                continue
+            name = getattr(group.channel_group, "acq_name", "") or f"group_{number + 1}"
+            made = to.group(name)
+            for index, channel in enumerate(group.channels):
+                is_time = masters.get(number) == index
+                if not is_time and (formula := unsafe_formula(channel.conversion)):
+                    answer.passed_over.append(
+                        f"{proper(channel.name)} is converted by the formula {formula!r}"
+                    )
+                    continue
+                unit: list[str] = []
+                pieces = _pieces(file, number, index, records, unit)
+                try:
+                    first = next(pieces, None)
+                    if first is None:
+                        continue
+                    to.add(
+                        made,
+                        "time" if is_time else channel.name,
+                        _all(first, pieces),
+                        {"units": "s" if is_time else unit[0]},
+                    )
+                except MemoryError:
+                    raise
+                # one channel that is damaged is no reason to lose the others
+                except Exception as problem:
+                    kind = type(problem).__name__
+                    answer.losses.append(f"{proper(channel.name)} cannot be read ({kind})")
+
+
+def _all(first: NDArray[Any], rest: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:
+    yield first
+    yield from rest
+
+
+def _pieces(
+    file: Any, group: int, index: int, records: int, unit: list[str]
+) -> Iterator[NDArray[Any]]:
+    """The channel's values, NaN where the file says that they are none; `unit` is filled."""
+    for start in range(0, records, _RECORDS):
+        signal = file.get(
+            group=group,
+            index=index,
+            record_offset=start,
+            record_count=min(_RECORDS, records - start),
+            ignore_invalidation_bits=True,
+        )
+        unit.append(str(signal.unit or ""))
+        values = signal.samples
+        if signal.invalidation_bits is not None and values.dtype.kind in "iufb":
+            values = np.where(np.asarray(signal.invalidation_bits, bool), np.nan, values)
+        yield values
+        if not values.size:
+            return
+
+
+def unsafe_formula(conversion: Any, depth: int = 0) -> str:
+    """A formula in a conversion, or in those that it refers to, that is more than arithmetic."""
+    if conversion is None:
+        return ""
+    formula = getattr(conversion, "formula", "") or ""
+    if isinstance(formula, bytes):
+        formula = formula.decode("latin-1")
+    long = len(formula) > _MDF_LETTERS or depth > _MOST_DEPTH
+    if long or "**" in formula or not _FORMULA.fullmatch(formula):
+        return str(formula)[:40] or "of formulas"
+    inside = getattr(conversion, "referenced_blocks", None) or {}
+    found = (unsafe_formula(one, depth + 1) for one in inside.values() if not _is_text(one))
+    return next((formula for formula in found if formula), "")
+
+
+def _is_text(block: object) -> bool:
+    return isinstance(block, bytes | str)
+
+
+# ---- LabVIEW's TDMS as HDF5: /group/channel, with its unit and the step of its samples.
+
+
+def load_tdms() -> None:
+    """Imports what reads it."""
+    import nptdms  # noqa: F401
+
+
+def convert_tdms(source: Path, target: Path, answer: Answer) -> None:
+    """Writes the channels of numbers and of times to `target`."""
+    from nptdms import TdmsFile
+
+    starts: list[Any] = []
+    # a stream, not a path: beside that the library looks for an index, which may be another's
+    with source.open("rb") as stream, TdmsFile.open(stream) as file, Datasets(target, answer) as to:
+        for group in file.groups():
+            made, channels = to.group(group.name), group.channels()
+            dated = [one.name for one in channels if len(one) and one.dtype.kind == "M"]
+            for channel in channels:
+                said = channel.properties
+                step = _number(said.get("wf_increment"))
+                unit = said.get("unit_string") or said.get("NI_UnitDescription")
+                attributes = {
+                    "units": unit if isinstance(unit, str) else None,
+                    "wf_increment": step,
+                }
+                if len(channel) and channel.dtype.kind == "M":
+                    attributes = {"units": "ns since 1970-01-01T00:00:00+00:00"}
+                elif step is not None and isinstance(said.get("wf_start_time"), np.datetime64):
+                    starts.append(said["wf_start_time"].astype("M8[us]"))
+                if len(channel) and channel.dtype.kind not in "iufbM":
+                    answer.passed_over.append(f"{proper(channel.name)} holds no real numbers")
+                else:
+                    name = "time" if dated == [channel.name] else channel.name
+                    to.add(made, name, _tdms_pieces(channel), attributes)
+        if file.file_status.incomplete_final_segment:
+            answer.losses.append(
+                "the file is cut off in its last segment, whose end is lost; copy it again"
+            )
+    if starts and not np.isnat(starts).any():
+        answer.start = str(min(starts)) + "+00:00"
+        apart_s = (max(starts) - min(starts)) / np.timedelta64(1, "s")
+        if apart_s > 0.0:
+            answer.remarks.append(
+                f"channels begin up to {apart_s:g} s after the first, by wf_start_time; "
+                "each is taken to begin with the log"
+            )
+
+
+def _tdms_pieces(channel: Any) -> Iterator[NDArray[Any]]:
+    """The samples as the file's segments hold them; times as whole nanoseconds."""
+    for chunk in channel.data_chunks():
+        values = chunk[:]
+        yield values.astype("M8[ns]").astype(np.int64) if values.dtype.kind == "M" else values
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float | np.number) else None
+
+
+# ---- Universal files (UFF, sets 58 and 58b) as HDF5: a group per set, its values and its times.
+
+
+#: kinds of function of a set: a general one, a time response; of its axis: unknown, time
+_IN_TIME, _TIME_AXES = (0, 1), (0, 17)
+#: bytes at the end in which a set's end stands
+_END_BYTES = 400
+_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
+
+
+def load_uff() -> None:
+    """Imports what reads it."""
+    import pyuff  # noqa: F401
+
+
+def convert_uff(source: Path, target: Path, answer: Answer) -> None:
+    """Writes the sets that are signals in time to `target`."""
+    import pyuff
+
+    with source.open("rb") as stream:
+        stream.seek(max(source.stat().st_size - _END_BYTES, 0))
+        if not stream.read().rstrip().endswith(b"    -1"):
+            answer.losses.append(
+                "the file does not end with the end of a set: a last one may be lost; copy it again"
+            )
+    file = pyuff.UFF(str(source))
+    with Datasets(target, answer) as to:
+        for number, kind in enumerate(np.atleast_1d(file.get_set_types())):
+            if int(kind) != 58:
+                continue
+            name = f"set_{number + 1}"
+            try:
+                one = file.read_sets(number)
+            except MemoryError:
+                raise
+            # the library says no more than that it could not
+            except Exception:
+                answer.losses.append(f"{name} is damaged and lost; copy the file again")
+                continue
+            if why := _no_signal(one):
+                answer.passed_over.append(f"{name} is {why}")
+                continue
+            _write(to, f"{name}{_place(one)}", one)
+            missing = int(one.get("num_pts", 0)) - len(one["data"])
+            if missing > 0:
+                answer.losses.append(
+                    f"{name}: {missing} of {one['num_pts']} values are not in the file; "
+                    "copy it again"
+                )
+
+
+def _no_signal(one: dict[str, Any]) -> str:
+    """Why a set is no signal in time; '' if it is one."""
+    if np.iscomplexobj(one["data"]) or one.get("func_type", 0) not in _IN_TIME:
+        return f"no signal in time (function {one.get('func_type')})"
+    if one.get("abscissa_spec_data_type", 0) not in _TIME_AXES:
+        return f"over no time (axis {one.get('abscissa_spec_data_type')})"
+    return ""
+
+
+def _place(one: dict[str, Any]) -> str:
+    """The node and direction of a set, as part of a name."""
+    node, direction = one.get("rsp_node", 0), _DIRECTIONS.get(one.get("rsp_dir", 0), "")
+    return f"_node_{node}{'_' if direction else ''}{direction}" if node else ""
+
+
+def _write(to: Datasets, name: str, one: dict[str, Any]) -> None:
+    group = to.group(name)
+    unit = str(one.get("ordinate_axis_units_lab", "") or "").strip()
+    even = one.get("abscissa_spacing", 0) == 1
+    attributes = {"units": unit if unit.upper() != "NONE" else None}
+    if even:
+        attributes["dt"] = one.get("abscissa_inc")
+    to.add(group, "values", [np.asarray(one["data"])[: _declared(one)]], attributes)
+    if not even:
+        to.add(group, "time", [np.asarray(one["x"])[: _declared(one)]], {"units": "s"})
+
+
+def _declared(one: dict[str, Any]) -> int:
+    """How many values the set says it has: behind them stand line ends and padding."""
+    return max(int(one.get("num_pts", 0)), 0)

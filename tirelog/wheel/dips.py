@@ -1,0 +1,415 @@
+"""Where an in-tire accelerometer passes the patch, coarsely.
+
+And the centripetal level beside each passage.
+
+    channel, WheelAngle --means over one degree of wheel angle--> bins (m,)
+        --below half of the level--> dips
+        --degrees beside each dip--> Dips: coarse fronts, level and its slope, what gravity does to
+                                     them, noise of a sample
+
+The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
+and nothing in the patch: there the tread is straight. Divided by Omega^2 of its bin the level is
+the same at every speed, so half of it marks the patch without a threshold in m/s^2. A recorded
+signal may have either sign; the level tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tirelog.data.recording import Channel
+from tirelog.dsp.encoder import AngleFunction
+from tirelog.dsp.filters import sliding_mean
+from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray
+from tirelog.wheel.angle import WheelAngle
+
+#: radians of a degree
+DEGREE = np.pi / 180
+#: samples read at once (1 MB)
+PIECE = 1 << 17
+#: bins worked on at once, and their overlap: a turn and a half
+CORE, OVERLAP = 360 * 128, 540
+#: a dip that is shorter or longer than this is no patch [deg]; half of it is 1 cm on a car's
+#: wheel, twice of it most of the lower half
+NARROWEST, WIDEST = 4, 70
+#: the level is taken from this range beside each front [deg]; half of the first lies in the lobes
+#: of the front, twice the second reaches beyond the top of the wheel
+BESIDE = (25, 130)
+#: slower than this the level drowns in gravity [rad/s]: on a car's wheel it is 1.1 g there, and a
+#: quarter of that at half; doubled, nothing below 3.6 m/s is seen
+SLOWEST_rad_s = 6.0
+
+
+@dataclass(frozen=True)
+class Dips(ColumnSet):
+    """One row per dip, shape (n,): coarse fronts, the level beside it and gravity.
+
+    Fronts `entry_rad`, `exit_rad`; `level` the mean of a / Omega^2 beside it [m] (its sign is the
+    sensor's), `tilt` its slope [m/rad]; `gravity_level`, `gravity_tilt` what a unit of cos(phi)
+    adds to them; `level_share` standard error of the level
+    per noise; `noise_m_s2` of one sample (its variance with correlation counted in);
+    `normal` (n, 3, 4) sums for the gravity in the level.
+    """
+
+    entry_rad: FloatArray
+    exit_rad: FloatArray
+    level: FloatArray
+    tilt: FloatArray
+    gravity_level: FloatArray
+    gravity_tilt: FloatArray
+    level_share: FloatArray
+    noise_m_s2: FloatArray
+    normal: FloatArray
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Bins of one degree, shape (m,).
+
+    `first` the first bin's angle [deg]; `mean` [m/s^2], NaN if empty; `count`; `squares` sum of
+    squared deviations; `time_s` mean time; `begins` True for the log's first piece.
+    """
+
+    first: int
+    mean: FloatArray
+    count: FloatArray
+    squares: FloatArray
+    time_s: FloatArray
+    begins: bool
+
+
+def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
+    """The channel in degrees of wheel angle, in pieces of CORE bins.
+
+    They overlap their neighbours by OVERLAP on both sides.
+    """
+    first, highest = 0, -np.inf
+    held: FloatArray = np.zeros((4, 0))
+    offset, begins = 0.0, True
+    for start, values in channel.blocks(PIECE):
+        time = channel.axis.time(start, start + values.size)
+        theta = angle.coarse(time) / DEGREE
+        good = np.isfinite(values) & np.isfinite(theta)
+        values, time, theta = values[good], time[good], theta[good]
+        if values.size == 0:
+            continue
+        climbing = np.maximum.accumulate(np.maximum(theta, highest))
+        highest = float(climbing[-1])
+        forward = theta > climbing - 0.5
+        values, time, k = values[forward], time[forward], np.floor(theta[forward]).astype(np.int64)
+        if held.shape[1] == 0:
+            first, offset = int(k[0]), float(values[0])
+        k -= first
+        size = max(int(k.max()) + 1, held.shape[1])
+        late = k >= 0
+        k, values, time = k[late], values[late], time[late]
+        x = values - offset  # small numbers keep the digits of the squares
+        sums = np.stack([np.bincount(k, w, size) for w in (None, x, x * x, time)]).astype(
+            np.float64
+        )
+        sums[:, : held.shape[1]] += held
+        held = sums
+        while held.shape[1] > CORE + 2 * OVERLAP:
+            yield _bins(first, held[:, : CORE + 2 * OVERLAP], offset, begins)
+            first, held, begins = first + CORE, held[:, CORE:], False
+    if held.shape[1]:
+        yield _bins(first, held, offset, begins)
+
+
+def _bins(first: int, sums: FloatArray, offset: float, begins: bool) -> Bins:
+    count, total, squares, time = sums
+    n = np.where(count > 0, count, np.nan)
+    mean = total / n
+    return Bins(
+        first, mean + offset, count, np.maximum(squares - total * mean, 0.0), time / n, begins
+    )
+
+
+def find_dips(pieces: Iterator[Bins]) -> tuple[Dips | None, float]:
+    """(all dips of a log in order, share of the degrees that had no samples).
+
+    None for the dips if there are none.
+    """
+    found: list[Dips] = []
+    empty, bins, last = 0, 0, -np.inf
+    for piece in pieces:
+        dips = _dips(piece)
+        empty += int(np.sum(piece.count == 0))
+        bins += piece.count.size
+        if dips is None:
+            continue
+        new = dips.take(dips.entry_rad > last + 5 * DEGREE)
+        if new.entry_rad.size:
+            last = float(new.entry_rad[-1])
+            found.append(new)
+    return (Dips.concatenate(found) if found else None), empty / max(bins, 1)
+
+
+def _dips(bins: Bins) -> Dips | None:
+    """The dips of one piece whose surroundings are in it (but for the log's ends)."""
+    m = bins.mean.size
+    known = np.flatnonzero(bins.count > 0)
+    if m < 90 or known.size < 45:
+        return None
+    at = np.arange(m)
+    mean, time = np.interp(at, known, bins.mean[known]), np.interp(at, known, bins.time_s[known])
+    lost = sliding_mean((bins.count == 0).astype(float), 9) > 0.7
+    ahead, behind = np.minimum(at + 12, m - 1), np.maximum(at - 12, 0)
+    rate = (ahead - behind) * DEGREE / np.maximum(time[ahead] - time[behind], 1e-9)
+    fast = rate > SLOWEST_rad_s
+    if not fast.any():
+        return None
+    specific = mean / rate**2
+    usual = float(np.median(specific[fast & ~lost])) if (fast & ~lost).any() else 0.0
+    if usual == 0.0:
+        return None
+    q = sliding_mean(specific / usual, 3)
+    starts, stops = _runs((q < 0.5) & fast & ~lost)
+    if starts.size == 0:
+        return None
+    entry = starts - (0.5 - q[starts]) / np.maximum(q[np.maximum(starts - 1, 0)] - q[starts], 1e-3)
+    leave = (
+        stops
+        - 1
+        + (0.5 - q[stops - 1]) / np.maximum(q[np.minimum(stops, m - 1)] - q[stops - 1], 1e-3)
+    )
+    entry, leave = np.maximum(entry, starts - 1), np.minimum(leave, stops)
+    width = leave - entry
+    deep = np.array(
+        [
+            q[a : b + 1].mean() < 0.4
+            for a, b in zip(
+                (entry + 0.25 * width).astype(int), (leave - 0.25 * width).astype(int), strict=True
+            )
+        ]
+    )
+    good = (width > NARROWEST) & (width < WIDEST) & deep & (starts > 1) & (stops < m - 1)
+    # the last overlap is the next piece's first
+    good &= (entry >= OVERLAP / 2) | bins.begins
+    if not good.any():
+        return None
+    return _levels(bins, mean, rate, lost, entry[good], leave[good])
+
+
+def _runs(mask: np.ndarray, bridge: int = 2) -> tuple[IntArray, IntArray]:
+    """[start, stop) of the runs of `mask`, with holes of up to `bridge` closed."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.view(np.int8), [0]])))
+    starts, stops = edges[::2], edges[1::2]
+    if starts.size > 1:
+        apart = starts[1:] - stops[:-1] > bridge
+        starts, stops = (
+            starts[np.concatenate([[True], apart])],
+            stops[np.concatenate([apart, [True]])],
+        )
+    return starts, stops
+
+
+def _levels(
+    bins: Bins,
+    mean: FloatArray,
+    rate: FloatArray,
+    lost: np.ndarray,
+    entry: FloatArray,
+    leave: FloatArray,
+) -> Dips:
+    """The dips with the level beside each.
+
+    A straight line through a / Omega^2 on both sides, and the same for cos(phi) / Omega^2.
+    """
+    beside = np.arange(*BESIDE)
+    middle = 0.5 * (entry + leave)
+    at = np.concatenate(
+        [
+            np.rint(entry).astype(int)[:, None] - beside,
+            np.rint(leave).astype(int)[:, None] + beside,
+        ],
+        axis=1,
+    )
+    inside = (at >= 0) & (at < mean.size)
+    at = np.clip(at, 0, mean.size - 1)
+    weight = np.where(inside & ~lost[at], bins.count[at], 0.0)
+    phi = (at - middle[:, None]) * DEGREE
+    square = rate[at] ** 2
+    specific, gravity = mean[at] / square, np.cos(phi) / square
+    w0, w1, w2 = (np.sum(weight * phi**k, axis=1) for k in range(3))
+    determinant = np.maximum(w0 * w2 - w1**2, 1e-12)
+
+    def line(y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        y0, y1 = np.sum(weight * y, axis=1), np.sum(weight * y * phi, axis=1)
+        return (w2 * y0 - w1 * y1) / determinant, (w0 * y1 - w1 * y0) / determinant
+
+    level, tilt = line(specific)
+    gravity_level, gravity_tilt = line(gravity)
+    within = np.sum(np.where(weight > 1, bins.squares[at], 0.0), axis=1) / np.maximum(
+        np.sum(np.maximum(weight - 1, 0), axis=1), 1.0
+    )
+    bend = mean[at] - 0.5 * (mean[np.maximum(at - 1, 0)] + mean[np.minimum(at + 1, mean.size - 1)])
+    between = np.sum(weight * bend**2, axis=1) / np.maximum(np.sum(weight > 0, axis=1), 1) / 1.5
+    design = np.stack([square, square * np.cos(phi), np.cos(phi)], axis=-1)
+    target = np.concatenate([design, mean[at][..., None]], axis=-1)
+    normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
+    scale = bins.first * DEGREE
+    return Dips(
+        (entry + 0.5) * DEGREE + scale, (leave + 0.5) * DEGREE + scale, level, tilt, gravity_level,
+        gravity_tilt, np.sqrt(w2 / determinant), np.sqrt(np.maximum(within, between)), normal,
+    )  # fmt: skip
+
+
+# ---- The samples around the fronts of a log, cleared of what is not the patch.
+#
+# Read in pieces, divided by the level, gravity taken off.
+#
+# Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> Flanks (entries, then
+# exits)
+# Flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
+#                     --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
+#                                                     level left (s,)
+
+
+#: samples read at once (1 MB)
+SAMPLES_PIECE = 1 << 17
+
+
+@dataclass(frozen=True)
+class Flanks:
+    """Both fronts of n passages, shape (2 n,), entries first.
+
+    `angle` at which the front is thought to be, `middle` the patch's middle, `level`, `tilt` of a /
+    Omega^2 outside with gravity's part taken off, `gravity` [m/s^2] in the signal, `ahead` the
+    vehicle's acceleration, `noise` [m/s^2] of a sample, `level_share` standard error of the level
+    for a noise of one, `angle_noise` [rad] of the wheel angle.
+    """
+
+    angle: FloatArray
+    middle: FloatArray
+    level: FloatArray
+    tilt: FloatArray
+    noise: FloatArray
+    level_share: FloatArray
+    gravity: float
+    ahead: FloatArray
+    rate: FloatArray
+    angle_noise: FloatArray
+
+    def take(self, which: IntArray) -> Flanks:
+        fewer: dict[str, Any] = {
+            k: v[which] for k, v in self.__dict__.items() if isinstance(v, np.ndarray)
+        }
+        return replace(self, **fewer)
+
+    @property
+    def passages(self) -> int:
+        return int(self.angle.size // 2)
+
+    def moved(self, angle: FloatArray) -> Flanks:
+        good = np.isfinite(angle) & (np.abs(angle - self.angle) < 3 * DEGREE)
+        return replace(self, angle=np.where(good, angle, self.angle))
+
+
+def flanks_of(
+    dips: Dips, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float
+) -> Flanks:
+    middle = 0.5 * (dips.entry_rad + dips.exit_rad)
+    level = dips.level - gravity * dips.gravity_level
+    tilt = dips.tilt - gravity * dips.gravity_tilt
+    time = wheel.angle.time_at(middle)
+    span = 0.1
+    ahead = (
+        radius_m * (wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)) / span
+    )
+    noise = np.full(middle.size, float(np.median(dips.noise_m_s2)))
+    twice = [
+        np.tile(x, 2)
+        for x in (
+            middle,
+            level,
+            tilt,
+            noise,
+            dips.level_share,
+            np.nan_to_num(ahead),
+            wheel.speed_rad_s(time),
+            wheel.angle.noise_at(time),
+        )
+    ]
+    middle2, level2, tilt2, noise2, share2, ahead2, rate2, angle2 = twice
+    return Flanks(
+        np.concatenate([dips.entry_rad, dips.exit_rad]),
+        middle2,
+        level2,
+        tilt2,
+        noise2,
+        share2,
+        gravity,
+        ahead2,
+        rate2,
+        angle2,
+    )
+
+
+def ranges(
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """First and last-but-one sample index of each front's window."""
+    order = np.argsort(flanks.angle)
+    first, last = np.zeros(order.size, np.int64), np.zeros(order.size, np.int64)
+    for bound, shift in ((first, -1.0), (last, 1.0)):
+        time = wheel.angle.time_at(flanks.angle[order] + shift * windows[order])
+        bound[order] = np.ceil(channel.axis.index(np.nan_to_num(time, nan=-1.0)))
+    first = np.clip(first, 0, channel.size)
+    return first, np.clip(last, first, channel.size)
+
+
+def groups(
+    channel: Channel, first: IntArray, last: IntArray
+) -> Iterator[tuple[IntArray, int, FloatArray]]:
+    """(rows, index of the first value, values) of the channel, piece by piece.
+
+    Around the sample ranges [first, last), shape (k,); rows whose samples are strewn over more than
+    a few pieces are left out.
+    """
+    order = np.argsort(first, kind="stable")
+    at = 0
+    while at < order.size:
+        start = int(first[order[at]])
+        until = at + max(int(np.searchsorted(first[order[at:]], start + SAMPLES_PIECE)), 1)
+        group = order[at:until]
+        at = until
+        stop = int(last[group].max(initial=start))
+        if stop - start > 4 * SAMPLES_PIECE:
+            group = group[last[group] - start <= 4 * SAMPLES_PIECE]
+            stop = int(last[group].max(initial=start))
+        if stop > start:
+            yield group, start, channel.read(start, stop)[: stop - start]
+
+
+def normalised(
+    values: FloatArray,
+    start: int,
+    channel: Channel,
+    wheel: WheelAngle,
+    flanks: Flanks,
+    first: IntArray,
+    last: IntArray,
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """(owner, angle from the owner's front [rad], signal in levels outside), each (s,).
+
+    Of the samples [first, last) of n fronts, which lie in `values` from index `start`.
+    """
+    sizes = last - first
+    owner = np.repeat(np.arange(first.size), sizes)
+    index = (
+        np.arange(sizes.sum())
+        - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        + np.repeat(first, sizes)
+    )
+    theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
+    phi = theta - flanks.middle[owner]
+    a = values[index - start] - flanks.gravity * np.cos(phi)
+    if flanks.gravity:
+        a = a - np.sign(flanks.gravity) * flanks.ahead[owner] * np.sin(phi)
+    scale = flanks.rate[owner] ** 2 * (flanks.level[owner] + flanks.tilt[owner] * phi)
+    return owner, theta - flanks.angle[owner], a / scale

@@ -1,1 +1,0 @@
-"""Fronts of the contact patch in a radial acceleration, found, sampled and matched."""
