@@ -33,11 +33,12 @@ if TYPE_CHECKING:
         tire_form,
     )
     from tirelog.api.campaigns import campaign_status, run_campaign
+    from tirelog.api.checks import check
     from tirelog.api.logs import ingest, open_log
     from tirelog.api.models import contributions, load_model, new_model, predict, save_model
     from tirelog.api.parts import save_calibration
     from tirelog.api.reports import write_report
-    from tirelog.api.setups import check, check_setup, draft_setup
+    from tirelog.api.setups import check_setup, draft_setup
     from tirelog.api.simulated import simulate
     from tirelog.api.tables import (
         calibrate,
@@ -66,7 +67,8 @@ _HOMES = {
         ),
         "tirelog.api.parts": ("save_calibration",),
         "tirelog.api.reports": ("write_report",),
-        "tirelog.api.setups": ("check", "check_setup", "draft_setup"),
+        "tirelog.api.checks": ("check",),
+        "tirelog.api.setups": ("check_setup", "draft_setup"),
         "tirelog.api.simulated": ("simulate",),
         "tirelog.api.tables": (
             *("calibrate", "dissipation", "footprint", "inflation", "phase_shift", "plot_table"),

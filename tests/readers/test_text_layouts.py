@@ -482,8 +482,8 @@ def test_more_names_than_cells_are_refused() -> None:
 WRONG = {
     'separator = "#"': "allowed are ',', ';'",
     'separator = ","\ndecimal = ","': "separator and decimal are both",
-    'encoding = "utf-16"': "allowed are 'utf-8', 'cp1252'",
-    "header_rows = -1": "a number from 0 to 10000, whole",
+    'encoding = "utf-16"': "allowed are utf-8, cp1252",
+    "header_rows = -1": "a whole number from 0 to 10000",
     'columns = ["a", "a"]': "the name 'a' twice",
     "columns = []": "a list of names",
 }

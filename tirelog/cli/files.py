@@ -36,14 +36,14 @@ def check(
     Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
     log's file name, which is said.
     """
-    from tirelog.api import setups
+    from tirelog.api import checks
 
     session = Session(None, quiet, output, format)
     if bless:
-        setups.bless(table, against)
+        checks.bless(table, against)
         session.note(f"{against} is now {table}")
         return
-    found = setups.check(table, against, _tolerances(tolerance or []))
+    found = checks.check(table, against, _tolerances(tolerance or []))
     session.notes(found.remarks)
     if found.differences or output is not None:
         with session.table("check") as writer:

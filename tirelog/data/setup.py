@@ -3,7 +3,7 @@
     TOML text --parse--> tables --fields of the dataclasses below--> Setup (frozen, validated)
 
 The dataclasses are the schema, as `storage.schema` reads it. Units are only checked here; `ingest`
-converts. The file is longer than others, since a schema is to be read in one place.
+converts.
 """
 
 from __future__ import annotations

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+#: the module of the pictures, which loads a library of plots: only when one is drawn
+PICTURES = "tirelog.plots.answers"
+
+
 @dataclass(frozen=True)
 class AnswerTable:
     """A small table to read: words and numbers, None for nothing."""
@@ -41,11 +45,11 @@ class AnswerTable:
 class AnswerRecord:
     """What every answer has: a headline, tables and sentences below it, and a figure.
 
-    `drawn_by`: module of the pictures, as a table's is named; its functions of the `figure` and of
-    the main `panel` take the answer.
+    `picture` and `panel`: the functions of `plots.answers` that take the answer and make its figure,
+    and the main panel of it.
     """
 
-    drawn_by: ClassVar[str]
+    picture: ClassVar[str]
     panel: ClassVar[str]
 
     @property
@@ -68,9 +72,9 @@ class AnswerRecord:
         UsageError: no picture has the path's suffix.
         """
         if path_or_axes is not None and not isinstance(path_or_axes, str | Path):
-            resolve_name(f"{self.drawn_by}:{self.panel}")(path_or_axes, self)
+            resolve_name(f"{PICTURES}:{self.panel}")(path_or_axes, self)
             return path_or_axes.figure
-        figure = resolve_name(f"{self.drawn_by}:figure")(self, **how)
+        figure = resolve_name(f"{PICTURES}:{self.picture}")(self, **how)
         if path_or_axes is not None:
             resolve_name("tirelog.plots.style:write")(figure, Path(path_or_axes))
         return figure

@@ -2,8 +2,6 @@
 
 Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps
     -> Comparison
-
-The file is longer than others: all that a comparison shows of one fit, in each of its tables.
 """
 
 from __future__ import annotations

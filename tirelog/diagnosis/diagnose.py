@@ -15,8 +15,6 @@ The verdicts:
                      these data
     unknown          there is repeatable structure that no effect explains (under 50 %)
     too_few          fewer manoeuvres than a test needs: a ranking, no alarm
-
-The file is longer than others: the decision stands beside the record that says it.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Stack
-from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
+from tirelog.diagnosis.answer import PICTURES, AnswerRecord, AnswerTable, in_unit, plain_fields
 from tirelog.diagnosis.candidates.at_noise_floor import out_of_range, quiet
 from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisance_selection import (
@@ -119,7 +117,7 @@ class Diagnosis(AnswerRecord):
     `before` and `after`: the model as it came and with what was selected.
     """
 
-    drawn_by = "tirelog.plots.answers"
+    picture = "diagnose_figure"
     panel = "ranking"
 
     verdict: str
@@ -227,7 +225,7 @@ class Diagnosis(AnswerRecord):
 
         The latter come back.
         """
-        beside: list[Path] = resolve_name(f"{self.drawn_by}:draw")(self, path, **how)
+        beside: list[Path] = resolve_name(f"{PICTURES}:draw_diagnose")(self, path, **how)
         return beside
 
     @property

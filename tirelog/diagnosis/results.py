@@ -19,7 +19,14 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.agreement import Contribution
-from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, excess_of, in_unit, plain_fields
+from tirelog.diagnosis.answer import (
+    PICTURES,
+    AnswerRecord,
+    AnswerTable,
+    excess_of,
+    in_unit,
+    plain_fields,
+)
 from tirelog.diagnosis.obstacle_comparison import TransientComparison
 from tirelog.diagnosis.wording import NUISANCES_SAID, strengths
 from tirelog.errors import ModelError, UsageError, or_refusal, refuse_unknown
@@ -128,7 +135,7 @@ class Comparison(AnswerRecord):
     `aside`: remarks on what was not compared.
     """
 
-    drawn_by = "tirelog.plots.answers"
+    picture = "compare_figure"
     panel = "waveforms"
 
     observable: str
@@ -243,10 +250,10 @@ class Comparison(AnswerRecord):
 
         Those beside it come back. UsageError: a kind that is none for a number per revolution.
         """
-        beside: list[Path] = resolve_name(f"{self.drawn_by}:draw")(self, path, **how)
+        beside: list[Path] = resolve_name(f"{PICTURES}:draw_compare")(self, path, **how)
         if self.obstacles is not None:
             beside.append(path.with_stem(f"{path.stem}_transient"))
-            resolve_name("tirelog.plots.answers:draw_transient")(self.obstacles, beside[-1])
+            resolve_name(f"{PICTURES}:draw_transient")(self.obstacles, beside[-1])
         return beside
 
     @property
@@ -409,7 +416,7 @@ class Ladder(AnswerRecord):
     them.
     """
 
-    drawn_by = "tirelog.plots.answers"
+    picture = "ladder_figure"
     panel = "steps"
 
     observable: str

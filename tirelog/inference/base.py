@@ -11,8 +11,6 @@ other in floors (`cells.together`), each with its own metric and floor, one fit.
 Base works on it: candidates, nuisances, held-out losses. `apart` gives the base of each observable
 in its own unit, at the parameters of the fit to all: what is told of one (its errors, what is left
 of it, where) is told by that.
-
-The file is longer than others: fit, scatter and floor are one loop, and it is closed here.
 """
 
 from __future__ import annotations

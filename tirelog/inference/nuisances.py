@@ -16,8 +16,6 @@
 The shapes are changes of the fitted model's own prediction, so they are known as well as the model
 is. One amplitude serves all manoeuvres (of a log, if it belongs to a log or a mounting): a nuisance
 repeats, which is why flips of manoeuvres take it for physics.
-
-The file is longer than others: what a nuisance does and what it frees are one register.
 """
 
 from __future__ import annotations

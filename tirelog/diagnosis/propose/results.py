@@ -88,7 +88,7 @@ class Proposal(AnswerRecord):
     leading_before, leading_after  (m,) the leading shape of what is left, at `phi_rad` (m,)
     """
 
-    drawn_by = "tirelog.plots.answers"
+    picture = "propose_figure"
     panel = "shape"
 
     status: str

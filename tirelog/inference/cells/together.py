@@ -14,7 +14,7 @@ replicate however many sensors saw it: leaving it out, or flipping its sign, is 
 at once (`one_drive`). What is each observable's own stays so: noise, floor, metric, scatter, the
 offset of each log (`log` numbers the logs of each observable apart), and the nuisances: but what a
 nuisance does to the tire or the wheel is one to all gratings of it, and only their baselines are
-their own. The file is longer than others, as what is joined here is also taken apart here.
+their own.
 """
 
 from __future__ import annotations

@@ -6,8 +6,7 @@ Damped least squares in whitened space, several starts, one free offset per log 
                                     offsets o = W 1 (C, m), each log's its own
         --descent over all channels--> one Fit per channel, in the same parameters
 
-Offsets are projected out of r and J (they are linear). The file is longer than others: the problem,
-its descent and all that is known of the point where it ends read each other.
+Offsets are projected out of r and J (they are linear).
 
 One start may end in a local minimum: `fit_model` tries several on a few cells and takes the best
 two on to all of them.

@@ -4,7 +4,6 @@ Each is a function of the values that it reads.
 
 Everything here works on one block of revolutions as columns (`Drive`). `Task.memo` keeps each stage
 by the values it read, so that a derivative recomputes only the stages that its parameter touches.
-The file is longer than others: it is a prediction from beginning to end, in its order.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
     Comparison, Diagnosis (of `discrepancy`), a ladder as its command keeps it (JSON) --> Section
 
-They carry everything that is shown; this file draws and words it. It is longer than others, as the
-three sections are read one after the other and share their figures.
+They carry everything that is shown; this file draws and words it.
 """
 
 from __future__ import annotations

@@ -1,0 +1,200 @@
+"""Property: the house does not grow back. Who needs room makes room.
+
+Budgets of files and statements per folder, of constants, classes, and of what a reader has to
+follow: the files that a command runs through, the length of a function, its parameters. Statements
+are those of the syntax tree without docstrings, so that neither long lines nor formatting change
+them. A budget is lowered as soon as its folder shrinks.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SAMPLES = ROOT / "sample_data"
+#: most files and statements of a folder
+FOLDERS = {
+    "(top)": (8, 700),
+    "api": (10, 670),
+    "campaign": (6, 900),
+    "cli": (13, 1540),
+    "data": (4, 490),
+    "diagnosis": (34, 5840),
+    "drafts": (3, 450),
+    "dsp": (6, 1090),
+    "inference": (22, 3790),
+    "kernels": (3, 290),
+    "physics": (36, 4230),
+    "plots": (6, 1220),
+    "readers": (28, 5270),
+    "report": (11, 1510),
+    "runs": (9, 1770),
+    "simulation": (23, 2770),
+    "storage": (5, 650),
+    "strain": (27, 4610),
+    "tables": (5, 340),
+    "vocabulary": (9, 360),
+    "wheel": (10, 1700),
+}
+#: numbers with a name at the top of a module, and classes, in the whole package
+CONSTANTS, CLASSES = 1093, 510
+#: files that have a function which runs, by command
+WALKS = {"speed drive.csv.gz": 75, "diagnose hidden_1.csv.gz --model MODEL": 150}
+#: lines and parameters that a function may have
+LINES, PARAMETERS = 120, 8
+#: functions that are longer, and that take more; none is added
+LONGER = {
+    "readers/text/kernels.py:parse_rows",
+}
+WIDER = {
+    "api/models.py:passage",
+    "api/reports.py:write_report",
+    "physics/model/prediction.py:linearised",
+    "physics/model/prediction.py:predict",
+    "plots/answers.py:_map",
+    "strain/footprint/plain_edges.py:find_edges",
+    "wheel/fronts.py:_solve",
+}
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """The syntax tree of each file of the package, by its path in it."""
+    package = ROOT / "tirelog"
+    return {
+        path.relative_to(package).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+        for path in sorted(package.rglob("*.py"))
+    }
+
+
+def folder(path: str) -> str:
+    return path.split("/")[0] if "/" in path else "(top)"
+
+
+def statements(tree: ast.Module) -> int:
+    """How many statements; a docstring is none."""
+    return sum(
+        isinstance(node, ast.stmt)
+        and not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+        for node in ast.walk(tree)
+    )
+
+
+def constants(tree: ast.Module) -> int:
+    """How many statements of a module give a number to a name in upper case."""
+    count = 0
+    for node in tree.body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        numbers = any(
+            isinstance(part, ast.Constant)
+            and isinstance(part.value, int | float)
+            and not isinstance(part.value, bool)
+            for part in ast.walk(node.value)
+        )
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [
+            name.id
+            for target in targets
+            for name in ast.walk(target)
+            if isinstance(name, ast.Name) and name.id.lstrip("_").isupper()
+        ]
+        count += numbers and bool(names)
+    return count
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_folder_keeps_to_its_budget(name: str) -> None:
+    inside = [tree for path, tree in trees().items() if folder(path) == name]
+    files, most = FOLDERS[name]
+    assert len(inside) <= files
+    assert sum(map(statements, inside)) <= most
+
+
+def test_every_folder_has_a_budget() -> None:
+    assert {folder(path) for path in trees()} == set(FOLDERS)
+
+
+def test_the_whole_keeps_to_its_budget() -> None:
+    assert sum(map(constants, trees().values())) <= CONSTANTS
+    classes = Counter(
+        isinstance(node, ast.ClassDef) for tree in trees().values() for node in ast.walk(tree)
+    )
+    assert classes[True] <= CLASSES
+
+
+def functions() -> dict[str, ast.FunctionDef | ast.AsyncFunctionDef]:
+    return {
+        f"{path}:{node.name}": node
+        for path, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+
+
+def test_a_function_fits_a_screen() -> None:
+    long = {
+        name
+        for name, node in functions().items()
+        if (node.end_lineno or node.lineno) - node.lineno + 1 > LINES
+    }
+    assert long == LONGER
+
+
+def test_a_function_has_few_parameters() -> None:
+    """Kernels and commands are the exceptions: a loop has no objects, a command has options."""
+    many = {
+        name
+        for name, node in functions().items()
+        if len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs) > PARAMETERS
+        and not any("compiled" in ast.unparse(mark) for mark in node.decorator_list)
+        and not name.startswith("cli/")
+    }
+    assert many == WIDER
+
+
+#: runs a command and prints how many files of the package had a function that ran
+PROGRAM = """
+import sys
+from pathlib import Path
+
+from tirelog.cli import run
+
+package, seen = Path(sys.modules["tirelog"].__file__).parent, set()
+
+
+def note(frame, event, _):
+    if event == "call" and frame.f_code.co_name != "<module>":
+        seen.add(frame.f_code.co_filename)
+
+
+sys.setprofile(note)
+status = run(sys.argv[1:])
+sys.setprofile(None)
+assert not status, status
+print(sum(Path(name).is_relative_to(package) for name in seen), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("words", WALKS)
+def test_a_command_runs_through_few_files(words: str, tmp_path: Path) -> None:
+    model = str(tmp_path / "model.toml")
+    setup = SAMPLES / "hidden_1.toml"
+    new = [sys.executable, "-m", "tirelog", "model", "new", "--setup", str(setup), "-o", model]
+    subprocess.run(new, check=True, capture_output=True)
+    command = [model if word == "MODEL" else word for word in words.split()]
+    result = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *command, "--quiet"],
+        cwd=SAMPLES,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert int(result.stderr.split()[-1]) <= WALKS[words]
