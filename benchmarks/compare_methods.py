@@ -21,8 +21,8 @@ from scipy.stats import f as f_distribution
 
 from benchmarks.cases import IN_CATALOGUE, Case, case
 from tirelog.diagnosis.candidates.assessment import assess, nuisance
+from tirelog.diagnosis.candidates.effect_jacobians import all_signatures, candidate_effects
 from tirelog.diagnosis.candidates.naming import first_step
-from tirelog.diagnosis.candidates.signatures import all_signatures, candidate_effects
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.stacks.cut import joined, stacks_from_logs

@@ -21,7 +21,7 @@ ORDER = (
     "version",
     "errors",
     "runtime",
-    "apart",
+    "process_pool",
     "kernels",
     "vocabulary",
     "storage",

@@ -18,14 +18,14 @@ from importlib import import_module
 from threading import Condition
 from typing import TYPE_CHECKING, Any
 
-from tirelog.apart import POSSIBLE, apart
 from tirelog.data.recording import Channel, Recording, Scaled
+from tirelog.process_pool import POSSIBLE, in_processes
 
 if TYPE_CHECKING:
-    from tirelog.apart import Here, Wire
     from tirelog.dsp.filters import Cutoff
+    from tirelog.process_pool import LocalLink, PipeLink
+    from tirelog.strain.footprint.form_choice import FormChoice
     from tirelog.strain.footprint.measure import Measured
-    from tirelog.strain.footprint.settle import Settled
     from tirelog.strain.passages.find import Passages
     from tirelog.vocabulary.arrays import IntArray
 
@@ -76,12 +76,12 @@ class Work:
     recording: Recording
     channel: Channel
     passages: Passages
-    settled: Settled | None
+    settled: FormChoice | None
     measured: Iterable[tuple[IntArray, Measured]] | None = None
 
 
 @dataclass(frozen=True)
-class Making:
+class ChannelWorker:
     """The `wanted` tables of the channels of a recording, and how they are made.
 
     `part` gives the rows of one of them, by its name, with its options; None if no channel alone
@@ -106,13 +106,15 @@ class Making:
         """The wanted tables that need no form."""
         return [name for name in self.wanted if name != "footprint"]
 
-    def made(self, parts: Mapping[str, Part], passages: Passages) -> Made:
+    def made(self, parts: Mapping[str, Part], passages: Passages) -> ChannelProduct:
         """The parts in the order in which they are wanted."""
-        return Made([parts[name] for name in self.wanted if name in parts], len(passages) > 0)
+        return ChannelProduct(
+            [parts[name] for name in self.wanted if name in parts], len(passages) > 0
+        )
 
 
 @dataclass(frozen=True)
-class Made:
+class ChannelProduct:
     """One channel's tables."""
 
     parts: list[Part]
@@ -120,11 +122,11 @@ class Made:
 
 
 def by_channel(
-    making: Making,
+    making: ChannelWorker,
     channels: Sequence[tuple[Channel, Passages | None]],
     workers: int,
     processes: bool,
-) -> Generator[Made]:
+) -> Generator[ChannelProduct]:
     """The tables of each channel, in their order; `channels` with their passages, if known.
 
     With `processes` the workers are processes where they can be, and parts come without what they
@@ -154,19 +156,19 @@ def _at_hand(channels: Iterable[Channel]) -> bool:
 
 
 def _by_threads(
-    making: Making, channels: Sequence[tuple[Channel, Passages | None]], workers: int
-) -> Generator[Made]:
+    making: ChannelWorker, channels: Sequence[tuple[Channel, Passages | None]], workers: int
+) -> Generator[ChannelProduct]:
     """The tables of each channel, in their order, several at a time."""
     forms, left = _Forms(), deque(enumerate(channels))
 
-    def made(number: int, channel: Channel, passages: Passages | None) -> Made:
+    def made(number: int, channel: Channel, passages: Passages | None) -> ChannelProduct:
         try:
             return _make(making, number, channel, passages, forms)
         finally:  # nobody waits for a form that does not come
             forms.tell(number, None)
 
     with ThreadPoolExecutor(workers) as pool:
-        ahead: deque[Future[Made]] = deque()
+        ahead: deque[Future[ChannelProduct]] = deque()
 
         def fill() -> None:
             while left and len(ahead) < workers:
@@ -181,31 +183,31 @@ def _by_threads(
 
 
 def _by_processes(
-    making: Making, channels: Sequence[tuple[Channel, Passages | None]], workers: int
-) -> Generator[Made]:
+    making: ChannelWorker, channels: Sequence[tuple[Channel, Passages | None]], workers: int
+) -> Generator[ChannelProduct]:
     """As `_by_threads`, without what the rows were found in."""
 
-    def make(number: int, wire: Wire | Here) -> Made:
+    def make(number: int, wire: PipeLink | LocalLink) -> ChannelProduct:
         made = _make(making, number, *channels[number], _FormsApart(wire))
         return replace(made, parts=[replace(part, found=None) for part in made.parts])
 
-    return apart(len(channels), workers, make)
+    return in_processes(len(channels), workers, make)
 
 
 def _by_stretches(
-    making: Making, stored: Channel, found: Passages | None, workers: int
-) -> Generator[Made]:
+    making: ChannelWorker, stored: Channel, found: Passages | None, workers: int
+) -> Generator[ChannelProduct]:
     """The tables of the only channel, without what its rows were found in.
 
     One process learns the form while another makes the tables that need none; then both measure
     stretches of passages.
     """
-    from tirelog.runs.in_memory import mended
+    from tirelog.runs.in_memory import without_spikes
     from tirelog.strain.footprint.footprint import Measuring, refuse_cutoff
-    from tirelog.strain.footprint.settle import settle
+    from tirelog.strain.footprint.form_choice import choose_form
     from tirelog.strain.passages.find import passages_of
 
-    channel = mended(stored)
+    channel = without_spikes(stored)
     passages = passages_of(making.recording, channel) if found is None else found
     if "footprint" not in making.wanted or passages.doubt:
         yield _make(making, 0, channel, passages, _Forms())
@@ -215,9 +217,9 @@ def _by_stretches(
     refuse_cutoff(making.recording, channel, cutoff)
     at_work: list[Measuring] = []  # of each process its own
 
-    def make(number: int, wire: Wire | Here) -> tuple[Any]:
+    def make(number: int, wire: PipeLink | LocalLink) -> tuple[Any]:
         if number == 0:
-            settled = settle(channel, passages)
+            settled = choose_form(channel, passages)
             wire.tell(settled and settled.light)
             return (settled and settled.light,)
         if number == 1:
@@ -229,7 +231,7 @@ def _by_stretches(
         rows = at_work[0].measure(number - 2, _STRETCHES)
         return ((rows, at_work[0].work.take(rows)),)
 
-    (settled,), (parts,), *stretches = apart(2 + _STRETCHES, workers, make)
+    (settled,), (parts,), *stretches = in_processes(2 + _STRETCHES, workers, make)
     measured = [stretch for (stretch,) in stretches] if settled else None
     work = replace(work, settled=settled, measured=measured)
     yield making.made(parts | making.bare_parts(["footprint"], work), passages)
@@ -245,24 +247,24 @@ class _Forms:
     """
 
     def __init__(self) -> None:
-        self._settled: dict[int, Settled | None] = {}
+        self._settled: dict[int, FormChoice | None] = {}
         self._news = Condition()
 
-    def settle(self, number: int, channel: Channel, passages: Passages) -> Settled | None:
+    def settle(self, number: int, channel: Channel, passages: Passages) -> FormChoice | None:
         """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.settle import settle
+        from tirelog.strain.footprint.form_choice import choose_form
 
-        settled = settle(channel, passages, like=self._first_before(number))
+        settled = choose_form(channel, passages, like=self._first_before(number))
         self.tell(number, settled and settled.light)
         return settled
 
-    def tell(self, number: int, settled: Settled | None) -> None:
+    def tell(self, number: int, settled: FormChoice | None) -> None:
         """What was learnt from a channel, or that nothing more will be."""
         with self._news:
             self._settled.setdefault(number, settled)
             self._news.notify_all()
 
-    def _first_before(self, number: int) -> Settled | None:
+    def _first_before(self, number: int) -> FormChoice | None:
         for before in range(number):
             with self._news:
                 self._news.wait_for(partial(self._settled.__contains__, before))
@@ -275,36 +277,36 @@ class _Forms:
 class _FormsApart:
     """The forms of the channels' passages, as `_Forms`, by way of the other process."""
 
-    def __init__(self, wire: Wire | Here) -> None:
+    def __init__(self, wire: PipeLink | LocalLink) -> None:
         self._wire = wire
 
-    def settle(self, number: int, channel: Channel, passages: Passages) -> Settled | None:
+    def settle(self, number: int, channel: Channel, passages: Passages) -> FormChoice | None:
         """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.settle import settle
+        from tirelog.strain.footprint.form_choice import choose_form
 
-        settled = settle(channel, passages, like=self._wire.ask())
+        settled = choose_form(channel, passages, like=self._wire.ask())
         self.tell(number, settled and settled.light)
         return settled
 
-    def tell(self, number: int, settled: Settled | None) -> None:
+    def tell(self, number: int, settled: FormChoice | None) -> None:
         """What was learnt from a channel, or that nothing more will be."""
         self._wire.tell(settled)
 
 
 def _make(
-    making: Making,
+    making: ChannelWorker,
     number: int,
     stored: Channel,
     found: Passages | None,
     forms: _Forms | _FormsApart,
-) -> Made:
+) -> ChannelProduct:
     """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
-    from tirelog.runs.in_memory import mended
+    from tirelog.runs.in_memory import without_spikes
     from tirelog.strain.passages.find import passages_of
 
     footprint = [name for name in making.wanted if name == "footprint"]
     only_passages = found is not None and set(making.wanted) == {"speed"}
-    channel = stored if only_passages else mended(stored)
+    channel = stored if only_passages else without_spikes(stored)
     passages = passages_of(making.recording, channel) if found is None else found
     work = Work(making.recording, channel, passages, None)
     # before a form is asked for, which may take others' time

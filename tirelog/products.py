@@ -21,7 +21,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
-from tirelog.by_channel import Making, Options, Part, Work, by_channel, cutoff_in
+from tirelog.by_channel import ChannelWorker, Options, Part, Work, by_channel, cutoff_in
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
@@ -174,7 +174,7 @@ def _channel_tables(
     turned = False
     told: set[tuple[str, str]] = set()
     channels = list(zip(stored, found, strict=True))
-    making = Making(recording, wanted, _part)
+    making = ChannelWorker(recording, wanted, _part)
     with closing(by_channel(making, channels, workers, processes)) as of_channels:
         for made in of_channels:
             turned |= made.turns
@@ -194,11 +194,11 @@ def _all_passages(
     recording: Recording, channels: list[Channel], workers: int, keep: bool
 ) -> tuple[list[Channel], list[Passages | None]]:
     """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
-    from tirelog.runs.in_memory import mended
+    from tirelog.runs.in_memory import without_spikes
     from tirelog.strain.passages.find import passages_of
 
     if keep and len(channels) == 1:
-        channels = [mended(channels[0])]  # gone through once more by whoever takes it
+        channels = [without_spikes(channels[0])]  # gone through once more by whoever takes it
     with ThreadPoolExecutor(workers) as pool:
         return channels, list(pool.map(partial(passages_of, recording), channels))
 

@@ -15,7 +15,7 @@ from benchmarks.calibration import fitted, is_right, report, rows_of, table, wei
 from benchmarks.hidden import Row as Hidden
 from benchmarks.nuisance_worlds import kind_of
 from benchmarks.nuisances import Row, append_rows, read_rows
-from tirelog.diagnosis.certainty import Marks, certainty_of, unlike
+from tirelog.diagnosis.certainty import Marks, certainty_of, unlike_cases
 from tirelog.diagnosis.certainty import calibration as shipped
 from tirelog.physics.model.model import Model
 
@@ -110,7 +110,7 @@ BEAM = Model.new("beam", radius_m=0.3)
     ],
 )
 def test_what_was_asked_otherwise_than_any_case_is_said(model, selected, gratings, said):
-    why = unlike(model, selected, gratings)
+    why = unlike_cases(model, selected, gratings)
     assert said in why
     assert bool(why) == bool(said)
 

@@ -26,8 +26,8 @@ from tirelog.diagnosis.gratings import (
     strengths_of,
 )
 from tirelog.errors import UsageError
-from tirelog.inference.base import TogetherBase
-from tirelog.inference.cells.together import StacksTogether, ratio_name, ratio_of
+from tirelog.inference.base import JointBase
+from tirelog.inference.cells.joint import JointStacks, ratio_name, ratio_of
 from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.nuisances import shared_effects
 from tirelog.inference.stacks.cut import Places, Stacks, places_of
@@ -96,19 +96,19 @@ def three(
     *added: Added | None,
     truths: tuple[Model, ...] = (TRUTH,) * 3,
     grows: Callable[[FloatArray], FloatArray] | None = None,
-) -> StacksTogether:
+) -> JointStacks:
     """Three gratings; what is added to each, or one thing to all, and how it grows with speed."""
     each = added * 3 if len(added) == 1 else added or (None,) * 3
     parts = tuple(
         [grating(i, truth, more, place, grows)]
         for i, (truth, more, place) in enumerate(zip(truths, each, PLACES, strict=True))
     )
-    return StacksTogether(parts, tuple(PLACES.tolist()))
+    return JointStacks(parts, tuple(PLACES.tolist()))
 
 
-def fitted(stacks: StacksTogether, model: Model = MODEL) -> TogetherBase:
+def fitted(stacks: JointStacks, model: Model = MODEL) -> JointBase:
     base = start_from(measured_pieces(stacks), model, several=False)
-    assert isinstance(base, TogetherBase)
+    assert isinstance(base, JointBase)
     return base
 
 
@@ -250,7 +250,7 @@ def test_strengths_by_grating_and_whether_they_differ():
 def test_of_many_gratings_those_at_the_most_distant_angles_are_searched():
     angles = np.radians(np.arange(8) * 45.0)
     parts = tuple([grating(i)] for i in range(8))
-    pieces = measured_pieces(StacksTogether(parts, tuple(angles.tolist())))
+    pieces = measured_pieces(JointStacks(parts, tuple(angles.tolist())))
     some = spread_out(pieces)
     assert some.members == ("g1", "g3", "g5", "g7")
     assert len(some.members) == MOST_SEARCHED

@@ -14,7 +14,7 @@ from tirelog.inference.base import prepare
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.pieces import pieces_of_all
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric import Levelled
+from tirelog.inference.metric import LeaveOneOut
 from tirelog.inference.stacks import align as samples_of
 from tirelog.inference.stacks.align import (
     PassageAngle,
@@ -161,7 +161,7 @@ def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):
     more = np.cos(base.cells.phi[..., None] * np.arange(1, 12))
     cells, left = base.cells, np.nan_to_num(base.cells.values - base.fit.prediction)
     whole = [
-        Levelled.of(
+        LeaveOneOut.of(
             np.concatenate([metric(base.fit.jacobian), metric(more)], axis=-1),
             metric(left), metric(np.ones_like(left)), cells.manoeuvre, cells.log,
         )

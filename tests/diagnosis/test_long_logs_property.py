@@ -10,7 +10,6 @@ from benchmarks.cases import Case, case
 from tests.diagnosis.test_transient_truth import scenario
 from tests.diagnosis.toy import stack
 from tirelog import runtime
-from tirelog.apart import POSSIBLE
 from tirelog.data.recording import Channel, Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
@@ -19,6 +18,7 @@ from tirelog.inference.measured import measured
 from tirelog.inference.stacks import align
 from tirelog.inference.stacks.cut import Stacks, _cuts, joined, stacks_from_logs
 from tirelog.physics.model.model import Model
+from tirelog.process_pool import POSSIBLE
 from tirelog.simulation import simulate, to_recording
 
 pytestmark = pytest.mark.xdist_group("long logs")  # one worker makes what these tests share

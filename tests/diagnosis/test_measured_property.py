@@ -27,7 +27,7 @@ from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.file import load_model, save_model
 from tirelog.physics.model.model import Model
 from tirelog.report.sections.diagnosed import model_story
-from tirelog.report.sources import Asked
+from tirelog.report.sources import ReportRequest
 from tirelog.runs.ingest import open_recording
 
 pytestmark = pytest.mark.xdist_group("measured")  # one worker makes what these tests share
@@ -83,7 +83,7 @@ def test_every_command_gives_one_number_on_a_log_with_an_obstacle(
         compared.noise_floor,
     )
     assert climbed.revolutions == 7
-    story = model_story([cleat], beam, None, Asked((cleat.log,)), {}, lambda text: None)
+    story = model_story([cleat], beam, None, ReportRequest((cleat.log,)), {}, lambda text: None)
     told = {s.id: " ".join(s.text) for s in (*story.before_ladder, *story.after_ladder)}
     assert list(told) == ["obstacles", "diagnosis", "model"]
     assert "2 hits on an obstacle" in told["obstacles"]

@@ -7,13 +7,13 @@ import numpy as np
 from tests.diagnosis.toy import stack
 from tirelog.inference.cells.cells import SharedEffects, make_cells
 from tirelog.inference.metric import (
-    Levelled,
+    LeaveOneOut,
     Offsets,
     ProjectedOut,
     orthonormal,
+    projected_out,
     solve_scaled,
     whitener,
-    without,
 )
 
 
@@ -52,7 +52,7 @@ def test_left_out_solutions_are_those_of_the_other_manoeuvres_with_an_offset_a_l
         np.repeat(np.arange(6), 2),
         np.repeat([4, 4, 7], 4),
     )  # numbers as they come, two manoeuvres or more each
-    levelled = Levelled.of(columns, residual, offset, manoeuvre, log)
+    levelled = LeaveOneOut.of(columns, residual, offset, manoeuvre, log)
     theta, level = levelled.left_out()
     loss = levelled.loss(theta, level)
     dense = np.concatenate(
@@ -77,7 +77,7 @@ def test_the_step_of_all_data_is_that_of_dense_least_squares_with_an_offset_a_lo
     columns, residual = random.standard_normal((12, 5, 3)), random.standard_normal((12, 5))
     offset = 1.0 + 0.2 * random.standard_normal((12, 5))
     manoeuvre, log = np.repeat(np.arange(6), 2), np.repeat([0, 0, 1], 4)
-    theta, level = Levelled.of(columns, residual, offset, manoeuvre, log).step_of_all(2)
+    theta, level = LeaveOneOut.of(columns, residual, offset, manoeuvre, log).step_of_all(2)
     own = (offset[..., None] * (log[:, None, None] == np.arange(2))).reshape(-1, 2)
     dense = np.concatenate([columns[..., :2].reshape(-1, 2), own], axis=-1)
     wanted = np.linalg.lstsq(dense, residual.reshape(-1), rcond=None)[0]
@@ -90,7 +90,7 @@ def test_an_offset_that_only_the_held_out_manoeuvre_shows_is_fitted_there():
     random = np.random.default_rng(1)
     columns, log = random.standard_normal((4, 6, 1)), np.array([0, 0, 0, 1])
     residual = 2.0 * columns[..., 0] + np.array([1.0, 1.0, 1.0, 5.0])[:, None]
-    theta, level = Levelled.of(columns, residual, np.ones((4, 6)), np.arange(4), log).left_out()
+    theta, level = LeaveOneOut.of(columns, residual, np.ones((4, 6)), np.arange(4), log).left_out()
     np.testing.assert_allclose([theta[3, 0], level[3], level[0]], [2.0, 5.0, 1.0], rtol=1e-9)
 
 
@@ -107,10 +107,10 @@ def test_offsets_are_projected_out_like_a_column_a_log():
         random.standard_normal(cells.phi.shape),
     )
     offsets = Offsets.of(cells, white)
-    np.testing.assert_allclose(offsets.without(x), without(orthonormal(dense), x), atol=1e-10)
+    np.testing.assert_allclose(offsets.without(x), projected_out(orthonormal(dense), x), atol=1e-10)
     level = np.linalg.lstsq(dense.reshape(-1, 2), x.reshape(-1), rcond=None)[0]
     np.testing.assert_allclose(offsets.fit(x)[0], level, rtol=1e-8)
-    both = without(orthonormal(np.concatenate([dense, other], axis=-1)), x)
+    both = projected_out(orthonormal(np.concatenate([dense, other], axis=-1)), x)
     np.testing.assert_allclose(
         ProjectedOut.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x),
         both,
@@ -123,7 +123,7 @@ def test_projection_leaves_nothing_in_the_span_and_ignores_scale():
     columns = random.standard_normal((6, 7, 3)) * np.array([1e-9, 1.0, 1e9])
     basis = orthonormal(columns)
     np.testing.assert_allclose(basis.T @ basis, np.eye(3), atol=1e-12)
-    left = without(basis, columns)
+    left = projected_out(basis, columns)
     assert np.abs(left / np.array([1e-9, 1.0, 1e9])).max() < 1e-9
 
 
@@ -146,8 +146,8 @@ def test_shared_effects_shrink_as_their_covariance_says():
     offsets = Offsets.of(replace(cells, shared=shared), white)
     x = random.standard_normal(cells.phi.shape)
     level = orthonormal(white(np.ones((*cells.phi.shape, 1))))
-    columns = without(level, white(shared.columns) * shared.sd).reshape(-1, 3)
-    left = without(level, x).ravel()
+    columns = projected_out(level, white(shared.columns) * shared.sd).reshape(-1, 3)
+    left = projected_out(level, x).ravel()
     inverse = np.linalg.inv(np.eye(left.size) + columns @ columns.T)
     found = offsets.without(x)
     np.testing.assert_allclose((found**2).sum(), left @ inverse @ left, rtol=1e-9)
@@ -164,9 +164,9 @@ def test_what_is_known_before_holds_an_effect_that_no_manoeuvre_shows():
     columns, residual = random.standard_normal((4, 6, 2)), random.standard_normal((4, 6))
     columns[..., 1] *= 1e-3
     level, log = np.zeros((4, 6)), np.zeros(4, int)
-    made = Levelled.of(columns, residual, level, np.arange(4), log)
+    made = LeaveOneOut.of(columns, residual, level, np.arange(4), log)
     prior = (np.array([0.0, 1e6]), np.array([0.0, 3e6]))
-    theta, _ = Levelled.joined([made], log, prior).left_out()
+    theta, _ = LeaveOneOut.joined([made], log, prior).left_out()
     np.testing.assert_allclose(theta[:, 1], 3.0, rtol=1e-4)
     others = columns[1:].reshape(-1, 2)
     wanted = np.linalg.solve(

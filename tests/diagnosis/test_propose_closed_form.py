@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import MODEL, since_exit, stack
-from tirelog.diagnosis.candidates.signatures import hats_on
+from tirelog.diagnosis.candidates.effect_jacobians import hats_on
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import (
     Atom,

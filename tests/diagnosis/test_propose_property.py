@@ -15,7 +15,7 @@ import pytest
 from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis import ladder as climbing
-from tirelog.diagnosis.candidates.search import Found, search_effects
+from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, Scanned, entry_of
@@ -108,7 +108,7 @@ def test_a_ladder_ends_with_what_is_proposed(
     assert any("it scatters." in remark for remark in kept.remarks)
 
 
-class Misled(Found):
+class Misled(SearchResult):
     """A search that has named what is not there."""
 
     @property
@@ -123,7 +123,7 @@ def test_a_ladder_takes_away_the_name_that_a_proposal_makes_needless(
     assert proposal.model is not None
     (ringing_entry,) = proposal.model.effects
 
-    def misled(base: Base, *asked: Any) -> Found:
+    def misled(base: Base, *asked: Any) -> SearchResult:
         found = search_effects(base, *asked)
         wrong = refit(base, base.model.with_effect("viscous_damping"))
         return Misled(found.before, found.steps, wrong)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tirelog.inference.metric import RANK, Levelled, solve_scaled
+from tirelog.inference.metric import RANK, LeaveOneOut, solve_scaled
 from tirelog.inference.scatter import Scatter, _deviations, agreement
 
 
@@ -68,9 +68,9 @@ def test_errors_of_parameters_add_the_trace_of_their_covariance():
     columns, residual = random.standard_normal((10, 4, 3)), random.standard_normal((10, 4))
     other = random.standard_normal((10, 4, 3))
     none = np.zeros((10, 4))
-    white = Levelled.of(columns, residual, none, manoeuvre, log)
-    white = Levelled.joined([white], np.zeros(5, np.int64))
-    plain = Levelled.of(other, residual, none, manoeuvre, log)
+    white = LeaveOneOut.of(columns, residual, none, manoeuvre, log)
+    white = LeaveOneOut.joined([white], np.zeros(5, np.int64))
+    plain = LeaveOneOut.of(other, residual, none, manoeuvre, log)
     for m, added in enumerate(white.of_errors(plain)):
         kept = columns[manoeuvre != m].reshape(-1, 3)
         own = other[manoeuvre == m].reshape(-1, 3)

@@ -12,7 +12,7 @@ from tirelog.diagnosis.candidates.assessment import (
     gain_and_error,
     surely_gains,
 )
-from tirelog.diagnosis.candidates.signatures import candidate_effects, idle_candidates
+from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects, idle_candidates
 from tirelog.physics import CATALOGUE, Model
 
 

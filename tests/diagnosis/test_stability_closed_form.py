@@ -10,9 +10,9 @@ import pytest
 from tests.diagnosis.planted import stack
 from tirelog.diagnosis import by_group
 from tirelog.diagnosis.certainty import (
-    Each,
     GroupVerdict,
     Inclusion,
+    PerGroup,
     Stability,
     StepInclusion,
     benjamini_hochberg,
@@ -77,7 +77,7 @@ def test_a_verdict_that_hangs_on_one_log_says_on_which():
 def test_each_tire_alone_and_what_chance_does_among_so_many():
     null = [without(f"t{i}", "nothing_missing", (), p=(i + 1) / 21) for i in range(20)]
     worn = [without("w1", p=1e-4), without("w2", p=2e-4), without("x", p=0.02)]
-    found = Each("tire", (*null, *worn, without("few", "too_few", ())))
+    found = PerGroup("tire", (*null, *worn, without("few", "too_few", ())))
     assert [a.group for a in found.lacking] == ["w1", "w2"]
     assert found.inclusion == {"wear": pytest.approx(2 / 23)}
     assert found.sentence == (
@@ -86,7 +86,7 @@ def test_each_tire_alone_and_what_chance_does_among_so_many():
         "same: what is pooled is their mean."
     )
     assert found.to_json()["each"][-1]["p_adjusted"] is None
-    assert Each("log", (without("a", "too_few", ()),)).sentence == (
+    assert PerGroup("log", (without("a", "too_few", ()),)).sentence == (
         "No log alone has manoeuvres enough for a test."
     )
 

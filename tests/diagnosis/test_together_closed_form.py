@@ -13,14 +13,19 @@ from tirelog.cli.pages import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.candidates.at_noise_floor import quiet
+from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
 from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, start_from
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import apart, refit, settled, thinned
+from tirelog.inference.base import (
+    bases_by_observable,
+    refit,
+    with_fewer_cells,
+    with_scatter_estimated,
+)
 from tirelog.inference.cells.cells import make_cells
+from tirelog.inference.cells.joint import JointStacks, joined_cells, one_drive, parts_of
 from tirelog.inference.cells.pieces import pieces_of
-from tirelog.inference.cells.together import StacksTogether, joined_cells, one_drive, parts_of
 from tirelog.inference.measured import measured_together
 from tirelog.physics import Model
 from tirelog.physics.model.file import as_toml, parse_model
@@ -78,8 +83,8 @@ def measured(observable: str, seed: int, truth: Model = TRUTH, repeats: int = 5)
     )
 
 
-def several(seed: int, *names: str, **truths: Model) -> StacksTogether:
-    return StacksTogether(tuple([measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL))
+def several(seed: int, *names: str, **truths: Model) -> JointStacks:
+    return JointStacks(tuple([measured(o, seed, truths.get(o, TRUTH))] for o in names or ALL))
 
 
 def compared(stacks, model: Model):
@@ -215,23 +220,23 @@ def test_each_has_its_own_errors_in_its_own_unit_and_all_are_in_floors(capsys):
 def test_one_observable_above_its_floor_is_not_hidden_by_two_at_theirs():
     """A chi-square of 1.2 over all would pass for the floor; one has more than chance adds."""
     base = start_from(measured_pieces(several(12)), TRUTH, several=False)
-    assert quiet(base, base.floor.square)
+    assert at_noise_floor(base, base.floor.square)
     part = base.cells.part == 1
     # what no parameter of the model can follow, other in each manoeuvre
     wave = 0.35 * np.sin(9.0 * np.nan_to_num(base.cells.phi)) * part[:, None]
     values = base.cells.values + wave * np.where(base.cells.manoeuvre % 2, 1.0, -1.0)[:, None]
     worse = refit(replace(base, cells=replace(base.cells, values=values)), base.model)
     assert worse.reduced_chi2 < QUIET_CHI2
-    strain, acceleration, _ = apart(worse)
+    strain, acceleration, _ = bases_by_observable(worse)
     limit = QUIET_CHI2 + 2.0 * np.sqrt(2.0 / acceleration.fit.freedom)
     assert strain.reduced_chi2 < QUIET_CHI2
     assert acceleration.reduced_chi2 > limit
-    assert not quiet(worse, worse.floor.square)
+    assert not at_noise_floor(worse, worse.floor.square)
 
 
 def test_held_out_means_left_out_of_all_observables():
     base = start_from(measured_pieces(several(9)), TRUTH, several=False)
-    by_all = apart(base, held_by_all=True)
+    by_all = bases_by_observable(base, held_by_all=True)
     assert all(part.held_white.shape == (SPEEDS.size,) for part in by_all)
     whole = np.sum([part.held_white for part in by_all], axis=0)
     np.testing.assert_allclose(whole, base.held_white, rtol=1e-9)
@@ -254,7 +259,7 @@ def level_of_each(cells):
 
 def test_settling_anew_what_has_settled_changes_nothing_much():
     base = start_from(measured_pieces(several(10)), TRUTH, several=False)
-    again = settled(base)
+    again = with_scatter_estimated(base)
     assert again.fit.chi2 == pytest.approx(base.fit.chi2, rel=0.02)
     for name in base.fit.names:
         moved = abs(again.model.values[name] - base.model.values[name])
@@ -263,7 +268,7 @@ def test_settling_anew_what_has_settled_changes_nothing_much():
 
 def test_some_rows_for_trying_things_are_of_every_observable():
     base = start_from(measured_pieces(several(13)), TRUTH, several=False)
-    few = thinned(base, 6)
+    few = with_fewer_cells(base, 6)
     assert set(few.cells.part) == {0, 1, 2}
     assert len(few.cells) <= 6
     np.testing.assert_array_equal(few.fit.prediction.shape, few.cells.values.shape)

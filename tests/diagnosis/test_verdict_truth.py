@@ -11,8 +11,9 @@ from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.candidates import search
 from tirelog.diagnosis.candidates.assessment import least_p
+from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects
 from tirelog.diagnosis.candidates.naming import Step
-from tirelog.diagnosis.candidates.search import Found, search_effects
+from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.candidates.separation import (
     ALLOWED,
     drive_next,
@@ -20,7 +21,6 @@ from tirelog.diagnosis.candidates.separation import (
     driven,
     separations,
 )
-from tirelog.diagnosis.candidates.signatures import candidate_effects
 from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
 from tirelog.diagnosis.wording import probability, rounding_sentences, sentence_of
@@ -292,7 +292,7 @@ def test_what_the_logs_hold_is_not_advised(two_pressures):
 
 def test_what_these_logs_cannot_show_is_advised_by_the_minute(two_pressures, monkeypatch):
     hidden = Step(two_pressures, (), {"water_film": "does nothing here"}, (), None, ())
-    found = Found(two_pressures, (hidden,), two_pressures)
+    found = SearchResult(two_pressures, (hidden,), two_pressures)
     rows = drive_next(found, "nothing_missing", 0.9)
     # on a dry road no other stretch shows a water film
     assert [row["manoeuvre"] for row in rows] == ["cruise at 20 m/s in 2 mm of water"]

@@ -5,7 +5,7 @@ import pytest
 
 from tirelog.data.recording import TimeAxis
 from tirelog.dsp.filters import sliding_mean
-from tirelog.strain.passages.marks import may_have_stopped
+from tirelog.strain.passages.passage_flags import may_have_stopped
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 

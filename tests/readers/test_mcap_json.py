@@ -9,17 +9,21 @@ from hypothesis import strategies as st
 
 from tirelog.readers.mcap.decode import ChannelDecoder
 from tirelog.readers.mcap.records import MessageTable
-from tirelog.readers.mcap.source import FieldColumn, Want
+from tirelog.readers.mcap.source import FieldColumn, RequestedField
 
 NUMBER = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
     st.integers(-(2**63), 2**63),
     st.decimals(-2000, 2000, places=4, allow_nan=False).map(float),
 )
-WANTS = [Want("/t:wl[1]", ("wl", 1)), Want("/t:wl[:]", ("wl", slice(None))), Want("/t:n", ("n",))]
+WANTS = [
+    RequestedField("/t:wl[1]", ("wl", 1)),
+    RequestedField("/t:wl[:]", ("wl", slice(None))),
+    RequestedField("/t:n", ("n",)),
+]
 
 
-def columns_of(messages: list[bytes], wants: list[Want]) -> list[FieldColumn]:
+def columns_of(messages: list[bytes], wants: list[RequestedField]) -> list[FieldColumn]:
     sizes = np.array([len(m) for m in messages], np.int64)
     table = MessageTable(
         b"".join(messages), np.cumsum(sizes) - sizes, sizes, np.arange(len(messages))
@@ -92,7 +96,10 @@ def test_names_and_texts_that_hold_numbers() -> None:
     rows = [
         {"1550.5": {"x1": i / 7}, "note": '-3e5 \\ "2" é', "x": [[i], [2 * i]]} for i in range(9)
     ]
-    wants = [Want("/t:1550.5.x1", ("1550.5", "x1")), Want("/t:x[1][0]", ("x", 1, 0))]
+    wants = [
+        RequestedField("/t:1550.5.x1", ("1550.5", "x1")),
+        RequestedField("/t:x[1][0]", ("x", 1, 0)),
+    ]
     columns = columns_of([json.dumps(row).encode() for row in rows], wants)
     np.testing.assert_array_equal(columns[0].values, [i / 7 for i in range(9)])
     np.testing.assert_array_equal(columns[1].values, [2.0 * i for i in range(9)])

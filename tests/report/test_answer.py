@@ -21,7 +21,7 @@ from tests.report.test_page import data, numbers
 from tirelog.diagnosis.history import history_file
 from tirelog.diagnosis.obstacle_comparison import TransientComparison
 from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
-from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
+from tirelog.diagnosis.propose.results import FoundFormula, HoldoutErrors, Proposal, Term
 from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
@@ -31,7 +31,7 @@ from tirelog.report.page import Report, Section, render
 from tirelog.report.sections import diagnosed
 from tirelog.report.sections.diagnosed import model_story, proposed
 from tirelog.report.sections.models import residual_map
-from tirelog.report.sources import PAPERS, Asked, used_papers
+from tirelog.report.sources import PAPERS, ReportRequest, used_papers
 from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
@@ -302,7 +302,7 @@ def proposal(status: str = "formula") -> Proposal:
         shapes=(shape,),
         written=("proposed_1",),
         model=None,
-        locked=Locked(6, 10.4e-6, 2.04e-6, 1.94e-6),
+        locked=HoldoutErrors(6, 10.4e-6, 2.04e-6, 1.94e-6),
         observable="strain",
         unit="1",
         rmse_heldout_before=13.2e-6,
@@ -420,7 +420,7 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
     monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_, **__: measured)
     monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", lambda *_, **__: proposal())
-    asked = Asked(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
+    asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
     story = model_story([], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"]))
     assert story.answer.card is not None
     assert story.answer.card.word == "Unknown effect"
@@ -444,7 +444,7 @@ def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.Monk
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)])
     monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_, **__: measured)
     monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", refused)
-    asked = Asked(("made",), model=Path("M.toml"), propose=True)
+    asked = ReportRequest(("made",), model=Path("M.toml"), propose=True)
     story = model_story([], MODEL, None, asked, BY_ID, lambda _: None)
     assert [section.id for section in story.before_ladder] == ["diagnosis"]
     told = "what is unknown, written down as a formula: no waveform"
@@ -474,8 +474,8 @@ def test_the_demo_s_page_has_the_ladder_that_it_climbed(
 
 
 def test_options_of_the_page_are_in_its_commands() -> None:
-    asked = Asked(("a.csv",), Path("s.toml"), Path("m.toml"), propose=True, channel="c 1")
+    asked = ReportRequest(("a.csv",), Path("s.toml"), Path("m.toml"), propose=True, channel="c 1")
     assert asked.report_command().endswith("--channel 'c 1' --propose -o report.html")
     line = asked.with_options("tirelog propose a.csv --model m.toml")
     assert line == "tirelog propose a.csv --model m.toml --setup s.toml --channel 'c 1'"
-    assert Asked(("a.csv",)).with_options("tirelog x") == "tirelog x"
+    assert ReportRequest(("a.csv",)).with_options("tirelog x") == "tirelog x"

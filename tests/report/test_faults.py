@@ -10,7 +10,7 @@ import pytest
 
 from tests.cli.conftest import Command, folder, tirelog
 from tests.report.test_page import data, numbers
-from tirelog.report.sources import Asked
+from tirelog.report.sources import ReportRequest
 
 __all__ = ["folder", "tirelog"]
 
@@ -100,7 +100,7 @@ def test_a_campaign_s_tables_are_drawn_without_its_logs(folder: Path, tirelog: C
 
 
 def test_commands_on_the_page_hold_no_credentials() -> None:
-    asked = Asked(("s3://me:s3cr3t@bucket/a.csv?X-Amz-Signature=s3cr3t", "local.csv"))
+    asked = ReportRequest(("s3://me:s3cr3t@bucket/a.csv?X-Amz-Signature=s3cr3t", "local.csv"))
     for line in (asked.command("speed"), asked.report_command()):
         assert "s3cr3t" not in line
         assert "s3://bucket/a.csv" in line

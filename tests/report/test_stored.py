@@ -10,7 +10,7 @@ import pytest
 from tirelog.cli import run
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, packed_array
-from tirelog.report.page import Card, PageTable, Rung, Section
+from tirelog.report.page import Card, LadderRow, PageTable, Section
 from tirelog.report.sources import model_pages, read_stored, stored
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
@@ -24,7 +24,9 @@ def section(name: str = "effects") -> Section:
         [{"type": "heatmap", "z": packed_array([[1.0, 2.0], [3.0, 4.0]])}],
         {"height": 300},
     )
-    card = Card("Missing", "x is.", [("a", "b")], "tirelog y", ["z"], [Rung("r", "s", 2.0, 1.0)])
+    card = Card(
+        "Missing", "x is.", [("a", "b")], "tirelog y", ["z"], [LadderRow("r", "s", 2.0, 1.0)]
+    )
     return Section(
         name,
         "Effects",

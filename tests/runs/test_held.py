@@ -14,8 +14,8 @@ from mcap.writer import Writer
 
 from tirelog.data.recording import Scaled, TimeAxis
 from tirelog.data.setup import parse_setup
-from tirelog.runs.held import held
 from tirelog.runs.ingest import open_recording, write_run
+from tirelog.runs.sample_and_hold import sample_and_hold
 
 RATE = 2000.0
 
@@ -39,7 +39,7 @@ def axis(size: int) -> TimeAxis:
 @pytest.mark.parametrize("phase", [0, 1])
 def test_each_value_is_taken_once(every: int, phase: int) -> None:
     values = np.repeat(signal(6000), every)[phase:]
-    found = held(stored(values), axis(values.size))
+    found = sample_and_hold(stored(values), axis(values.size))
     assert found is not None
     assert (found.least, found.most) == (every, every)
     assert found.at.tolist() == list(range((every - phase) % every, values.size, every))
@@ -50,7 +50,7 @@ def test_each_value_is_taken_once(every: int, phase: int) -> None:
 def test_clocks_that_are_no_multiples_give_the_instrument_s_even_times(ratio: float) -> None:
     values = signal(9000)
     written = values[10 * np.arange(int(8000 * ratio)) // int(10 * ratio)]
-    found = held(stored(written), axis(written.size))
+    found = sample_and_hold(stored(written), axis(written.size))
     assert found is not None
     assert found.axis.rate_Hz == pytest.approx(RATE / ratio, rel=1e-5)
     # a value is new up to a sample of the logger before it is written first
@@ -66,7 +66,7 @@ def test_values_that_are_alike_by_chance_and_lost_ones_do_not_matter() -> None:
     values = np.round(signal(6000))
     assert np.mean(np.diff(values) == 0.0) > 0.05
     values[::97] = np.nan
-    found = held(stored(np.repeat(values, 2)), axis(12_000))
+    found = sample_and_hold(stored(np.repeat(values, 2)), axis(12_000))
     assert found is not None
     assert found.at.tolist() == list(range(0, 12_000, 2))
 
@@ -81,7 +81,7 @@ def test_each_segment_begins_a_value_of_its_own() -> None:
         np.array([0.0, 9400 / RATE]),
         np.full(2, 1.0 / RATE),
     )
-    found = held(stored(values), parts)
+    found = sample_and_hold(stored(values), parts)
     assert found is not None
     places = np.concatenate([np.arange(0, 9001, 3), np.arange(9402, 18_000, 3)])
     np.testing.assert_allclose(found.axis.time(), places / RATE, rtol=0, atol=1e-12)
@@ -90,7 +90,7 @@ def test_each_segment_begins_a_value_of_its_own() -> None:
 @pytest.mark.parametrize("slip", [200, 5000])
 def test_rows_that_a_log_lost_without_a_gap_cost_no_more_than_themselves(slip: int) -> None:
     values = np.delete(np.repeat(signal(6000), 2), np.arange(101, 12_000, slip))
-    found = held(stored(values), axis(values.size))
+    found = sample_and_hold(stored(values), axis(values.size))
     assert found is not None
     np.testing.assert_array_equal(values[found.at], signal(6000)[: found.at.size])
 
@@ -102,7 +102,7 @@ def test_a_rounded_signal_is_not_held(step: float, speed: float) -> None:
     noise = np.random.default_rng(1).standard_normal(phase.size)
     smooth = 0.5 * noise - 1000.0 * np.exp(-((phase / 0.03) ** 2))
     values = np.round(smooth / step) * step
-    assert held(stored(values), axis(values.size)) is None
+    assert sample_and_hold(stored(values), axis(values.size)) is None
 
 
 SETUP = """[tire]

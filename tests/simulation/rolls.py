@@ -11,12 +11,12 @@ from tirelog.simulation.rolling.belt import HALF, Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
 from tirelog.simulation.rolling.tire import (
     POINTS,
-    Rider,
+    BeltReading,
     RollingTire,
-    Standing,
+    TireAtRest,
     TireMotion,
     TrueProfile,
-    standing,
+    tire_at_rest,
 )
 from tirelog.simulation.scenario.schema import TrueTire
 from tirelog.vocabulary.arrays import FloatArray
@@ -58,12 +58,12 @@ def rolling(
     *,
     speed: float,
     load: float,
-    start: Standing | None = None,
+    start: TireAtRest | None = None,
     profile: TrueProfile = LEVEL,
     step: float = STEP,
 ) -> RollingTire:
     return RollingTire(
-        of, profile, start or standing(of, load), speed_m_s=speed, distance_m=0.0, step_s=step
+        of, profile, start or tire_at_rest(of, load), speed_m_s=speed, distance_m=0.0, step_s=step
     )
 
 
@@ -71,9 +71,9 @@ def moved(tire: RollingTire, ran: tuple[np.ndarray, np.ndarray], every: int = 1)
     return TireMotion.of(tire.step_s * every * np.arange(ran[0].size), *ran)
 
 
-def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> Rider:
+def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> BeltReading:
     bent = -lever_m / RADIUS**2
-    return Rider(of.splines.functional(angle_rad, {1: bent, 3: bent})[None])
+    return BeltReading(of.splines.functional(angle_rad, {1: bent, 3: bent})[None])
 
 
 def energy_J(tire: RollingTire) -> float:

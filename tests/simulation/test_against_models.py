@@ -13,7 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions
-from tirelog.inference.cells.together import model_of
+from tirelog.inference.cells.joint import model_of
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
 from tirelog.simulation.scenario.schema import PLANTABLE, Sensor

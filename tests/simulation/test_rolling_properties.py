@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tirelog.simulation.rolling.tire import TireMotion, TrueProfile, standing
+from tirelog.simulation.rolling.tire import TireMotion, TrueProfile, tire_at_rest
 from tirelog.simulation.scenario.schema import Sensor
 
 from .rolls import (
@@ -72,13 +72,13 @@ def test_frequencies_converge_with_the_sixth_power_of_the_elements() -> None:
 
 
 def test_strain_converges_with_the_elements() -> None:
-    fine = standing(belt(384), LOAD).v
+    fine = tire_at_rest(belt(384), LOAD).v
     angles = np.linspace(-0.3, 0.3, 61)
     exact = np.array([strain_rider(belt(384), a).rows[0] @ fine for a in angles])
     errors = []
     for elements in (64, 128, 256):
         of = belt(elements)
-        v = standing(of, LOAD).v
+        v = tire_at_rest(of, LOAD).v
         found = np.array([strain_rider(of, a).rows[0] @ v for a in angles])
         errors.append(np.sqrt(np.mean((found - exact) ** 2)) / np.ptp(exact))
     assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
@@ -90,7 +90,7 @@ def test_energy_is_kept_without_damping() -> None:
     what it was.
     """
     of = belt(96, friction=0.0)
-    drop = replace(standing(of, LOAD), v=np.zeros(96), hub_z_m=RADIUS - 0.002)
+    drop = replace(tire_at_rest(of, LOAD), v=np.zeros(96), hub_z_m=RADIUS - 0.002)
     tire = rolling(of, speed=SPEED, load=LOAD, start=drop)
     energy, height = [], []
     for _ in range(100):

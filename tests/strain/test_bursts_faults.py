@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.runs.in_memory import mended
+from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.footprint.footprint import footprint
 from tirelog.strain.passages.find import find_passages
@@ -106,7 +106,7 @@ def test_bursts_leave_the_other_tables_as_they_were(clean):
     hit[outside : outside + 3] = 9999.0
     both = []
     for values in (wavelength, hit):
-        own = mended(channel(values))
+        own = without_spikes(channel(values))
         passages = find_passages(own, RADIUS_M)
         both.append(
             (
@@ -122,7 +122,7 @@ def test_bursts_leave_the_other_tables_as_they_were(clean):
 
 
 def test_a_log_without_bursts_is_read_as_it_was(clean):
-    own = mended(channel(clean[0]))
+    own = without_spikes(channel(clean[0]))
     assert own.flags == ()
     assert np.array_equal(own.read(), channel(clean[0]).read())
 
@@ -133,7 +133,7 @@ def test_a_lonely_slow_passage_is_no_burst():
     xi = np.clip(3.0 * (time - 10.0), -0.5, 0.5)
     wavelength = REFERENCE_NM - 0.6 * (np.tanh((xi + 0.055) / 0.02) - np.tanh((xi - 0.055) / 0.02))
     wavelength += np.random.default_rng(4403).normal(0.0, 1e-3, time.size)
-    assert mended(channel(wavelength)).flags == ()
+    assert without_spikes(channel(wavelength)).flags == ()
 
 
 def jumped(wavelength: np.ndarray, kind: str) -> tuple[np.ndarray, slice]:

@@ -7,7 +7,7 @@ import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.find import find_passages
-from tirelog.strain.passages.marks import _touched
+from tirelog.strain.passages.passage_flags import _touched
 from tirelog.vocabulary.quality import Quality, good, having
 
 DRIVE = ([0, 2, 8, 16, 19, 24, 40], [6, 6, 25, 25, 12, 12, 20])

@@ -18,7 +18,7 @@ from tirelog.simulation import Scenario, simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Sensor
 from tirelog.strain.footprint import measure
 from tirelog.strain.footprint.footprint import footprint
-from tirelog.strain.footprint.settle import settle
+from tirelog.strain.footprint.form_choice import choose_form
 from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
@@ -243,7 +243,7 @@ def test_another_grating_knows_that_most_passages_pull(drive, radius_m):
     for seed in (1696, 1697):
         channel, begins_s, _ = mixed_log(drive, radius_m, 13.0, 0.12, seed, noise_pm=4.0, slip_s=32)
         passages = find_passages(channel, radius_m)
-        settled = settle(channel, passages, like=settled and settled.light)
+        settled = choose_form(channel, passages, like=settled and settled.light)
         assert settled.chosen
         found = footprint(channel, passages, settled=settled)
         told = np.isfinite(found.slip.onset_m)

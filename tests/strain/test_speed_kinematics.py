@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.strain.passages.marks import TURN_RAD, kinematics, may_have_stopped, turns_between
+from tirelog.strain.passages.passage_flags import (
+    TURN_RAD,
+    kinematics,
+    may_have_stopped,
+    turns_between,
+)
 
 
 def passage_times(omega0, alpha, turns):

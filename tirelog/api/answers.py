@@ -27,7 +27,7 @@ from tirelog.diagnosis.fitted import AS_COMPARE, FitOfLogs, TireForm, fit_channe
 from tirelog.diagnosis.gratings import GratingsFound
 from tirelog.diagnosis.history import read_history, remember
 from tirelog.diagnosis.obstacle_comparison import TransientComparison, compare_transients
-from tirelog.diagnosis.obstacles import Learned, learn_motion
+from tirelog.diagnosis.obstacles import FittedMotion, learn_motion
 from tirelog.diagnosis.propose import propose as proposing
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Comparison, Ladder
@@ -36,17 +36,34 @@ from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import own_effects
-from tirelog.report.sources import Asked
+from tirelog.report.sources import ReportRequest
 from tirelog.vocabulary.observables import (
     WAVEFORMS,
     waveform_of,
 )
 
 __all__ = [
-    "AnswerTable", "Asked", "Comparison", "Diagnosis", "FitOfLogs", "GratingsFound", "Ladder",
-    "Learned", "MeasuredLogs", "Proposal", "TireForm", "TransientComparison", "compare", "diagnose",
-    "fit", "ladder", "measure", "observable_of", "propose", "tire_form",
-]  # fmt: skip
+    "AnswerTable",
+    "Comparison",
+    "Diagnosis",
+    "FitOfLogs",
+    "FittedMotion",
+    "GratingsFound",
+    "Ladder",
+    "MeasuredLogs",
+    "Proposal",
+    "ReportRequest",
+    "TireForm",
+    "TransientComparison",
+    "compare",
+    "diagnose",
+    "fit",
+    "ladder",
+    "measure",
+    "observable_of",
+    "propose",
+    "tire_form",
+]
 
 Progress = Callable[[str], None]
 

@@ -14,10 +14,10 @@ from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
 from tirelog.report.build import build
 from tirelog.report.page import plotting_library, render
-from tirelog.report.sources import Asked
+from tirelog.report.sources import ReportRequest
 from tirelog.storage.whole import whole_file
 
-__all__ = ["Asked", "ReportOrder", "write_report"]
+__all__ = ["ReportOrder", "ReportRequest", "write_report"]
 
 _SUFFIXES = (".html", ".htm")
 
@@ -30,7 +30,7 @@ class ReportOrder:
     output   the page to write, .html
     """
 
-    asked: Asked
+    asked: ReportRequest
     output: File | None = None
 
     def __post_init__(self) -> None:
@@ -120,7 +120,7 @@ def write_report(
     paths = {name: None if path is None else File(path) for name, path in given.items()}
     named = as_logs(logs)
     order = ReportOrder(
-        Asked(
+        ReportRequest(
             tuple(log.log if isinstance(log, Recording) else os.fspath(log) for log in named),
             tables=tuple(map(File, tables)),
             channel=channel,

@@ -171,7 +171,7 @@ def diagnose(
             progress=session.say,
         )
         result = asked.answered(session, "diagnosing", ask)
-        to_repeat = answers.Asked(
+        to_repeat = answers.ReportRequest(
             tuple(asked.logs),
             asked.setup,
             asked.model,
@@ -279,7 +279,9 @@ def propose(
         if result.status != "nothing":
             question.show(session, result, ())
             better = output or Path("BETTER.toml")
-            asked = answers.Asked(tuple(logs), setup, better, channel=channel, effects=effects)
+            asked = answers.ReportRequest(
+                tuple(logs), setup, better, channel=channel, effects=effects
+            )
             follows = asked.command("compare", model=True)
         elif unwritten := [str(path) for path in (output, plot) if path is not None]:
             session.note(f"{' and '.join(unwritten)} not written: there is no proposal")

@@ -153,11 +153,11 @@ def command(asked: str = "") -> Any:
     The whole also if there is no such command. One alone is made in 10 ms, the whole in 55 (CPU, 23
     November 2026, Python 3.11).
     """
-    from tirelog.cli.help import Grouped, Whole, dress
+    from tirelog.cli.help import GroupedHelp, PlainHelp, dress
 
     app = typer.Typer(
         name="tirelog",
-        cls=Grouped,
+        cls=GroupedHelp,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         no_args_is_help=True,
@@ -168,7 +168,7 @@ def command(asked: str = "") -> Any:
     for name in [asked] if asked in commands else commands:
         target = commands[name]()
         if isinstance(target, typer.Typer):
-            app.add_typer(target, name=name, cls=Whole)
+            app.add_typer(target, name=name, cls=PlainHelp)
         else:
             app.command(name)(target)
     parsed = typer.main.get_command(_keep_all(app))

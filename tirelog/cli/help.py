@@ -275,7 +275,7 @@ METAVARS: Mapping[str, str] = {
 _WHOLE = 400
 
 
-class Grouped(TyperGroup):
+class GroupedHelp(TyperGroup):
     """Help of the whole program: its commands under headings, none of their sentences cut off."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -293,7 +293,7 @@ class Grouped(TyperGroup):
                     formatter.write_dl(rows)
 
 
-class Whole(TyperGroup):
+class PlainHelp(TyperGroup):
     """Help of a group of commands, none of their sentences cut off."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
         Comparison,
         Diagnosis,
         FitOfLogs,
+        FittedMotion,
         GratingsFound,
         Ladder,
-        Learned,
         Proposal,
         TransientComparison,
     )
@@ -397,7 +397,7 @@ def fit_page(fitted: FitOfLogs) -> str:
     return "\n".join([*lines, *fitted.doubts])
 
 
-def learned_page(learned: Learned) -> str:
+def learned_page(learned: FittedMotion) -> str:
     """What obstacles told."""
     found = [learned.model.parameters[name] for name in learned.names]
     rows = [

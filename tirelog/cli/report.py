@@ -49,11 +49,11 @@ def report(
     os.environ.setdefault(
         "ARROW_DEFAULT_MEMORY_POOL", "system"
     )  # the default one keeps what is freed: 50 MB for an hour's tables
-    from tirelog.api.reports import Asked, ReportOrder
+    from tirelog.api.reports import ReportOrder, ReportRequest
 
     paths, tables = tuple(logs or ()), tuple(table or ())
     order = ReportOrder(
-        Asked(paths, setup, model, ladder, campaign, tables, channel, effects, propose),
+        ReportRequest(paths, setup, model, ladder, campaign, tables, channel, effects, propose),
         output,
     )
     with Session(setup, quiet, hashed=True) as session:

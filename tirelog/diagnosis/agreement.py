@@ -24,7 +24,7 @@ import numpy as np
 from scipy.special import chdtrc  # tail of chi-square, without the second of scipy.stats
 
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
-from tirelog.inference.base import Base, TogetherBase, apart
+from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.fit.cells import NULL, errors_of
 from tirelog.inference.metric import Offsets
 from tirelog.vocabulary.arrays import FloatArray
@@ -39,7 +39,7 @@ _NAMED = 3
 
 
 @dataclass(frozen=True)
-class Pull:
+class Tension:
     """A parameter as an observable wants it alone, and as the others want it without it."""
 
     parameter: str
@@ -69,7 +69,7 @@ class Contribution:
     freedom: int
     p: float
     size: float
-    pulls: tuple[Pull, ...] = ()
+    pulls: tuple[Tension, ...] = ()
 
     @property
     def contradicts(self) -> bool:
@@ -78,14 +78,14 @@ class Contribution:
 
     def to_json(self) -> dict[str, Any]:
         pulls = [
-            {name: getattr(pull, name) for name in (*Pull.__dataclass_fields__, "sigmas")}
+            {name: getattr(pull, name) for name in (*Tension.__dataclass_fields__, "sigmas")}
             for pull in self.pulls
         ]
         names = ("error_without", "chi2", "freedom", "p", "size", "contradicts")
         return {name: getattr(self, name) for name in names} | {"pulls": pulls}
 
 
-def contributions(base: TogetherBase) -> tuple[Contribution, ...]:
+def contributions(base: JointBase) -> tuple[Contribution, ...]:
     """What each observable of the base brings."""
     cells, fit = base.cells, base.fit
     offsets = Offsets.of(cells, base.white)
@@ -97,7 +97,7 @@ def contributions(base: TogetherBase) -> tuple[Contribution, ...]:
     p = slopes.shape[-1]
     norm = np.linalg.norm(slopes.reshape(-1, p), axis=0)
     size = np.where(norm > 0.0, norm, np.inf)
-    parts, found = apart(base), []
+    parts, found = bases_by_observable(base), []
     known = [np.flatnonzero(cells.part == i) for i in range(len(parts))]
     flat = [slopes[rows].reshape(-1, p) / size for rows in known]
     pull = [x.T @ residual[rows].ravel() for x, rows in zip(flat, known, strict=True)]
@@ -148,11 +148,11 @@ def _size(part: Base, step: FloatArray) -> float:
 
 
 def _pulls(
-    base: TogetherBase, step: FloatArray, alone: FloatArray, back: FloatArray, others: FloatArray
-) -> tuple[Pull, ...]:
+    base: JointBase, step: FloatArray, alone: FloatArray, back: FloatArray, others: FloatArray
+) -> tuple[Tension, ...]:
     """The parameters that differ most, of those that both sides know."""
     pulls = [
-        Pull(
+        Tension(
             name, value + float(step[k]), float(alone[k]), value + float(back[k]), float(others[k])
         )
         for k, name in enumerate(base.fit.names)

@@ -45,8 +45,8 @@ class AnswerTable:
 class AnswerRecord:
     """What every answer has: a headline, tables and sentences below it, and a figure.
 
-    `picture` and `panel`: the functions of `plots.answers` that take the answer and make its figure,
-    and the main panel of it.
+    `picture` and `panel`: functions of `plots.answers` that take the answer: its figure,
+    and the main panel of that.
     """
 
     picture: ClassVar[str]

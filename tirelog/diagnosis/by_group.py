@@ -14,16 +14,16 @@ from dataclasses import replace
 import numpy as np
 
 from tirelog.diagnosis.candidates.search import Progress
-from tirelog.diagnosis.certainty import Each, GroupVerdict, Stability, inclusion
+from tirelog.diagnosis.certainty import GroupVerdict, PerGroup, Stability, inclusion
 from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.errors import TirelogError, UsageError
+from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.cells.together import PiecesTogether
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
 #: the pieces of the logs of these names
-Some = Callable[[Sequence[str]], Pieces | PiecesTogether]
+Some = Callable[[Sequence[str]], Pieces | JointPieces]
 
 
 def with_draws(found: Diagnosis, draws: int, effects: Iterable[Effect] = ()) -> Diagnosis:
@@ -32,21 +32,23 @@ def with_draws(found: Diagnosis, draws: int, effects: Iterable[Effect] = ()) -> 
     return replace(found, inclusion=drawn, notes=(*found.notes, *drawn.sentences))
 
 
-def with_stability(found: Diagnosis, stability: Stability, each: Each | None = None) -> Diagnosis:
+def with_stability(
+    found: Diagnosis, stability: Stability, each: PerGroup | None = None
+) -> Diagnosis:
     """The diagnosis, with whether it stands without single logs or tires, and what each says."""
     said = [stability.sentence, *([] if each is None else [each.sentence])]
     return replace(found, stability=stability, each=each, notes=(*found.notes, *said))
 
 
-def logs_of(pieces: Pieces | PiecesTogether) -> dict[str, tuple[str, ...]]:
+def logs_of(pieces: Pieces | JointPieces) -> dict[str, tuple[str, ...]]:
     """Every log as a group of its own."""
     return {log: (log,) for log in dict.fromkeys(pieces.logs)}
 
 
-def of_logs(pieces: Pieces | PiecesTogether, logs: Iterable[str]) -> Pieces | PiecesTogether:
+def of_logs(pieces: Pieces | JointPieces, logs: Iterable[str]) -> Pieces | JointPieces:
     """The pieces of some of the logs; UsageError: there is none."""
     names = set(logs)
-    if isinstance(pieces, PiecesTogether):
+    if isinstance(pieces, JointPieces):
         parts = [_of_logs(part, names) for part in pieces.parts]
         if any(part is None for part in parts):
             raise UsageError(
@@ -54,7 +56,7 @@ def of_logs(pieces: Pieces | PiecesTogether, logs: Iterable[str]) -> Pieces | Pi
                 allowed="each observable and grating must be in one log at least",
                 do="give more logs",
             )
-        return PiecesTogether.of([p for p in parts if p is not None], pieces.places)
+        return JointPieces.of([p for p in parts if p is not None], pieces.places)
     found = _of_logs(pieces, names)
     if found is None:
         raise UsageError("no log is left", allowed="one at least", do="give more logs")
@@ -140,14 +142,14 @@ def each_alone(
     by: str = "log",
     effects: Iterable[Effect] = (),
     progress: Progress = lambda text: None,
-) -> Each:
+) -> PerGroup:
     """What each group of logs says alone, with p adjusted over them; as `leave_one_out`."""
     refuse_one(groups, by, "it is the whole")
     extra, answers = tuple(effects), []
     for name, logs in groups.items():
         progress(f"{name} alone")
         answers.append(_asked(some, name, logs, model, extra))
-    return Each(by, tuple(answers))
+    return PerGroup(by, tuple(answers))
 
 
 def refuse_one(groups: Mapping[str, Sequence[str]], by: str, but_one: str) -> None:

@@ -37,9 +37,9 @@ from tirelog.diagnosis.candidates.assessment import (
     scores_of,
     statistics,
 )
+from tirelog.diagnosis.candidates.effect_jacobians import all_signatures, candidate_effects
 from tirelog.diagnosis.candidates.naming import Step
-from tirelog.diagnosis.candidates.search import Found
-from tirelog.diagnosis.candidates.signatures import all_signatures, candidate_effects
+from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import (
     ALARM_P,
     BEYOND_DOUBT_P,
@@ -99,7 +99,7 @@ class Marks:
 
 
 def marks_of(
-    found: Found,
+    found: SearchResult,
     verdict: str,
     floor: float,
     held: tuple[float | None, float | None],
@@ -257,7 +257,7 @@ def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certai
     )
 
 
-def unlike(model: Model, selected: Iterable[str], gratings: bool) -> str:
+def unlike_cases(model: Model, selected: Iterable[str], gratings: bool) -> str:
     """Why no simulated case was like a diagnosis of this model, "" if some were.
 
     `gratings`: it was asked of several.
@@ -352,7 +352,9 @@ class Inclusion:
         return {"draws": self.draws, "manoeuvres": self.manoeuvres, "steps": steps}
 
 
-def inclusion(found: Found, draws: int, extra: Iterable[Effect] = (), seed: int = 0) -> Inclusion:
+def inclusion(
+    found: SearchResult, draws: int, extra: Iterable[Effect] = (), seed: int = 0
+) -> Inclusion:
     """How often each step of a search names each effect, over draws of its manoeuvres."""
     extra = tuple(extra)
     count = found.before.cells.manoeuvres
@@ -492,7 +494,7 @@ class Stability:
     @property
     def changed(self) -> tuple[GroupVerdict, ...]:
         """Where another thing is said."""
-        return tuple(a for a in self.without if a.tested and not alike(a, self.whole))
+        return tuple(a for a in self.without if a.tested and not like_cases(a, self.whole))
 
     @property
     def sentence(self) -> str:
@@ -522,18 +524,19 @@ class Stability:
 
     def to_json(self) -> dict[str, Any]:
         rows = [
-            asdict(a) | {"same": alike(a, self.whole) if a.tested else None} for a in self.without
+            asdict(a) | {"same": like_cases(a, self.whole) if a.tested else None}
+            for a in self.without
         ]
         return plain_fields({"by": self.by, "sentence": self.sentence, "without": rows})
 
 
-def alike(one: GroupVerdict, other: GroupVerdict) -> bool:
+def like_cases(one: GroupVerdict, other: GroupVerdict) -> bool:
     """Do two answers say the same?  Verdict and names; "missing" beside "ambiguous" is another."""
     return one.verdict == other.verdict and set(one.selected) == set(other.selected)
 
 
 @dataclass(frozen=True)
-class Each:
+class PerGroup:
     """What each log, or tire, says alone, before anything is pooled."""
 
     by: str

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tirelog.diagnosis.candidates.assessment import gain_and_error
 from tirelog.diagnosis.rules import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
-from tirelog.inference.base import Base, TogetherBase, apart
+from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric import Offsets, ProjectedOut, solve_scaled
 from tirelog.inference.nuisances import condition_slopes
@@ -56,10 +56,10 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     The ranges are those of residuals drawn from noise and scatter as the floor has them, with base
     parameters, offsets and nuisances taken out as they are of what was measured.
     """
-    if isinstance(base, TogetherBase):
+    if isinstance(base, JointBase):
         return tuple(
             replace(check, name=f"{check.name} of {part.cells.label}")
-            for part in apart(base)
+            for part in bases_by_observable(base)
             for check in posterior_checks(part, seed)
         )
     if base.cells.phi.shape[1] == 1:
@@ -141,8 +141,8 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
 
     Of one log alone none: what a level does there is what the model's parameters do.
     """
-    if isinstance(base, TogetherBase):
-        each = [suspect for part in apart(base) for suspect in suspects(part)]
+    if isinstance(base, JointBase):
+        each = [suspect for part in bases_by_observable(base) for suspect in suspects(part)]
         return tuple(sorted(each, key=lambda s: -s.share))
     cells, logs = base.cells, np.unique(base.cells.log)
     if base.excess <= LEAST_SHARE_OF_FLOOR * base.floor.square or logs.size < 2:

@@ -33,20 +33,15 @@ from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
     Base,
     FittedChannel,
-    TogetherBase,
-    apart,
+    JointBase,
+    bases_by_observable,
     prepare,
     prepare_together,
 )
 from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.joint import JointPieces, JointStacks, model_of, without_ratios
 from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
-from tirelog.inference.cells.together import (
-    PiecesTogether,
-    StacksTogether,
-    model_of,
-    without_ratios,
-)
-from tirelog.inference.floor import Plain
+from tirelog.inference.floor import UnweightedMetric
 from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.file import unit_remarks
@@ -64,25 +59,25 @@ _MAP_ROWS = 24
 
 #: what every question is asked of: the stacks of all logs, or their pieces if the revolutions
 #: are too many to keep
-Measured = Sequence[Stack] | Pieces | StacksTogether | PiecesTogether
+Measured = Sequence[Stack] | Pieces | JointStacks | JointPieces
 
 
-def measured_pieces(measured: Measured) -> Pieces | PiecesTogether:
+def measured_pieces(measured: Measured) -> Pieces | JointPieces:
     """The pieces of all logs.  UsageError: there is none."""
     if not len(measured):
         raise UsageError(
             "no stack to compare with", allowed="at least one log is needed", do="give one"
         )
-    if isinstance(measured, StacksTogether):
+    if isinstance(measured, JointStacks):
         room = MOST_PIECES // len(measured.parts)
         parts = [pieces_of_logs(part, room) for part in measured.parts]
-        return PiecesTogether.of(parts, measured.places)
-    return measured if isinstance(measured, Pieces | PiecesTogether) else pieces_of_logs(measured)
+        return JointPieces.of(parts, measured.places)
+    return measured if isinstance(measured, Pieces | JointPieces) else pieces_of_logs(measured)
 
 
-def single_revolutions(measured: Measured) -> Sequence[Stack] | StacksTogether:
+def single_revolutions(measured: Measured) -> Sequence[Stack] | JointStacks:
     """The stacks; none if only the pieces are left."""
-    return () if isinstance(measured, Pieces | PiecesTogether) else measured
+    return () if isinstance(measured, Pieces | JointPieces) else measured
 
 
 def start(measured: Measured, model: Model) -> Base:
@@ -93,12 +88,12 @@ def start(measured: Measured, model: Model) -> Base:
     return start_from(measured_pieces(measured), model)
 
 
-def start_from(pieces: Pieces | PiecesTogether, model: Model, *, several: bool = True) -> Base:
+def start_from(pieces: Pieces | JointPieces, model: Model, *, several: bool = True) -> Base:
     """The base of every question about these pieces."""
     if observables_of(pieces) != model.observables:
         raise other_observable(pieces, model)
     model = without_motion_parameters(model)
-    if isinstance(pieces, PiecesTogether):
+    if isinstance(pieces, JointPieces):
         cells = [cells_of(part) for part in pieces.parts]
         if pieces.places:
             cells = [
@@ -110,12 +105,12 @@ def start_from(pieces: Pieces | PiecesTogether, model: Model, *, several: bool =
     return prepare(cells_of(pieces), model, several=several)
 
 
-def observables_of(pieces: Pieces | PiecesTogether) -> tuple[str, ...]:
+def observables_of(pieces: Pieces | JointPieces) -> tuple[str, ...]:
     """What was measured."""
-    return pieces.observables if isinstance(pieces, PiecesTogether) else (pieces.observable,)
+    return pieces.observables if isinstance(pieces, JointPieces) else (pieces.observable,)
 
 
-def other_observable(pieces: Pieces | PiecesTogether, model: Model) -> UsageError:
+def other_observable(pieces: Pieces | JointPieces, model: Model) -> UsageError:
     """The error that says that a model and a log do not fit together."""
     given = together(observables_of(pieces))
     return UsageError(
@@ -142,25 +137,23 @@ def compare(measured: Measured, model: Model) -> Comparison:
     return replace(result, with_nuisances={"nuisances": names, **errors})
 
 
-def comparison_of(base: Base, stacks: Sequence[Stack] | StacksTogether = ()) -> Comparison:
+def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Comparison:
     """Everything to show of a fitted base.
 
     The table by revolution is empty without the `stacks` that the base was made of.
     """
-    if isinstance(base, TogetherBase):
+    if isinstance(base, JointBase):
         return _comparison_of_several(base, stacks)
-    assert not isinstance(stacks, StacksTogether)
+    assert not isinstance(stacks, JointStacks)
     return _comparison_of_one(base, stacks)
 
 
-def _comparison_of_several(
-    base: TogetherBase, stacks: Sequence[Stack] | StacksTogether
-) -> Comparison:
+def _comparison_of_several(base: JointBase, stacks: Sequence[Stack] | JointStacks) -> Comparison:
     """The comparison of each observable, and in floors that of all."""
-    of_parts = stacks.parts if isinstance(stacks, StacksTogether) else [()] * len(base.channels)
+    of_parts = stacks.parts if isinstance(stacks, JointStacks) else [()] * len(base.channels)
     parts = tuple(
         _comparison_of_one(part, own)
-        for part, own in zip(apart(base, held_by_all=True), of_parts, strict=True)
+        for part, own in zip(bases_by_observable(base, held_by_all=True), of_parts, strict=True)
     )
     known = contributions(base)
     units = {name: p.unit for name, p in base.model.parameters.items()}
@@ -219,7 +212,7 @@ def _in_floors(part: Comparison, floor: float) -> Comparison:
     )
 
 
-def _about_level(base: TogetherBase) -> FloatArray:
+def _about_level(base: JointBase) -> FloatArray:
     """The measured values about the mean of their observable, (C, m)."""
     values = base.cells.values - base.fit.beside
     mean = [float(np.nanmean(values[base.cells.part == i])) for i in range(len(base.channels))]
@@ -283,8 +276,8 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 
 def remarks_of(base: FittedChannel) -> list[str]:
     """What a person should know of the fit before believing it."""
-    if isinstance(base, TogetherBase):
-        each = [(part.cells.label, remarks_of(part)) for part in apart(base)]
+    if isinstance(base, JointBase):
+        each = [(part.cells.label, remarks_of(part)) for part in bases_by_observable(base)]
         counted = Counter(remark for _, remarks in each for remark in dict.fromkeys(remarks))
         return list(
             dict.fromkeys(
@@ -325,8 +318,10 @@ def remarks_of(base: FittedChannel) -> list[str]:
 
 def of_rounding(base: FittedChannel) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
-    if isinstance(base, TogetherBase):
-        return [f"{p.cells.label}: {said}" for p in apart(base) for said in of_rounding(p)]
+    if isinstance(base, JointBase):
+        return [
+            f"{p.cells.label}: {said}" for p in bases_by_observable(base) for said in of_rounding(p)
+        ]
     if isinstance(base, Base) and base.cells.manoeuvres > 1:
         held = base.square_held
     else:
@@ -443,7 +438,7 @@ def _log_conditions(base: Base, cell: int) -> dict[str, Any]:
 def _row(base: Base, rows: FloatArray, description: dict[str, Any]) -> dict[str, Any]:
     """Errors over some cells."""
     index = np.flatnonzero(rows)
-    plain = Plain.of(_some(base, index))
+    plain = UnweightedMetric.of(_some(base, index))
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)[index]
     share = plain.weights**2
     within = float(

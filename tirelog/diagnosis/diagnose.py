@@ -30,7 +30,8 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.answer import PICTURES, AnswerRecord, AnswerTable, in_unit, plain_fields
-from tirelog.diagnosis.candidates.at_noise_floor import out_of_range, quiet
+from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor, out_of_range
+from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects
 from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
 from tirelog.diagnosis.candidates.nuisance_selection import (
     groups_of,
@@ -48,23 +49,22 @@ from tirelog.diagnosis.candidates.nuisance_sizes import (
     scatter_sentences,
 )
 from tirelog.diagnosis.candidates.search import (
-    Found,
     Progress,
+    SearchResult,
     ranking_of,
     removed_errors,
     search_effects,
 )
 from tirelog.diagnosis.candidates.separation import advise, drive_next, drive_sentences
-from tirelog.diagnosis.candidates.signatures import candidate_effects
 from tirelog.diagnosis.certainty import (
     Certainty,
-    Each,
     Inclusion,
     Marks,
+    PerGroup,
     Stability,
     certainty_of,
     marks_of,
-    unlike,
+    unlike_cases,
 )
 from tirelog.diagnosis.checks import Check, Suspect, check_sentences, posterior_checks, suspects
 from tirelog.diagnosis.compare import (
@@ -102,8 +102,8 @@ from tirelog.diagnosis.wording import (
     strengths,
     unexplained_sentence,
 )
-from tirelog.inference.base import Base, TogetherBase, apart
-from tirelog.inference.cells.together import PiecesTogether, StacksTogether, model_of
+from tirelog.inference.base import Base, JointBase, bases_by_observable
+from tirelog.inference.cells.joint import JointPieces, JointStacks, model_of
 from tirelog.inference.floor import Floor
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -141,12 +141,12 @@ class Diagnosis(AnswerRecord):
     manoeuvres: int
     notes: tuple[str, ...]
     next_command: str
-    found: Found
-    stacks: Sequence[Stack] | StacksTogether
+    found: SearchResult
+    stacks: Sequence[Stack] | JointStacks
     gratings: GratingsFound | None = None
     inclusion: Inclusion | None = None
     stability: Stability | None = None
-    each: Each | None = None
+    each: PerGroup | None = None
 
     @property
     def model(self) -> Model:
@@ -169,7 +169,7 @@ class Diagnosis(AnswerRecord):
     @cached_property
     def certainty(self) -> Certainty:
         """How often a verdict like this one is right, by simulated cases."""
-        why = unlike(self.found.before.model, self.selected, self.gratings is not None)
+        why = unlike_cases(self.found.before.model, self.selected, self.gratings is not None)
         return Certainty(None, reason=why) if why else certainty_of(self.marks)
 
     @cached_property
@@ -301,11 +301,11 @@ def diagnose(
     progress("fitting the model")
     pieces = measured_pieces(measured)
     stacks, gratings = single_revolutions(measured), None
-    if isinstance(pieces, PiecesTogether) and pieces.places:
+    if isinstance(pieces, JointPieces) and pieces.places:
         gratings = gathered(pieces, model)
         base: Base = gratings.base
         whole = gratings.searched is gratings.pieces
-        if isinstance(stacks, StacksTogether):
+        if isinstance(stacks, JointStacks):
             stacks = stacks.of_channels(gratings.pieces.members) if whole else ()
     else:
         base = start_from(pieces, model)
@@ -316,7 +316,7 @@ def diagnose(
 
 
 def conclude(
-    found: Found, stacks: Sequence[Stack] | StacksTogether, asked: Gathered | None = None
+    found: SearchResult, stacks: Sequence[Stack] | JointStacks, asked: Gathered | None = None
 ) -> Diagnosis:
     """The verdict and everything that is said with it.
 
@@ -337,7 +337,7 @@ def conclude(
     suspected = suspects(result) if unnamed or scatter else ()
     advice, notes = _advice(found, verdict)
     gratings = None
-    if asked is not None and isinstance(result, TogetherBase):
+    if asked is not None and isinstance(result, JointBase):
         gratings = asked.with_strengths(result, selected)
         notes += gratings.sentences()
     stayed = tuple(n.nuisance for n in beside if n.stayed)
@@ -407,7 +407,7 @@ class Excess:
     certain: float = 0.0
 
 
-def excess_explained(found: Found, left: Leftover) -> Excess:
+def excess_explained(found: SearchResult, left: Leftover) -> Excess:
     """What the named effects remove of the excess; `left`: what repeats beside them."""
     first, named = found.steps[0], found.steps[0].named
     floor = (found.after if found.named else found.before).floor.square
@@ -459,7 +459,7 @@ class Decision:
         )
 
 
-def decide(found: Found) -> Decision:
+def decide(found: SearchResult) -> Decision:
     """The verdict of a search by the table of rules, and what it claims."""
     before, after, left = found.before, found.after, describe(found.after)
     excess = excess_explained(found, left)
@@ -481,7 +481,7 @@ def decide(found: Found) -> Decision:
         rest=decision.matters and excess.after > REST_SHARE * excess.before,
         alike=bool(groups or or_nuisance),
         repeats=decision.matters,
-        quiet=quiet(before, floor.square),
+        quiet=at_noise_floor(before, floor.square),
     )
     verdict = verdict_of(evidence)
     if not found.named or verdict in CLAIMING:
@@ -496,13 +496,13 @@ def decide(found: Found) -> Decision:
     return Decision(verdict, (), excess, describe(before), floor, groups, or_nuisance)
 
 
-def beyond_doubt(found: Found) -> bool:
+def beyond_doubt(found: SearchResult) -> bool:
     """Is every name so significant that a rest that does not repeat cannot make it doubtful?"""
     named = [step.named for step in found.steps if step.named is not None]
     return bool(named) and all(r.assessed.p <= BEYOND_DOUBT_P for r in named)
 
 
-def _facts(decision: Decision, found: Found, ranking: Sequence[Candidate]) -> dict[str, Any]:
+def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, Any]:
     """What the verdict's sentence is made of, beside what stands in the diagnosis."""
     before, excess = found.before, decision.excess
     return {
@@ -526,7 +526,7 @@ def _facts(decision: Decision, found: Found, ranking: Sequence[Candidate]) -> di
     }
 
 
-def _reasons(found: Found, ranking: Sequence[Candidate]) -> dict[str, str]:
+def _reasons(found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, str]:
     """Why candidates are not in the ranking."""
     ranked = {c.effect for c in ranking}
     return {k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
@@ -580,7 +580,7 @@ def _unexplained(
     return facts | {"sentence": unexplained_sentence(facts, manoeuvres < FEWEST_MANOEUVRES)}
 
 
-def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:
+def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:
     """What to drive next, for rivals and for too few manoeuvres."""
     step = found.steps[0]
     notes: list[str] = []
@@ -598,8 +598,8 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
     if len(rivals) < 2:
         return [], notes
     before = step.before
-    if isinstance(before, TogetherBase):  # the list is searched in the first waveform
-        before = max(apart(before), key=lambda part: part.cells.phi.shape[1])
+    if isinstance(before, JointBase):  # the list is searched in the first waveform
+        before = max(bases_by_observable(before), key=lambda part: part.cells.phi.shape[1])
         seen, member = before.cells.observable, before.cells.member
         rivals = [(name, model_of(model, seen, member)) for name, model in rivals]
     rows, more = advise(before, rivals)

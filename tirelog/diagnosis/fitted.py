@@ -29,13 +29,13 @@ from tirelog.diagnosis.compare import (
     remarks_of,
     start_from,
 )
-from tirelog.diagnosis.obstacles import Learned
+from tirelog.diagnosis.obstacles import FittedMotion
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import FittedChannel, TogetherBase, fit_together
+from tirelog.inference.base import FittedChannel, JointBase, fit_together
 from tirelog.inference.cells.cells import Cells, cells_of, with_nuisances
+from tirelog.inference.cells.joint import JointPieces, model_of, without_ratios
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.cells.together import PiecesTogether, model_of, without_ratios
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
 from tirelog.inference.fit.result import FitResult, result_of
 from tirelog.inference.measured import without_motion_parameters
@@ -67,7 +67,7 @@ class FitOfLogs(AnswerRecord):
 
     model: Model
     found: FitResult
-    learned: Learned | None = None
+    learned: FittedMotion | None = None
     remarks: tuple[str, ...] = ()
 
     @property
@@ -181,7 +181,7 @@ def _with_form(
     base = start_from(of_model[0], model)
     best = with_best_nuisances(base)
     names = [name for name in groups_of(best) if name not in groups_of(base)]
-    alone = len(channels) == 1 and not isinstance(base, TogetherBase)
+    alone = len(channels) == 1 and not isinstance(base, JointBase)
     if FORM not in names:
         return model, [base] if alone else None, []
     factor, unit = shown(*observed(base))
@@ -219,9 +219,9 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
                 )
 
 
-def measured_parts(pieces: Pieces | PiecesTogether) -> tuple[Pieces, ...]:
+def measured_parts(pieces: Pieces | JointPieces) -> tuple[Pieces, ...]:
     """The pieces of each observable."""
-    return pieces.parts if isinstance(pieces, PiecesTogether) else (pieces,)
+    return pieces.parts if isinstance(pieces, JointPieces) else (pieces,)
 
 
 def _amplitudes_of_model(cells: Sequence[Cells], model: Model) -> tuple[list[Cells], Model]:

@@ -22,20 +22,14 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import Scores, flip_test
-from tirelog.diagnosis.candidates.signatures import hats
+from tirelog.diagnosis.candidates.effect_jacobians import hats
 from tirelog.diagnosis.compare import start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
-from tirelog.inference.base import Base, FittedChannel, TogetherBase, apart, fit_together
+from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, fit_together
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.together import (
-    LEVER,
-    PiecesTogether,
-    model_of,
-    ratio_name,
-    without_ratios,
-)
+from tirelog.inference.cells.joint import LEVER, JointPieces, model_of, ratio_name, without_ratios
 from tirelog.inference.fit.cells import Problem, finish
-from tirelog.inference.floor import Plain
+from tirelog.inference.floor import UnweightedMetric
 from tirelog.inference.metric import Offsets, Whitener
 from tirelog.inference.nuisances import shared_by, shared_effects
 from tirelog.physics.model.model import Model
@@ -227,11 +221,11 @@ class Member:
     wheel: bool
 
 
-def members_of(base: TogetherBase) -> Iterator[Member]:
+def members_of(base: JointBase) -> Iterator[Member]:
     """The gratings of one fit, one after the other."""
     cells, shared, layout = base.cells, base.cells.shared, base.cells.together
     assert layout is not None
-    for i, part in enumerate(apart(base)):
+    for i, part in enumerate(bases_by_observable(base)):
         if not part.cells.member:
             continue
         rows = np.flatnonzero(cells.part == i)
@@ -248,7 +242,7 @@ def members_of(base: TogetherBase) -> Iterator[Member]:
         )
 
 
-def members_held(pieces: PiecesTogether, fitted: TogetherBase) -> Iterator[Member]:
+def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
     """More gratings than were fitted, one after the other, held to what the fit says.
 
     Its parameters and what its nuisances do are as they are; each grating has its own lever arm.
@@ -465,7 +459,7 @@ def _normal(member: Member, blocks: Sequence[Sequence[FloatArray]]) -> _Part:
     left = np.where(good[..., 0], cells.values - channel.fit.prediction, 0.0)
     many = columns.shape[-1]
 
-    def without_own(metric: Whitener | Plain) -> tuple[FloatArray, FloatArray]:
+    def without_own(metric: Whitener | UnweightedMetric) -> tuple[FloatArray, FloatArray]:
         own = Offsets.of(cells, metric)
         return own.without(metric(columns)), own.without(metric(left))
 
@@ -604,13 +598,13 @@ class Gathered:
     those with what others contradict.
     """
 
-    every: PiecesTogether
-    pieces: PiecesTogether
-    searched: PiecesTogether
-    base: TogetherBase
+    every: JointPieces
+    pieces: JointPieces
+    searched: JointPieces
+    base: JointBase
     found: GratingsFound
 
-    def with_strengths(self, result: TogetherBase, selected: Sequence[str]) -> GratingsFound:
+    def with_strengths(self, result: JointBase, selected: Sequence[str]) -> GratingsFound:
         """What was found, and each selected effect's strength as every grating has it.
 
         What one grating alone showed before anything was named may be what a free shape leaves of
@@ -630,7 +624,7 @@ class Gathered:
         return replace(found, strengths=own)
 
 
-def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
+def gathered(pieces: JointPieces, model: Model) -> Gathered:
     """What is to be asked of several gratings: those that no other contradicts.
 
     A grating that shows what no other does is left out if most remain, two at least.
@@ -653,15 +647,15 @@ def gathered(pieces: PiecesTogether, model: Model) -> Gathered:
     return Gathered(every, pieces, searched, base, found)
 
 
-def _searched(pieces: PiecesTogether, model: Model) -> tuple[PiecesTogether, TogetherBase]:
+def _searched(pieces: JointPieces, model: Model) -> tuple[JointPieces, JointBase]:
     """What effects are searched on, and the model fitted to it."""
     some = spread_out(pieces)
     base = start_from(some, model)
-    assert isinstance(base, TogetherBase)
+    assert isinstance(base, JointBase)
     return some, base
 
 
-def spread_out(pieces: PiecesTogether) -> PiecesTogether:
+def spread_out(pieces: JointPieces) -> JointPieces:
     """The pieces themselves if they are of few gratings; of more those at the most distant angles.
 
     Of each of these every other piece or so, in turn, so that each manoeuvre is seen by several.

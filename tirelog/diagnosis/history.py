@@ -12,12 +12,12 @@ import numpy as np
 
 from tirelog.diagnosis.candidates.nuisance_selection import groups_of
 from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.base import Base, apart, bends
+from tirelog.inference.base import Base, bases_by_observable, bends
 from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.joint import JointPieces, predicted
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.cells.together import PiecesTogether, predicted
 from tirelog.inference.fit.cells import centred
-from tirelog.inference.floor import Plain, at_mean_speed
+from tirelog.inference.floor import UnweightedMetric, at_mean_speed
 from tirelog.inference.nuisances import shared_by
 from tirelog.storage.remote import open_input
 from tirelog.storage.whole import json_of, whole_file
@@ -153,7 +153,7 @@ def read_ladder(path: Path) -> dict[str, Any]:
 # ---- A fitted model against manoeuvres that nothing had touched: the one number to believe.
 
 
-Measurement = TypeVar("Measurement", Pieces, PiecesTogether, Pieces | PiecesTogether)
+Measurement = TypeVar("Measurement", Pieces, JointPieces, Pieces | JointPieces)
 
 
 def locked_away(
@@ -172,19 +172,19 @@ def locked_away(
 
 
 @or_refusal
-def untouched(after: Base, locked: Pieces | PiecesTogether) -> tuple[float, float] | ModelError:
+def untouched(after: Base, locked: Pieces | JointPieces) -> tuple[float, float] | ModelError:
     """(rmse of the model on the locked manoeuvres, the floor there), or why it has none there.
 
     The offsets are as fitted on the others. Of several observables both are in floors.
     """
-    if isinstance(locked, PiecesTogether):
+    if isinstance(locked, JointPieces):
         return _untouched_several(after, locked)
     cells = cells_of(locked)
     for _ in range(3):
         cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
     cells = at_mean_speed(cells, _fit_on(after, cells))
     fit = _fit_on(after, cells)
-    plain = Plain.of(cells)
+    plain = UnweightedMetric.of(cells)
     offsets = np.zeros(len(cells))
     if after.fit.offsets.size:
         seen = np.unique(after.cells.log)
@@ -206,12 +206,14 @@ def untouched(after: Base, locked: Pieces | PiecesTogether) -> tuple[float, floa
     return rmse, float(np.sqrt(within + after.floor.between))
 
 
-def _untouched_several(after: Base, locked: PiecesTogether) -> tuple[float, float]:
+def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
     """The root mean square over the observables, weighted by their revolutions."""
     layout = after.cells.together
     assert layout is not None
     squares, weights = [], []
-    for part, own, scale in zip(apart(after), locked.parts, layout.scales, strict=True):
+    for part, own, scale in zip(
+        bases_by_observable(after), locked.parts, layout.scales, strict=True
+    ):
         if len(own):
             there = untouched(part, own)
             if isinstance(there, ModelError):

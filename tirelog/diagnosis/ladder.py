@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.answer import excess_of
-from tirelog.diagnosis.candidates.at_noise_floor import out_of_range, quiet
+from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor, out_of_range
 from tirelog.diagnosis.candidates.naming import Step, without_needless
 from tirelog.diagnosis.candidates.nuisance_selection import with_nuisances_on
 from tirelog.diagnosis.candidates.nuisance_sizes import (
@@ -25,7 +25,7 @@ from tirelog.diagnosis.candidates.nuisance_sizes import (
     nuisances_found,
     observed,
 )
-from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
+from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.gratings import gathered
 from tirelog.diagnosis.history import locked_away, untouched
@@ -35,8 +35,8 @@ from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.wording import probability
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, settled
-from tirelog.inference.cells.together import PiecesTogether
+from tirelog.inference.base import Base, with_scatter_estimated
+from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.fit.cells import Problem
 from tirelog.inference.metric import Normal, solve_scaled
 from tirelog.physics.effects import Effect
@@ -68,10 +68,10 @@ def ladder(
     progress("fitting the model")
     said: list[str] = []
     base: Base
-    if isinstance(seen, PiecesTogether) and seen.places:
+    if isinstance(seen, JointPieces) and seen.places:
         asked = gathered(seen, model)
         seen, base, said = asked.searched, asked.base, asked.found.sentences()
-        if isinstance(locked, PiecesTogether):
+        if isinstance(locked, JointPieces):
             locked = locked.without([n for n in locked.members if n not in seen.members])
     else:
         base = start(seen, model)
@@ -90,11 +90,11 @@ def ladder(
             steps.append(_proposed(len(steps), top, after, proposal))
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
-                after = settled(after)
+                after = with_scatter_estimated(after)
                 steps.append(_removed(_row(len(steps), after, top, None), dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)
-    fails = verdict != "at_the_floor" and not quiet(after, after.floor.square)
+    fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
     untested = list(found.untested)
     if isinstance(on_locked, ModelError):
         untested.append(f"No error on the manoeuvres that nothing had touched: {on_locked.what}.")
@@ -138,7 +138,7 @@ def _said(seen: int, locked: int) -> str:
     )
 
 
-def _verdict(found: Found) -> str:
+def _verdict(found: SearchResult) -> str:
     if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
         return "too_few"
     if not found.named:
@@ -166,7 +166,7 @@ def _proposed(number: int, top: Base, last: Base, proposal: Proposal) -> LadderS
     )
 
 
-def _steps(found: Found) -> Iterable[LadderStep]:
+def _steps(found: SearchResult) -> Iterable[LadderStep]:
     """The base's row, a row for each effect that came in, and one for the first that did not."""
     bases = [found.before] + [s.before for s in found.steps[1:]]
     if found.steps[-1].named is not None:

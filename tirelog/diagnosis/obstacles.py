@@ -305,7 +305,7 @@ _NUISANCE_STEPS = (1e-4, 1e-3)
 
 
 @dataclass(frozen=True)
-class Learned:
+class FittedMotion:
     """The model with values and errors of what was fitted.
 
     With the error (rms, the observable's unit) before and after, and the hits used.
@@ -333,7 +333,7 @@ class _Event:
         return view_of(self.log, *motion, self.rough_s, window_s)
 
 
-def learn_motion(logs: Sequence[TransientLog], model: Model) -> Learned:
+def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
     """The free parameters of `motion_names` fitted to all hits.  UsageError if none is free."""
     names = motion_names(model)
     if not names:
@@ -356,7 +356,7 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> Learned:
     count = len(names)
     errors = {n: s for n, s in zip(names, known.se[:count].tolist()) if np.isfinite(s)}
     fitted = model.with_values(dict(zip(names, theta[:count].tolist())), se=errors)
-    return Learned(fitted, names, _rms(begun), _rms(left), len(problem.events))
+    return FittedMotion(fitted, names, _rms(begun), _rms(left), len(problem.events))
 
 
 def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], FloatArray]:

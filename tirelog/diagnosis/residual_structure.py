@@ -23,7 +23,6 @@ from functools import partial
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a second to import
 
-from tirelog.apart import made_apart
 from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.candidates.assessment import (
     Scores,
@@ -32,11 +31,11 @@ from tirelog.diagnosis.candidates.assessment import (
     nuisance,
     surely_gains,
 )
-from tirelog.diagnosis.candidates.signatures import even_share, hats, hats_on, with_candidate
+from tirelog.diagnosis.candidates.effect_jacobians import even_share, hats, hats_on, with_candidate
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, TogetherBase, apart, change_to, thinned
-from tirelog.inference.cells.together import model_of
+from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
+from tirelog.inference.cells.joint import model_of
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import ProjectedOut, per_group, side_by_side
 from tirelog.inference.scatter import load_derivative
@@ -44,6 +43,7 @@ from tirelog.physics.effects import Drive, Effect, Site
 from tirelog.physics.effects.base import Values
 from tirelog.physics.pressure import bell
 from tirelog.physics.spectral import ComplexArray, Parameter
+from tirelog.process_pool import made_apart
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 
@@ -249,9 +249,9 @@ class Leftover:
     in_time: bool = False
 
 
-def _describe_several(base: TogetherBase) -> Leftover:
+def _describe_several(base: JointBase) -> Leftover:
     """The rest of the observable in which it is largest."""
-    parts = apart(base)
+    parts = bases_by_observable(base)
     found = [describe(part) for part in parts]
     share = [part.plain.weight / base.plain.weight for part in parts]
     sizes = [
@@ -339,7 +339,7 @@ def describe(base: Base) -> Leftover:
 
     Of several observables it is told of the one in which it is largest, its size in floors of all.
     """
-    if isinstance(base, TogetherBase):
+    if isinstance(base, JointBase):
         return _describe_several(base)
     cells = base.cells
     taken = nuisance(base)
@@ -530,7 +530,7 @@ def _frequency(base: Base) -> float | None:
 
     Only if a fixed frequency in time explains more than a fixed wavelength.
     """
-    base = thinned(base, _SOME_CELLS)
+    base = with_fewer_cells(base, _SOME_CELLS)
     cells = base.cells
     taken = nuisance(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
@@ -597,9 +597,9 @@ class Scattered:
     together: tuple[str, ...] = ()
 
 
-def _scattered_several(base: TogetherBase) -> Scattered:
+def _scattered_several(base: JointBase) -> Scattered:
     """That of the observable that is farthest above its floor, in floors."""
-    parts = apart(base, held_by_all=True)
+    parts = bases_by_observable(base, held_by_all=True)
     worst = max(parts, key=lambda part: part.square_held / part.floor.square)
     found = scattered(worst, worst.floor.square)
     return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
@@ -610,7 +610,7 @@ def scattered(base: Base, floor_square: float) -> Scattered:
 
     If only chi-square tells of it, the size is that of cell means.
     """
-    if isinstance(base, TogetherBase):
+    if isinstance(base, JointBase):
         return _scattered_several(base)
     plain, cells = base.plain, base.cells
     beyond = max(

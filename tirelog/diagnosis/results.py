@@ -30,8 +30,8 @@ from tirelog.diagnosis.answer import (
 from tirelog.diagnosis.obstacle_comparison import TransientComparison
 from tirelog.diagnosis.wording import NUISANCES_SAID, strengths
 from tirelog.errors import ModelError, UsageError, or_refusal, refuse_unknown
-from tirelog.inference.base import Base, apart, change_to
-from tirelog.inference.cells.together import model_of
+from tirelog.inference.base import Base, bases_by_observable, change_to
+from tirelog.inference.cells.joint import model_of
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -542,7 +542,7 @@ def effect_curves(base: Base, effects: Sequence[str]) -> list[EffectCurve]:
 
     Of several observables in the first; without those that the model cannot be computed without.
     """
-    base = apart(base)[0]
+    base = bases_by_observable(base)[0]
     found = [_curve(base, name) for name in effects]
     return [curve for curve in found if not isinstance(curve, ModelError)]
 

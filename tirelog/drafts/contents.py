@@ -18,7 +18,7 @@ import numpy as np
 
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError, SetupError
-from tirelog.readers.base import Listed, LogReader, Series, counted_floats
+from tirelog.readers.base import LogReader, Series, SeriesList, counted_floats
 from tirelog.runs.ingest import (
     LogStream,
     clock_of,
@@ -182,7 +182,7 @@ def _by_size(kind: str, known: FloatArray) -> str:
 # ---- The series of a log of any format.
 
 
-def listed(format: str, path: Path, log: str) -> Listed:
+def listed(format: str, path: Path, log: str) -> SeriesList:
     """The series of the file at `path`, the log or what was made of it; `log` its name.
 
     ReadError: nothing in it can be read.

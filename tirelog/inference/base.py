@@ -6,7 +6,7 @@ Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuv
 Several channels of one tire are fitted together: each has its metric, its scatter and its offsets,
 all have the parameters.
 
-Several observables in one question (`prepare_together`) are one `TogetherBase`: cells under each
+Several observables in one question (`prepare_together`) are one `JointBase`: cells under each
 other in floors (`cells.together`), each with its own metric and floor, one fit. Whatever works on a
 Base works on it: candidates, nuisances, held-out losses. `apart` gives the base of each observable
 in its own unit, at the parameters of the fit to all: what is told of one (its errors, what is left
@@ -24,12 +24,12 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.together import in_bins, joined_cells, parts_of, predicted, with_ratios
-from tirelog.inference.fit.apart import fits_apart
+from tirelog.inference.cells.joint import in_bins, joined_cells, parts_of, predicted, with_ratios
+from tirelog.inference.fit.by_observable import fits_apart
 from tirelog.inference.fit.cells import Fit, Problem, finish, fit_channels, fit_model, take_cells
 from tirelog.inference.floor import (
     Floor,
-    Plain,
+    UnweightedMetric,
     at_mean_speed,
     held_out_losses,
     losses_of_errors,
@@ -123,7 +123,7 @@ class FittedChannel:
 
     cells: Cells
     white: Whitener
-    plain: Plain
+    plain: UnweightedMetric
     floor: Floor
     fit: Fit
     discrepancy: float
@@ -218,7 +218,7 @@ class Base(FittedChannel):
 
 
 @dataclass(frozen=True)
-class TogetherBase(Base):
+class JointBase(Base):
     """Several observables fitted together, in floors; `channels` as fitted, each in its unit."""
 
     channels: tuple[FittedChannel, ...] = ()
@@ -236,12 +236,12 @@ class TogetherBase(Base):
     @property
     def noise(self) -> Whitener:
         """Of each observable its own."""
-        return whiteners_joined([one.noise for one in apart(self)], self.cells)
+        return whiteners_joined([one.noise for one in bases_by_observable(self)], self.cells)
 
     @cached_property
-    def settled(self) -> TogetherBase:
+    def settled(self) -> JointBase:
         """As of one observable, each with its own scatter."""
-        parts = apart(self)
+        parts = bases_by_observable(self)
         raws = [
             replace(part.raw or part.cells, phi=part.cells.phi, moved=part.cells.moved)
             for part in parts
@@ -258,7 +258,7 @@ class TogetherBase(Base):
 
 def prepare_together(
     cells: Sequence[Cells], drive: Sequence[IntArray], model: Model, *, several: bool = True
-) -> TogetherBase:
+) -> JointBase:
     """The base model fitted to several observables, each with its floor.
 
     drive  of each the manoeuvre of its rows, numbered through all observables
@@ -277,7 +277,7 @@ def _joined(
     raw: Sequence[Cells],
     scales: Sequence[float],
     drive: Sequence[IntArray],
-) -> TogetherBase:
+) -> JointBase:
     """Fitted channels as one base."""
     fits = [channel.fit for channel in channels]
     cells = joined_cells([channel.cells for channel in channels], scales, drive)
@@ -287,13 +287,13 @@ def _joined(
     else:  # each grating had amplitudes of its own so far, of what is one to all
         fit = fit_model(cells, white, fits[0].model, several=False)
         cells = fit.cells
-    plain = Plain.of(cells)
+    plain = UnweightedMetric.of(cells)
     floor = _floor_of_all(channels, scales, plain, cells.part)
     missed = sum(
         channel.discrepancy / scale**2 * len(channel.cells)
         for channel, scale in zip(channels, scales, strict=True)
     )
-    return TogetherBase(
+    return JointBase(
         cells,
         white,
         plain,
@@ -307,7 +307,10 @@ def _joined(
 
 
 def _floor_of_all(
-    channels: Sequence[FittedChannel], scales: Sequence[float], plain: Plain, part: IntArray
+    channels: Sequence[FittedChannel],
+    scales: Sequence[float],
+    plain: UnweightedMetric,
+    part: IntArray,
 ) -> Floor:
     """The mean floor of all, each in floors as it was at first, weighted as its cells are."""
     share = np.bincount(part, (plain.weights**2).sum(axis=1)) / plain.weight
@@ -327,18 +330,18 @@ def _floor_of_all(
     return Floor(within, between, none, scatter)
 
 
-def apart(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:
+def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base, ...]:
     """The base of each observable, in its unit; (the base itself,) if there is but one.
 
     Held-out losses are those of each alone about the fit to all, or `held_by_all`: those that it
     has if the manoeuvre is left out of all observables.
     """
-    if not isinstance(base, TogetherBase):
+    if not isinstance(base, JointBase):
         return (base,)
     return base.held_by_all if held_by_all else base.held_alone
 
 
-def _apart(base: TogetherBase, held_by_all: bool) -> tuple[Base, ...]:
+def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
     fits = fits_apart(replace(base.fit, cells=base.cells))
     raws = [None] * len(fits) if base.raw is None else parts_of(base.raw)
     given = base.given
@@ -458,7 +461,7 @@ def _with_scatter(
     """
     cells = [at_mean_speed(*channel) for channel in zip(raw, fits, strict=True)]
     values = [channel.values for channel in cells]
-    plain = [Plain.of(channel) for channel in cells]
+    plain = [UnweightedMetric.of(channel) for channel in cells]
     loads = [np.zeros(len(channel)) for channel in cells]
     bent = [np.zeros(channel.values.shape) for channel in cells]
     for number in range(_MOST_ROUNDS):
@@ -495,7 +498,12 @@ def _with_scatter(
 
 
 def _in_scatter(
-    cells: Cells, values: FloatArray, plain: Plain, fit: Fit, used: Whitener, missed: float
+    cells: Cells,
+    values: FloatArray,
+    plain: UnweightedMetric,
+    fit: Fit,
+    used: Whitener,
+    missed: float,
 ) -> FittedChannel:
     """A channel in the metric with the scatter and the discrepancy that the fit leaves.
 
@@ -564,7 +572,7 @@ def _held_out(channel: FittedChannel, raw: Cells) -> Base:
     )
 
 
-def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
+def _discrepancy(cells: Cells, plain: UnweightedMetric, fit: Fit, floor: Floor) -> float:
     """Mean square [unit^2] that the fit leaves above the floor.
 
     Nothing if it is too small to matter.
@@ -574,7 +582,7 @@ def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
     return left if left > _LEAST_DISCREPANCY * floor.square else 0.0
 
 
-def settled(base: Base) -> Base:
+def with_scatter_estimated(base: Base) -> Base:
     """The same model with the scatter between manoeuvres measured anew.
 
     Once an effect is in, less is taken for scatter.
@@ -605,19 +613,19 @@ def refit(base: Base, model: Model, *, several: bool = False) -> Base:
     return replace(base, cells=fit.cells, fit=fit, held_white=held_white, held_plain=held_plain)
 
 
-def thinned(base: Base, most: int) -> Base:
+def with_fewer_cells(base: Base, most: int) -> Base:
     """The same fit on at most `most` cells, for trying things.
 
     The cells span logs, manoeuvres and speeds.
     """
     if len(base.cells) <= most:
         return base
-    if isinstance(base, TogetherBase):
+    if isinstance(base, JointBase):
         return _thinned_together(base, most)
     rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
     cells, fit = _on_rows(base, rows)
     white = _metric(cells, base.discrepancy, scatter_columns(cells, fit), base.floor.scatter)
-    return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)
+    return replace(base, cells=cells, white=white, plain=UnweightedMetric.of(cells), fit=fit)
 
 
 def _on_rows(base: Base, rows: IntArray) -> tuple[Cells, Fit]:
@@ -628,7 +636,7 @@ def _on_rows(base: Base, rows: IntArray) -> tuple[Cells, Fit]:
     return cells, replace(fit, cells=cells, **kept)
 
 
-def _thinned_together(base: TogetherBase, most: int) -> TogetherBase:
+def _thinned_together(base: JointBase, most: int) -> JointBase:
     """The same fit on about `most` rows, shared out over the observables: none goes without."""
     chosen = []
     for i in range(len(base.channels)):
@@ -644,4 +652,4 @@ def _thinned_together(base: TogetherBase, most: int) -> TogetherBase:
         for own, channel in zip(fits_apart(fit), base.channels, strict=True)
     ]
     white = whiteners_joined(whites, cells)
-    return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)
+    return replace(base, cells=cells, white=white, plain=UnweightedMetric.of(cells), fit=fit)

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.together import predicted
+from tirelog.inference.cells.joint import predicted
 from tirelog.inference.fit.cells import Fit, priors
 from tirelog.inference.metric import (
-    Levelled,
+    LeaveOneOut,
     Whitener,
     in_blocks,
     per_group,
@@ -39,7 +39,7 @@ _SOME_CELLS = 64
 
 
 @dataclass(frozen=True)
-class Plain:
+class UnweightedMetric:
     """The metric of size.
 
     What is free in a cell (its shift) is removed, along `direction` (C, m, k); each cell is
@@ -53,7 +53,7 @@ class Plain:
     bias: float
 
     @classmethod
-    def of(cls, cells: Cells) -> Plain:
+    def of(cls, cells: Cells) -> UnweightedMetric:
         good = np.isfinite(cells.values) & np.isfinite(cells.sd)
         number = np.maximum(good.sum(axis=1), 1)
         weights = np.where(good, np.sqrt(cells.revolutions / number)[:, None], 0.0)
@@ -75,11 +75,11 @@ class Plain:
         x = np.where(weights > 0, x, 0.0)
         return (x - direction @ (np.swapaxes(direction, 1, 2) @ x)) * weights
 
-    def only(self, rows: NDArray[np.bool_]) -> Plain:
+    def only(self, rows: NDArray[np.bool_]) -> UnweightedMetric:
         """The metric in which only these cells count."""
         return replace(self, weights=np.where(rows[:, None], self.weights, 0.0))
 
-    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> Plain:
+    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> UnweightedMetric:
         """The metric of some cells alone; the manoeuvres are for the other metric."""
         return replace(self, weights=self.weights[rows], direction=self.direction[rows])
 
@@ -180,7 +180,9 @@ def _along_the_angle(cells: Cells, values: FloatArray) -> FloatArray:
     return result
 
 
-def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, scatter: Scatter) -> Floor:
+def measure_floor(
+    cells: Cells, plain: UnweightedMetric, columns: FloatArray, scatter: Scatter
+) -> Floor:
     """The floor from the cells' repeatability and the scatter of manoeuvres as it came out."""
     share = plain.weights**2
     total = np.maximum(share.sum(axis=0), 1e-300)
@@ -197,7 +199,7 @@ def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, scatter: Scat
 def held_out_losses(
     cells: Cells,
     white: Whitener,
-    plain: Plain,
+    plain: UnweightedMetric,
     fit: Fit,
     *more: FloatArray,
     of: NDArray[np.bool_] | None = None,
@@ -216,7 +218,7 @@ def held_out_losses(
 def held_out_losses_with(
     cells: Cells,
     white: Whitener,
-    plain: Plain,
+    plain: UnweightedMetric,
     fit: Fit,
     additions: Sequence[Sequence[FloatArray]],
     *,
@@ -268,7 +270,9 @@ def steps_left_out(cells: Cells, white: Whitener, fit: Fit) -> FloatArray:
     return np.asarray((theta - of_all)[:, :p], dtype=np.float64)
 
 
-def losses_of_errors(cells: Cells, white: Whitener, plain: Plain, fit: Fit) -> FloatArray:
+def losses_of_errors(
+    cells: Cells, white: Whitener, plain: UnweightedMetric, fit: Fit
+) -> FloatArray:
     """What the errors of the parameters add to held-out losses in the plain metric, (M,).
 
     In the mean, if nothing is missing: manoeuvres are few, and each scatters.
@@ -278,8 +282,11 @@ def losses_of_errors(cells: Cells, white: Whitener, plain: Plain, fit: Fit) -> F
 
 
 def _levelled(
-    cells: Cells, metric: Whitener | Plain, fit: Fit, additions: Sequence[Sequence[FloatArray]]
-) -> list[Levelled]:
+    cells: Cells,
+    metric: Whitener | UnweightedMetric,
+    fit: Fit,
+    additions: Sequence[Sequence[FloatArray]],
+) -> list[LeaveOneOut]:
     """The normal equations of every manoeuvre, with each of the additions (C, m, k) to the model.
 
     No metric couples two manoeuvres, so some are worked on at a time.
@@ -291,7 +298,7 @@ def _levelled(
         *([own] if own.shape[-1] else []),
         *([] if shared is None else [shared.columns]),
     ]
-    made: list[list[Levelled]] = [[] for _ in additions]
+    made: list[list[LeaveOneOut]] = [[] for _ in additions]
     prediction = fit.prediction + (0.0 if shared is None else shared.columns @ fit.amplitudes)
     level = cells.level  # a number per revolution has no offset of its own
     if own.shape[-1]:  # if nothing decides these, they stay as they are
@@ -312,11 +319,11 @@ def _levelled(
             some(level[rows]),
         )
         where = cells.manoeuvre[rows] - manoeuvres.start, cells.drive[rows]
-        of_model = Levelled.of(columns, residual, offset, *where)
+        of_model = LeaveOneOut.of(columns, residual, offset, *where)
         for more, of_more in zip(additions, made, strict=True):
             if more:
                 added = side_by_side(some, [part[rows] for part in more])
-                beside = Levelled.of(added, residual, offset, *where)
+                beside = LeaveOneOut.of(added, residual, offset, *where)
                 crossed = per_group(np.swapaxes(columns, 1, 2) @ added, where[0])
                 of_more.append(of_model.beside(beside, crossed))
             else:
@@ -325,7 +332,7 @@ def _levelled(
     log[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
     width = sum(part.shape[-1] for part in parts)
     return [
-        Levelled.joined(
+        LeaveOneOut.joined(
             of_more,
             log,
             _prior(fit, shared, own.shape[-1], width + sum(part.shape[-1] for part in more)),

@@ -20,7 +20,7 @@ import numpy as np
 
 from tirelog.data.recording import Channel, Recording, Stack, TimeAxis
 from tirelog.errors import UsageError, nearest
-from tirelog.inference.cells.together import StacksTogether
+from tirelog.inference.cells.joint import JointStacks
 from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, transient_log
 from tirelog.inference.shared_samples import once_each
 from tirelog.inference.stacks.cut import (
@@ -62,11 +62,11 @@ class MeasuredLogs:
     places: tuple[float, ...] = ()
 
     @property
-    def revolutions(self) -> Stacks | StacksTogether:
+    def revolutions(self) -> Stacks | JointStacks:
         """What a question is asked of: the stacks, of several observables those of each."""
         if not self.beside:
             return self.stacks
-        return StacksTogether((self.stacks, *self.beside), self.places)
+        return JointStacks((self.stacks, *self.beside), self.places)
 
     def __repr__(self) -> str:
         found = ", ".join(

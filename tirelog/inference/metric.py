@@ -66,7 +66,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     return basis
 
 
-def without(basis: FloatArray, x: FloatArray) -> FloatArray:
+def projected_out(basis: FloatArray, x: FloatArray) -> FloatArray:
     """x (C, m) or (C, m, k) with its part in the span of `basis` (N, r) taken out."""
     flat = x.reshape(basis.shape[0], -1)
     taken = basis @ (basis.T @ flat)
@@ -333,7 +333,7 @@ class Offsets:
     direction: FloatArray
     log: IntArray
     norm: FloatArray
-    shared: Shrunk | None = None
+    shared: RandomEffects | None = None
 
     @classmethod
     def of(cls, cells: Cells, white: Callable[[FloatArray], FloatArray]) -> Offsets:
@@ -349,7 +349,9 @@ class Offsets:
             return offsets
         sized = white(cells.shared.columns) * cells.shared.sd
         level = offsets.products(sized) / np.maximum(norm, 1e-300)[:, None]
-        return replace(offsets, shared=Shrunk.of(offsets._levelled(sized), cells.shared.sd, level))
+        return replace(
+            offsets, shared=RandomEffects.of(offsets._levelled(sized), cells.shared.sd, level)
+        )
 
     @property
     def count(self) -> int:
@@ -393,7 +395,7 @@ class Offsets:
 
 
 @dataclass(frozen=True)
-class Shrunk:
+class RandomEffects:
     """Shared effects in a metric, offsets taken out: the root of their inverse covariance.
 
     With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
@@ -409,7 +411,7 @@ class Shrunk:
     level: FloatArray
 
     @classmethod
-    def of(cls, columns: FloatArray, sd: FloatArray, level: FloatArray) -> Shrunk:
+    def of(cls, columns: FloatArray, sd: FloatArray, level: FloatArray) -> RandomEffects:
         """columns (C, m, K), whitened, offsets taken out, times their standard deviations."""
         flat = columns.reshape(-1, columns.shape[-1])
         values, vectors = np.linalg.eigh(flat.T @ flat)
@@ -456,7 +458,7 @@ class ProjectedOut:
 
     def without(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) with all of it taken out."""
-        return without(self.basis, self.offsets.without(x))
+        return projected_out(self.basis, self.offsets.without(x))
 
 
 @dataclass(frozen=True)
@@ -477,7 +479,7 @@ class _Rest:
 
 
 @dataclass(frozen=True)
-class Levelled:
+class LeaveOneOut:
     """Normal equations of each manoeuvre with its log's offset beside the columns.
 
     Those of the offset's column o on the columns (M, p), on itself and on the residual (M,);
@@ -500,7 +502,7 @@ class Levelled:
         offset: FloatArray,
         manoeuvre: IntArray,
         log: IntArray,
-    ) -> Levelled:
+    ) -> LeaveOneOut:
         """columns (C, m, p), residual and offset (C, m), in one metric; manoeuvre and log (C,)."""
         own = np.zeros(int(manoeuvre.max()) + 1, np.int64)
         own[manoeuvre] = np.unique(log, return_inverse=True)[1]
@@ -512,7 +514,7 @@ class Levelled:
             own,
         )
 
-    def beside(self, more: Levelled, crossed: FloatArray) -> Levelled:
+    def beside(self, more: LeaveOneOut, crossed: FloatArray) -> LeaveOneOut:
         """With the columns of another (M, k) behind its own.
 
         `crossed` (M, p, k): products of its columns with the other's.
@@ -529,10 +531,10 @@ class Levelled:
     @classmethod
     def joined(
         cls,
-        parts: Sequence[Levelled],
+        parts: Sequence[LeaveOneOut],
         log: IntArray,
         prior: tuple[FloatArray, FloatArray] | None = None,
-    ) -> Levelled:
+    ) -> LeaveOneOut:
         """Those of successive manoeuvres as one; `log` (M,) of all, and what is known before."""
         gram, right, square = (
             np.concatenate([getattr(part.normal, name) for part in parts])
@@ -566,7 +568,7 @@ class Levelled:
             )
         return theta, offset
 
-    def of_errors(self, of: Levelled) -> FloatArray:
+    def of_errors(self, of: LeaveOneOut) -> FloatArray:
         """What errors of the columns' strengths add to the losses of another metric, (M,).
 
         In the mean, with each manoeuvre left out: the other's sum of squares by the covariance

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.together import at_lever, joined_effects, model_of, parts_of
-from tirelog.inference.fit.apart import fits_apart
+from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
+from tirelog.inference.fit.by_observable import fits_apart
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID

@@ -18,7 +18,7 @@ from scipy.special import fdtrc  # tail of F; scipy.stats takes a second to impo
 
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.together import model_of, predicted
+from tirelog.inference.cells.joint import model_of, predicted
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric import (
     Normal,

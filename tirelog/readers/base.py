@@ -261,7 +261,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Listed:
+class SeriesList:
     """All series of a log; `time` names what tells their times, '' if nothing does by name.
 
     `others` are topics, columns or datasets that hold no numbers, or too few for a signal;

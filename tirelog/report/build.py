@@ -31,8 +31,8 @@ from tirelog.report.sections import tables as table_sections
 from tirelog.report.sections.answer import NO_MODEL, without_a_model
 from tirelog.report.sections.recorded import passage_figures
 from tirelog.report.sources import (
-    Asked,
     MadeTable,
+    ReportRequest,
     SourceTables,
     given_tables,
     made_tables,
@@ -46,7 +46,7 @@ _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
 
 
 def build(
-    recordings: Sequence[Recording], asked: Asked, progress: Progress = lambda text: None
+    recordings: Sequence[Recording], asked: ReportRequest, progress: Progress = lambda text: None
 ) -> Report:
     """The report on `recordings`.
 
@@ -100,7 +100,7 @@ def _made() -> str:
     return f"Made on {now} by tirelog {__version__}"
 
 
-def _title(recordings: Sequence[Recording], asked: Asked) -> str:
+def _title(recordings: Sequence[Recording], asked: ReportRequest) -> str:
     tires = list(dict.fromkeys(r.setup.tire.name for r in recordings if r.setup.tire.name))
     names = list(sections.short_names([r.log for r in recordings]).values()) or [
         str(asked.campaign)
@@ -113,7 +113,7 @@ def _tables(
     report: Report,
     recordings: Sequence[Recording],
     tables: SourceTables,
-    asked: Asked,
+    asked: ReportRequest,
     progress: Progress,
     colours: LogColours,
 ) -> list[tuple[str, str]]:
@@ -199,7 +199,7 @@ def _phase_shift(
     table: pd.DataFrame,
     command: str,
     remarks: Sequence[str],
-    asked: Asked,
+    asked: ReportRequest,
     colours: LogColours,
 ) -> None:
     """The section, and what a calibration would add to it."""
@@ -224,7 +224,7 @@ def _models(
     report: Report,
     recordings: Sequence[Recording],
     climbed: Any,
-    asked: Asked,
+    asked: ReportRequest,
     model: Model | None,
     progress: Progress,
     colours: LogColours,
@@ -261,7 +261,7 @@ def _models(
     return [story.answer, *story.before_ladder, *ladder, *story.after_ladder]
 
 
-def _provenance(recordings: Sequence[Recording], asked: Asked) -> list[str]:
+def _provenance(recordings: Sequence[Recording], asked: ReportRequest) -> list[str]:
     """Versions, and the bytes of every file that went in."""
     import hashlib
 

@@ -36,7 +36,7 @@ class PageTable:
 
 
 @dataclass(frozen=True)
-class Rung:
+class LadderRow:
     """A model on the way to the best one.
 
     What was added and what that is, the error and the noise floor in the card's unit.
@@ -63,7 +63,7 @@ class Card:
     facts: Sequence[tuple[str, str]]
     command: str
     advice: Sequence[str] = ()
-    rungs: Sequence[Rung] = ()
+    rungs: Sequence[LadderRow] = ()
     rungs_said: str = ""
     unit: str = ""
 

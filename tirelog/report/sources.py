@@ -24,7 +24,7 @@ from tirelog.data.setup import setup_beside
 from tirelog.errors import UsageError
 from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.report.figures import Figure
-from tirelog.report.page import Card, PageTable, Rung, Section
+from tirelog.report.page import Card, LadderRow, PageTable, Section
 from tirelog.storage.remote import shown
 from tirelog.storage.whole import json_of
 from tirelog.tables.frame import frame_of, table_parts
@@ -280,7 +280,7 @@ def _section(data: dict[str, Any]) -> Section:
     tables = [PageTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
     if card is not None:
-        rungs = [Rung(**one) for one in card["rungs"]]
+        rungs = [LadderRow(**one) for one in card["rungs"]]
         card = Card(**card | {"facts": [tuple(one) for one in card["facts"]], "rungs": rungs})
     for pairs in ("formulas", "sources"):
         data[pairs] = tuple((str(name), str(text)) for name, text in data.get(pairs, ()))
@@ -319,7 +319,7 @@ def _told_apart(section: Section, model: str, mark: str) -> Section:
 
 
 @dataclass(frozen=True)
-class Asked:
+class ReportRequest:
     """What the user gave, with paths as typed.
 
     So the commands on the page can be typed again, but for what an address keeps secret.

@@ -266,7 +266,7 @@ BESIDE = 3.0
 MOST_BETWEEN = 2
 
 
-def mended(channel: Channel) -> Channel:
+def without_spikes(channel: Channel) -> Channel:
     """The channel in memory, if it is not too long for that, its bursts lost and flagged.
 
     A channel without bursts is as it was, to the bit.

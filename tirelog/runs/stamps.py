@@ -20,7 +20,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from tirelog.kernels import compiled
-from tirelog.storage.spool import Spool
+from tirelog.storage.scratch_array import Spool
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- Compiled passes over stamps: each goes through them once, where numpy takes five arrays.

@@ -41,7 +41,7 @@ from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
-from tirelog.runs.held import repeats, without_repeats
+from tirelog.runs.sample_and_hold import repeats, without_repeats
 from tirelog.runs.store_checks import (
     CHUNK,
     COLUMN_DIGEST,

@@ -29,7 +29,7 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.filters import bridged, differentiator
 from tirelog.kernels import compiled
 from tirelog.strain.passages.find import Passages
-from tirelog.strain.passages.marks import doubted, in_gap
+from tirelog.strain.passages.passage_flags import doubted, in_gap
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked

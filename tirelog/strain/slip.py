@@ -25,7 +25,7 @@ from tirelog.physics.pressure import STATIC_FRICTION
 from tirelog.strain.footprint.footprint import footprints_of
 from tirelog.strain.footprint.slip_onset import FrictionRatio
 from tirelog.strain.passages.find import trusted_passages
-from tirelog.strain.passages.marks import TURN_RAD
+from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.strain.speed import speed_channels, speed_columns, turns_around
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK, Quality, marked, quality_column

@@ -19,7 +19,7 @@ import numpy as np
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages, passages_of
-from tirelog.strain.passages.marks import TURN_RAD
+from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column

@@ -11,7 +11,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
-from tirelog.wheel.dips import (
+from tirelog.wheel.coarse_patch import (
     DEGREE,
     Dips,
     Flanks,

@@ -30,7 +30,7 @@ from tirelog.data.recording import Channel
 from tirelog.dsp.filters import sliding_median
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.wheel.angle import WheelAngle
-from tirelog.wheel.dips import DEGREE, Flanks, groups, normalised, ranges
+from tirelog.wheel.coarse_patch import DEGREE, Flanks, groups, normalised, ranges
 
 #: passages without a fault that a form needs, and of which at most it is learnt; twice as many of
 #: the latter tell the form to 0.7 of the noise

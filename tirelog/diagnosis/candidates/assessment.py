@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.signatures import Signature
+from tirelog.diagnosis.candidates.effect_jacobians import Signature
 from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, MOST
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses_with

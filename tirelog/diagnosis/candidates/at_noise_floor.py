@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.diagnosis.rules import ERROR_SIGMAS, QUIET_CHI2, QUIET_FLOORS
-from tirelog.inference.base import Base, FittedChannel, TogetherBase, apart
+from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.vocabulary.conditions import CONDITIONS
 
 # ---- Whether what a model leaves is the noise floor.
 
 
-def quiet(base: Base, floor_square: float) -> bool:
+def at_noise_floor(base: Base, floor_square: float) -> bool:
     """Is what the model leaves the noise floor?  By the held-out error and by chi-square.
 
     Of a held-out error goes what chance adds to it, since few manoeuvres decide the parameters, and
@@ -20,8 +20,9 @@ def quiet(base: Base, floor_square: float) -> bool:
     logs in which nothing is missing. Of several observables each has to be at its own: the mean of
     three hides what one is above it.
     """
-    if isinstance(base, TogetherBase) and not all(
-        quiet(part, part.floor.square) for part in apart(base, held_by_all=True)
+    if isinstance(base, JointBase) and not all(
+        at_noise_floor(part, part.floor.square)
+        for part in bases_by_observable(base, held_by_all=True)
     ):
         return False
     if base.reduced_chi2 > QUIET_CHI2 + ERROR_SIGMAS * np.sqrt(2.0 / base.fit.freedom):
@@ -38,11 +39,11 @@ def quiet_waveforms(base: Base) -> bool:
 
     Of a number per revolution it may be more: no nuisance of wheel, road or day acts on one.
     """
-    parts = apart(base, held_by_all=True)
+    parts = bases_by_observable(base, held_by_all=True)
     waveforms = [part for part in parts if part.cells.phi.shape[1] > 1]
     if len(waveforms) == len(parts):
-        return quiet(base, base.floor.square)
-    return all(quiet(part, part.floor.square) for part in waveforms)
+        return at_noise_floor(base, base.floor.square)
+    return all(at_noise_floor(part, part.floor.square) for part in waveforms)
 
 
 def out_of_range(base: FittedChannel) -> list[str]:

@@ -22,10 +22,9 @@ from functools import partial
 
 import numpy as np
 
-from tirelog.apart import made_apart
 from tirelog.diagnosis.candidates.assessment import Assessed, assess, gain_and_error, surely_gains
-from tirelog.diagnosis.candidates.at_noise_floor import quiet
-from tirelog.diagnosis.candidates.signatures import (
+from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
+from tirelog.diagnosis.candidates.effect_jacobians import (
     all_signatures,
     candidate_effects,
     freedom_of_shape,
@@ -48,12 +47,19 @@ from tirelog.diagnosis.rules import (
     WORSE_SIGMAS,
 )
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, refit, refit_without, settled, thinned
+from tirelog.inference.base import (
+    Base,
+    refit,
+    refit_without,
+    with_fewer_cells,
+    with_scatter_estimated,
+)
 from tirelog.inference.fit.cells import NULL, Fit, Problem, descend_together, free_names, starts
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import Offsets
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.process_pool import made_apart
 from tirelog.vocabulary.arrays import FloatArray
 
 # ---- Candidates refitted: from several starts, tried on a few cells, the best one on all.
@@ -156,7 +162,7 @@ def _moved(base: Base, model: Model) -> float:
 
 def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError]:
     """Of each candidate the base with it, refitted, or why that failed."""
-    few = thinned(base, _TRIAL_CELLS)
+    few = with_fewer_cells(base, _TRIAL_CELLS)
     begun = [(one, *start) for one in candidates for start in _starts(base, one)]
     ends = made_apart([partial(_trial, base, few, *start) for start in begun])
     trials = [
@@ -392,7 +398,9 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
         )
     ]
     if like and right_to_the_floor(best):
-        like = [r for r in like if quiet(r.base, floor) or not clearly_worse(r.base, best.base)]
+        like = [
+            r for r in like if at_noise_floor(r.base, floor) or not clearly_worse(r.base, best.base)
+        ]
     return (best.id, *(r.id for r in like)) if like else ()
 
 
@@ -403,8 +411,8 @@ def right_to_the_floor(best: Refitted) -> bool:
     """
     if best.at_bounds:
         return False
-    after = settled(best.base)
-    return quiet(after, after.floor.square)
+    after = with_scatter_estimated(best.base)
+    return at_noise_floor(after, after.floor.square)
 
 
 def worth_it(before: Base, after: Base, p: float = 1.0, *, held_out_only: bool = False) -> bool:
@@ -420,7 +428,7 @@ def worth_it(before: Base, after: Base, p: float = 1.0, *, held_out_only: bool =
     least = LEAST_SHARE_OF_FLOOR * before.floor.square
     size, by_size = removed_by(before, after, sure=p <= BEYOND_DOUBT_P and not held_out_only)
     if by_size and size <= least:  # less is scatter once what it does is in
-        size, _ = removed_by(before, settled(after), sure=True)
+        size, _ = removed_by(before, with_scatter_estimated(after), sure=True)
     return size > least
 
 

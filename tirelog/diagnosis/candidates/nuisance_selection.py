@@ -22,9 +22,9 @@ from tirelog.diagnosis.rules import (
     TWINS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, FittedChannel, refit, settled
+from tirelog.inference.base import Base, FittedChannel, refit, with_scatter_estimated
 from tirelog.inference.cells.cells import SharedEffects
-from tirelog.inference.cells.together import without_ratios
+from tirelog.inference.cells.joint import without_ratios
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.inference.metric import Offsets, ProjectedOut, per_group
 from tirelog.inference.nuisances import (
@@ -239,7 +239,7 @@ def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
         more = best_nuisance(base, allowed, least)
         if more is None:
             break
-        base = settled(more)
+        base = with_scatter_estimated(more)
         if groups_of(more)[-1] == FORM:
             break
     return base

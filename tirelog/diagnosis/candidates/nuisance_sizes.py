@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
+from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects, signatures_of
 from tirelog.diagnosis.candidates.nuisance_selection import groups_of
-from tirelog.diagnosis.candidates.signatures import candidate_effects, signatures_of
 from tirelog.diagnosis.wording import NUISANCES_SAID
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, TogetherBase, apart
+from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.metric import Offsets, ProjectedOut
 from tirelog.inference.nuisances import FORM, ZERO, frees, shared_effects
@@ -219,8 +219,8 @@ def nuisance_sentences(
 
 def scatter_sentences(base: Base) -> list[str]:
     """What the noise floor mostly is, if that is what loads that scatter would do; else nothing."""
-    if isinstance(base, TogetherBase):
-        each = [(part.cells.label, scatter_sentences(part)) for part in apart(base)]
+    if isinstance(base, JointBase):
+        each = [(part.cells.label, scatter_sentences(part)) for part in bases_by_observable(base)]
         return [f"Of {name}: {said}" for name, sentences in each for said in sentences]
     scatter = base.floor.scatter
     columns = scatter_columns(base.cells, base.fit)
@@ -240,7 +240,7 @@ def held_by_form(base: Base) -> dict[str, list[str]]:
 
     Of several observables as the first waveform shows it.
     """
-    base = max(apart(base), key=lambda part: part.cells.phi.shape[1])
+    base = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
     if FORM not in groups_of(base):
         return {}
     found = _left_by_form(base, base.cells.conditions)
@@ -304,7 +304,7 @@ def _parted_by(nuisance: str, base: Base, effect: str = "") -> str:
     followed = BY_ID[effect].followed if effect in BY_ID else ()
     varied = [CONDITIONS[name].name for name, _ in followed] or ["speed", "load"]
     measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
-    several = isinstance(base, TogetherBase) and any(c.cells.member for c in base.channels)
+    several = isinstance(base, JointBase) and any(c.cells.member for c in base.channels)
     another = "a further" if several else "a second"
     return {
         "wheel": f"{another} grating at another angle of the wheel",

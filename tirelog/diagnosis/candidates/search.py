@@ -48,7 +48,7 @@ from tirelog.diagnosis.rules import (
     TWINS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, settled
+from tirelog.inference.base import Base, with_scatter_estimated
 from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
@@ -60,7 +60,7 @@ _MAY_BE_LEFT = 0.25
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """What the search came to.
 
     The base before, the steps, the base with all that was named, and what later names made
@@ -94,7 +94,7 @@ class Found:
 
 def search_effects(
     base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None
-) -> Found:
+) -> SearchResult:
     """Steps until nothing more is worth naming, beside the nuisances that earn their place.
 
     With too few manoeuvres: one step, contenders refitted, nothing named. The tire's form comes in
@@ -104,7 +104,7 @@ def search_effects(
         step = first_step(base, extra)
         contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
         group = group_of(contenders) if contenders else ()
-        return Found(
+        return SearchResult(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
     allowed = allowed_nuisances(base)
@@ -151,7 +151,7 @@ def _formed(
     allowed: tuple[str, ...],
     without: Base,
     most_effects: int = MOST_EFFECTS,
-) -> Found | None:
+) -> SearchResult | None:
     """The search with the tire's form; None if it does not explain what is left `without` it.
 
     Where nothing is left without it, only steps to the floor by at most `most_effects` are of use.
@@ -166,7 +166,7 @@ def _formed(
     return found if form_explains(found.after, without) else None
 
 
-def _or_form(plain: Found) -> Found:
+def _or_form(plain: SearchResult) -> SearchResult:
     """A search that one effect ended at the floor, with the form if that does as much."""
     named = plain.steps[0].named
     before = plain.steps[0].before
@@ -189,7 +189,7 @@ def _search(
     progress: Progress,
     allowed: tuple[str, ...],
     climb: _Climb | None = None,
-) -> Found:
+) -> SearchResult:
     """Steps from a base, beside those of the nuisances that are allowed.
 
     `climb`: the first steps, if they are known.
@@ -199,7 +199,7 @@ def _search(
     if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
         progress(f"once more with {groups_of(climb.passed_over)[-1]} first")
-        other = _climb(settled(climb.passed_over), extra, progress, allowed)
+        other = _climb(with_scatter_estimated(climb.passed_over), extra, progress, allowed)
         if other.after.reduced_chi2 < climb.after.reduced_chi2:
             climb = other
     if not quiet_waveforms(climb.after):
@@ -219,22 +219,22 @@ def _search(
             untested = (f"Not searched {words}: {again.what}.",)
             break
         progress(words)
-        base = settled(again)
+        base = with_scatter_estimated(again)
         allowed = tuple(name for name in allowed if name not in beside)
         climb = _climb(base, extra, progress, allowed)
         alike += tuple(pair for pair in climb.alike if pair not in alike)
     steps, after = climb.steps, climb.after
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
-        return Found(base, tuple(steps), after, alike=alike, untested=untested)
+        return SearchResult(base, tuple(steps), after, alike=alike, untested=untested)
     progress("looking for what could stand in place of each")
     after, dropped = without_needless(after, named)
-    after = settled(after) if dropped else after
+    after = with_scatter_estimated(after) if dropped else after
     groups, why_not = regrouped(after, [name for name in named if name not in dropped], extra)
     steps = [
         replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
     ]
-    return Found(base, tuple(steps), after, dropped, alike, (*untested, *why_not))
+    return SearchResult(base, tuple(steps), after, dropped, alike, (*untested, *why_not))
 
 
 def _with_one_to_begin(
@@ -257,7 +257,7 @@ def _with_one_to_begin(
     if first is None or groups_of(first)[-1] in groups_of(climb.after):
         return climb
     progress(f"once more with {groups_of(first)[-1]} to begin with")
-    other = _climb(settled(first), extra, progress, allowed)
+    other = _climb(with_scatter_estimated(first), extra, progress, allowed)
     came_in = len(groups_of(other.after)) - len(groups_of(base)) + other.named
     left = (other.after.reduced_chi2 - 1.0) / (base.reduced_chi2 - 1.0)
     enough = left <= (1.0 - NUISANCE_SHARE) ** came_in
@@ -325,7 +325,7 @@ def _climb(
             climb.alike.append((groups_of(rival)[-1], named_now.id))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
-            climb.after = settled(rival)
+            climb.after = with_scatter_estimated(rival)
             if climb.steps:
                 climb.ground = None
             else:
@@ -338,7 +338,7 @@ def _climb(
         if step.named is None:
             return climb
         progress(f"named {step.named.id}; looking for another")
-        climb.after = settled(step.named.base)
+        climb.after = with_scatter_estimated(step.named.base)
         if len(climb.steps) == most_effects:
             return climb
 
@@ -385,7 +385,7 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
     if removed[0] < TWINS**2 * removed[1]:
         return False
-    right = settled(better)
+    right = with_scatter_estimated(better)
     return not (
         quiet_waveforms(right)
         and not quiet_waveforms(worse)
@@ -398,7 +398,7 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
 
 
 def ranking_of(
-    found: Found, selected: Sequence[str], excess: float, floor: float, share_of_all: float
+    found: SearchResult, selected: Sequence[str], excess: float, floor: float, share_of_all: float
 ) -> tuple[Candidate, ...]:
     """All candidates of the first step.
 
@@ -443,7 +443,9 @@ def ranking_of(
     )
 
 
-def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def _strengths(
+    found: SearchResult, a: Assessed, refitted: Mapping[str, Any]
+) -> dict[str, dict[str, Any]]:
     """The effect's parameters with errors and units.
 
     From the final model, its own refit, or the linear fit.
@@ -463,7 +465,7 @@ def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[s
     }
 
 
-def removed_errors(found: Found) -> dict[str, float]:
+def removed_errors(found: SearchResult) -> dict[str, float]:
     """Effect -> standard error of the share of the excess that it removes alone.
 
     The excess is the held-out mean-square error above the floor. The share is a ratio of sums over

@@ -19,15 +19,15 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.candidates.assessment import gain_and_error
+from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects, with_candidate
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.nuisance_selection import groups_of
-from tirelog.diagnosis.candidates.search import Found
-from tirelog.diagnosis.candidates.signatures import candidate_effects, with_candidate
+from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, TogetherBase, apart
+from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.together import model_of
+from tirelog.inference.cells.joint import model_of
 from tirelog.inference.fit.cells import Problem, free_names
 from tirelog.inference.metric import orthonormal
 from tirelog.inference.nuisances import freed, frees, shared_by
@@ -357,7 +357,9 @@ def expected_gain(verdict: float, rival: float, sigma: float) -> float:
     return both * probability_after(math.log(verdict / rival), sigma) - max(verdict, rival)
 
 
-def drive_next(found: Found, verdict: str, probability: float | None) -> list[dict[str, Any]]:
+def drive_next(
+    found: SearchResult, verdict: str, probability: float | None
+) -> list[dict[str, Any]]:
     """Manoeuvres by the expected growth of the verdict's probability per minute, best first.
 
     Rows: manoeuvre, repeats, minutes of all of them, gain, gain_per_minute, separates (pairs), the
@@ -411,14 +413,14 @@ def _gain(p: float, rival: Rival, sigma: float, repeats: int) -> float:
     return expected_gain(verdict, rival.mass, sigma * repeats**0.5)
 
 
-def _rivals(found: Found, verdict: str, p: float) -> tuple[Base | None, list[Rival]]:
+def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, list[Rival]]:
     """What the verdict may be taken for, and the base that it is measured from."""
     silent = verdict == "nothing_missing"
     named = [s for s in found.steps if s.named is not None and not silent]
     step = named[0] if named else found.steps[0]
     base = step.before
-    if isinstance(base, TogetherBase):  # the list is searched in the first waveform
-        base = max(apart(base), key=lambda part: part.cells.phi.shape[1])
+    if isinstance(base, JointBase):  # the list is searched in the first waveform
+        base = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
     # where loads or other conditions are in doubt, these come before any effect
     if base.cells.phi.shape[1] == 1 or verdict in ("unknown", "scatter"):
         return None, []
@@ -435,9 +437,9 @@ def _rivals(found: Found, verdict: str, p: float) -> tuple[Base | None, list[Riv
     return base, [_of_base(rival, base, found) for rival in rivals]
 
 
-def _of_base(rival: Rival, base: Base, found: Found) -> Rival:
+def _of_base(rival: Rival, base: Base, found: SearchResult) -> Rival:
     """The rival's models for one observable, if several were fitted together."""
-    if not isinstance(found.before, TogetherBase):
+    if not isinstance(found.before, JointBase):
         return rival
     seen, member = base.cells.observable, base.cells.member
     first, second = (model_of(m, seen, member) for m in (rival.first, rival.second))
@@ -473,7 +475,7 @@ def _instead(step: Step, p: float) -> list[Rival]:
     ]
 
 
-def _beside(found: Found, p: float) -> list[Rival]:
+def _beside(found: SearchResult, p: float) -> list[Rival]:
     """Nuisances that do as well as an effect that is named: as likely as it."""
     rivals = []
     for nuisance, effect in found.alike:
@@ -489,7 +491,7 @@ def _beside(found: Found, p: float) -> list[Rival]:
     return rivals
 
 
-def _hidden(found: Found, p: float) -> list[Rival]:
+def _hidden(found: SearchResult, p: float) -> list[Rival]:
     """Effects that these logs cannot show: as likely as before anything was measured."""
     model, reasons = found.before.model, found.steps[0].reasons
     effects = [e for e in candidate_effects(model) if e.id in reasons]

@@ -37,7 +37,7 @@ _ALONE = 1e-10
 
 
 @dataclass(frozen=True)
-class Worth:
+class Gain:
     """What columns are worth under each of some laws.
 
     scores (L, M, k) of each manoeuvre, gram (L, k, k), size (L, k): squared length of the columns
@@ -182,7 +182,7 @@ class Ground:
         along = basis.T @ flat
         return np.asarray(flat - basis @ (along - inner @ along), dtype=np.float64)
 
-    def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Worth:
+    def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Gain:
         """What columns `of_cells` (C, m, S together) are worth under each law, factors (L, C).
 
         Every `together` neighbouring columns are judged as one: scores (L S, M, together).
@@ -198,7 +198,7 @@ class Ground:
         taken = summed[:, :rank].reshape(L, rank, S, together)
         gram = whole - np.einsum("lrsi,lrsj->lsij", taken, taken)
         scores = np.moveaxis(summed[:, rank:].reshape(L, self.manoeuvres, S, together), 1, 2)
-        return Worth(
+        return Gain(
             scores.reshape(L * S, self.manoeuvres, together),
             gram.reshape(L * S, together, together),
             np.einsum("lsii->lsi", whole).reshape(L * S, together),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import gain_and_error
-from tirelog.diagnosis.candidates.signatures import ANGLES, hats_on
+from tirelog.diagnosis.candidates.effect_jacobians import ANGLES, hats_on
 from tirelog.diagnosis.propose.formulas import typical
 from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.diagnosis.propose.ground import Ground

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import surely_gains
-from tirelog.diagnosis.candidates.at_noise_floor import quiet
+from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
 from tirelog.diagnosis.candidates.naming import worth_it
 from tirelog.diagnosis.candidates.nuisance_selection import (
     allowed_nuisances,
@@ -18,7 +18,7 @@ from tirelog.diagnosis.candidates.nuisance_selection import (
     with_nuisances,
     with_nuisances_on,
 )
-from tirelog.diagnosis.candidates.search import Found, Progress, search_effects
+from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
 from tirelog.diagnosis.candidates.separation import advise, by_the_minute
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
@@ -40,7 +40,7 @@ from tirelog.diagnosis.propose.measured_shapes import (
     measured_shapes,
     without_twins,
 )
-from tirelog.diagnosis.propose.results import FoundFormula, Locked, Proposal, Term
+from tirelog.diagnosis.propose.results import FoundFormula, HoldoutErrors, Proposal, Term
 from tirelog.diagnosis.residual_structure import leading_shape
 from tirelog.diagnosis.rules import (
     ALARM_P,
@@ -52,9 +52,16 @@ from tirelog.diagnosis.rules import (
 )
 from tirelog.diagnosis.wording import NUISANCES_SAID, percent
 from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.base import Base, change_to, refit, refit_without, settled, thinned
+from tirelog.inference.base import (
+    Base,
+    change_to,
+    refit,
+    refit_without,
+    with_fewer_cells,
+    with_scatter_estimated,
+)
+from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.cells.pieces import Pieces
-from tirelog.inference.cells.together import PiecesTogether
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
@@ -101,7 +108,7 @@ def propose(
             do="take one; for numbers `tirelog diagnose` tells what they follow",
         )
     pieces = measured_pieces(measured)
-    if isinstance(pieces, PiecesTogether):
+    if isinstance(pieces, JointPieces):
         raise UsageError(
             f"a model of {' and '.join(model.observables)}",
             allowed="allowed is a model of one waveform",
@@ -136,7 +143,7 @@ def _too_few(pieces: Pieces) -> str:
     )
 
 
-def _ground(found: Found, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
+def _ground(found: SearchResult, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
     """The base to propose on, or why there is nothing to propose."""
     verdict = diagnosis.verdict
     if verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
@@ -189,7 +196,7 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
             break
         full = Ground(at)
-        few = full if len(at.cells) <= FEW_CELLS else Ground(thinned(at, FEW_CELLS))
+        few = full if len(at.cells) <= FEW_CELLS else Ground(with_fewer_cells(at, FEW_CELLS))
         if number == 1:
             progress("measuring free shapes")
             climb.shapes = _shapes(full, few)
@@ -200,16 +207,20 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
             choice = choose(full, polished(few, scanned.atoms), _free_name(base, number))
             if choice and not worth_it(at, choice.chosen.base, scanned.p, held_out_only=True):
                 choice = None
-        rival = None if quiet(at, at.floor.square) else best_nuisance(at, allowed_nuisances(at))
+        rival = (
+            None
+            if at_noise_floor(at, at.floor.square)
+            else best_nuisance(at, allowed_nuisances(at))
+        )
         if rival is not None and (choice is None or _leaves_less(rival, choice)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
-            climb.bases[-1] = settled(rival)
+            climb.bases[-1] = with_scatter_estimated(rival)
             climb.beside.append(groups_of(rival)[-1])
             continue
         if choice is None:
             climb.last = scanned
             break
-        chosen = simplified(replace(choice.chosen, base=settled(choice.chosen.base)))
+        chosen = simplified(replace(choice.chosen, base=with_scatter_estimated(choice.chosen.base)))
         new = chosen.base
         if number > 1 and at.square_held - new.square_held < REST_SHARE * first_excess:
             break
@@ -233,9 +244,9 @@ def _with_needed_nuisances(climb: _Climb) -> _Climb:
     first, top = (with_nuisances(base, needed) for base in (climb.bases[0], after))
     if isinstance(first, ModelError) or isinstance(top, ModelError):
         return climb
-    first, top = settled(first), settled(top)
+    first, top = with_scatter_estimated(first), with_scatter_estimated(top)
     full = Ground(first)
-    few = full if len(first.cells) <= FEW_CELLS else Ground(thinned(first, FEW_CELLS))
+    few = full if len(first.cells) <= FEW_CELLS else Ground(with_fewer_cells(first, FEW_CELLS))
     climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], _shapes(full, few)
     last = climb.choices[-1]
     climb.choices[-1] = replace(last, chosen=replace(last.chosen, base=top))
@@ -285,7 +296,7 @@ def _without_needless(climb: _Climb) -> _Climb:
     again = refit(after, model)
     if isinstance(again, ModelError):
         return climb
-    top = settled(again)
+    top = with_scatter_estimated(again)
     climb.scans = [climb.scans[i] for i in kept]
     choices = []
     for entry, i in zip(renamed, kept, strict=True):
@@ -337,7 +348,7 @@ def _proposal(
         if isinstance(there, ModelError):
             doubt = f"of the manoeuvres that were locked away nothing is known: {there.what}."
     if not isinstance(before_there, ModelError) and not isinstance(after_there, ModelError):
-        result = Locked(number, before_there[0], *after_there)
+        result = HoldoutErrors(number, before_there[0], *after_there)
         if result.share is None or result.share < _CONFIRMED:
             held = percent(max(result.share or 0.0, 0.0))
             doubt = (
@@ -401,7 +412,7 @@ def _with_shape(base: Base, shapes: list[MeasuredShape], p: float) -> Base | Non
         return None
     entered = or_refusal(base.model.with_entry)(best.entry(_shape_name(base)))
     refitted = entered if isinstance(entered, ModelError) else refit(base, entered)
-    return None if isinstance(refitted, ModelError) else settled(refitted)
+    return None if isinstance(refitted, ModelError) else with_scatter_estimated(refitted)
 
 
 def _shape_name(base: Base) -> str:

@@ -54,7 +54,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Locked:
+class HoldoutErrors:
     """Errors on manoeuvres that nothing had touched: before, after, and the floor there [unit]."""
 
     manoeuvres: int
@@ -98,7 +98,7 @@ class Proposal(AnswerRecord):
     shapes: tuple[MeasuredShape, ...]
     written: tuple[str, ...]
     model: Model | None
-    locked: Locked | None
+    locked: HoldoutErrors | None
     observable: str
     unit: str
     rmse_heldout_before: float | None

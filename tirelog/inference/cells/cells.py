@@ -207,7 +207,7 @@ _RANDOM = ("amplitude", "width", "offset")
 
 
 @dataclass(frozen=True)
-class Together:
+class BlockLayout:
     """Whose the rows are in cells of several members (`cells.together`), n of them.
 
     A member is an observable, or one grating of several.
@@ -295,7 +295,7 @@ class Cells:
     free: tuple[str, ...] = ("shift",)
     shared: SharedEffects | None = None
     part: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    together: Together | None = None
+    together: BlockLayout | None = None
     member: str = ""
     place_rad: float = np.nan
 

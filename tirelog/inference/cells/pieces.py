@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from tirelog.apart import shared_out
 from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.stacks.align import knots_of, nearest_curve
 from tirelog.inference.stacks.cut import ANGLES, Stacks, outlines
+from tirelog.process_pool import shared_out
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- Numbers in the order of driving, about a straight line.

@@ -22,13 +22,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.apart import made_apart
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.together import lacking, linearised, predicted
+from tirelog.inference.cells.joint import lacking, linearised, predicted
 from tirelog.inference.metric import RANK, Offsets, Whitener, stacked
 from tirelog.physics.model.model import Model
 from tirelog.physics.spectral import Parameter
+from tirelog.process_pool import made_apart
 from tirelog.vocabulary.arrays import FloatArray
 
 # ---- The one descent of every fit: damped least squares (Levenberg-Marquardt) within bounds.
@@ -70,7 +70,7 @@ class LeastSquares(Protocol):
 
 
 @dataclass(frozen=True)
-class Reached:
+class DescentEnd:
     """Where a descent ended: point (p,), sum of squares, whether more steps would gain little."""
 
     theta: FloatArray
@@ -88,7 +88,7 @@ def descend(
     steps: int = MOST_STEPS,
     settled: float = SETTLED,
     renewed: Callable[[], bool] = lambda: False,
-) -> Reached:
+) -> DescentEnd:
     """The least sum of squares near `theta` (p,) within `low` and `high` (p,).
 
     sizes       sizes (p,) of the parameters at a point: the longest step
@@ -101,7 +101,7 @@ def descend(
         size = sizes(np.clip(theta, low, high))
         slope = problem.slopes(theta, size)
         gram, gradient = slope.T @ slope, slope.T @ residual
-        free = ~leaving(theta, low, high, gradient)
+        free = ~parameters_leaving(theta, low, high, gradient)
         for _ in range(_TRIALS):
             new = np.clip(theta + _damped(gram, gradient, free, damping) * size, low, high)
             reached = problem.square(new)
@@ -112,7 +112,7 @@ def descend(
             if renewed():
                 damping = 1e-3
                 continue
-            return Reached(theta, square, True)
+            return DescentEnd(theta, square, True)
         moved = (new - theta) / size
         hoped = float(moved @ (2.0 * gradient - gram @ moved))
         drop, theta, damping = square - reached, new, damping / 10.0
@@ -121,11 +121,11 @@ def descend(
         residual = problem.residual(theta)
         square = float((residual**2).sum())
         if drop < settled * square and drop < _SETTLED_BY and not renewed():
-            return Reached(theta, square, True)
-    return Reached(theta, square, not theta.size)
+            return DescentEnd(theta, square, True)
+    return DescentEnd(theta, square, not theta.size)
 
 
-def leaving(
+def parameters_leaving(
     theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray
 ) -> NDArray[np.bool_]:
     """Which parameters stand at a bound that the next step would cross.
@@ -662,7 +662,7 @@ def finish(
     left = np.concatenate([*(residual.ravel() for residual in residuals), beside])
     chi2 = [float((residual**2).sum()) for residual in residuals]
     low, high = bounds(model, names)
-    out = leaving(
+    out = parameters_leaving(
         theta,
         low + AT_BOUND * np.abs(low),
         high - AT_BOUND * np.abs(high),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.inference.base import FittedChannel
-from tirelog.inference.cells.together import LEVER
+from tirelog.inference.cells.joint import LEVER
 from tirelog.inference.fit.cells import Errors
 from tirelog.physics.model.model import Model
 from tirelog.physics.spectral import Parameter

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.linalg import cho_factor, cho_solve
 
-from tirelog.apart import shared_out
 from tirelog.data.recording import Channel
 from tirelog.kernels import compiled
+from tirelog.process_pool import shared_out
 from tirelog.runs.in_memory import readable_apart
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 

@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from tirelog.apart import shared_out, shares
 from tirelog.data.recording import Channel, Conditions, Recording, Scaled, Stack
 from tirelog.errors import OutputError, UsageError
 from tirelog.inference.stacks.align import (
@@ -51,7 +50,8 @@ from tirelog.inference.stacks.manoeuvres import (
     scalar_stack,
     segment,
 )
-from tirelog.runs.in_memory import mended, readable_apart
+from tirelog.process_pool import shared_out, shares
+from tirelog.runs.in_memory import readable_apart, without_spikes
 from tirelog.strain.passages.find import (
     Passages,
     patch_sign,
@@ -405,7 +405,7 @@ def stretches_of(
     are added to what was `heard`.
     """
     radius = recording.setup.tire.radius_m
-    channel = mended(channel)
+    channel = without_spikes(channel)
     passages = trusted_passages(recording, channel)
     samples = Samples(channel)
     runs = list(_runs(passages, samples))

@@ -275,11 +275,11 @@ Numbers = tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]
 
 def patch_lengths(recording: Recording, channel: Channel) -> Numbers:
     """The patch length [m] of every passage of a strain channel."""
-    from tirelog.runs.in_memory import mended
+    from tirelog.runs.in_memory import without_spikes
     from tirelog.strain.footprint.footprint import footprint
     from tirelog.strain.passages.find import trusted_passages
 
-    radius, channel = recording.setup.tire.radius_m, mended(channel)
+    radius, channel = recording.setup.tire.radius_m, without_spikes(channel)
     passages = trusted_passages(recording, channel)
     found = footprint(channel, passages)
     return _of_passages(passages, radius, found.length_m, found.quality)
@@ -287,11 +287,11 @@ def patch_lengths(recording: Recording, channel: Channel) -> Numbers:
 
 def dissipation_factors(recording: Recording, channel: Channel) -> Numbers:
     """The dissipation factor [1/m] of every passage of a strain channel."""
-    from tirelog.runs.in_memory import mended
+    from tirelog.runs.in_memory import without_spikes
     from tirelog.strain.dissipation import dissipation
     from tirelog.strain.passages.find import trusted_passages
 
-    radius, channel = recording.setup.tire.radius_m, mended(channel)
+    radius, channel = recording.setup.tire.radius_m, without_spikes(channel)
     passages = trusted_passages(recording, channel)
     found = dissipation(channel, passages, None, passages.quality)
     return _of_passages(passages, radius, found.factor_1_m, found.quality)

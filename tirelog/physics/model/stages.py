@@ -291,7 +291,7 @@ def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
 
 
 @dataclass(frozen=True)
-class Pressed:
+class ContactLoads:
     """What the road does to the tread, modes (n or 1, K) [N/m].
 
     The pressure p, which carries F exactly; the traction tau along the road, positive in braking;
@@ -309,15 +309,15 @@ class Pressed:
         return self.pressure if self.couple is None else self.pressure + self.couple
 
 
-def pressure(task: Task) -> Pressed:
+def pressure(task: Task) -> ContactLoads:
     """What the road does to the tread with all effects, once per set of values."""
     return task.once("pressure", _load_key(task, *PRESSURE_HOOKS), lambda: _pressure(task))
 
 
-def _pressure(task: Task) -> Pressed:
+def _pressure(task: Task) -> ContactLoads:
     site, p, tilted = loaded_site(task)
     if not task.having(*PRESSURE_HOOKS):
-        return Pressed(p)
+        return ContactLoads(p)
     if tilted is not None:
         for tilt in task.hooks(lambda effect: effect.tilt).values():
             p = p - tilt() * tilted
@@ -344,7 +344,7 @@ def _pressure(task: Task) -> Pressed:
             do="lower their strength",
         )
     scale = site.load_N / carried
-    return Pressed(
+    return ContactLoads(
         p * scale, None if tau is None else tau * scale, None if couple is None else couple * scale
     )
 

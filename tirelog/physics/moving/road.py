@@ -120,7 +120,7 @@ class MeasuredRoad:
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedRoad:
     """A road that begins at `at_m`, and comes again every `spacing_m` if that is above zero."""
 
     road: RoadProfile
@@ -151,18 +151,18 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
                 do="name it",
             )
         road = load_road((folder or Path()) / words.file)
-        return Placed(road, at_m, _spaced(words, road.distance_m[-1]))
+        return PlacedRoad(road, at_m, _spaced(words, road.distance_m[-1]))
     if words.kind == "sine":
         amplitude, wavelength = _needed(words, "amplitude_m", "wavelength_m")
-        return Placed(SineRoad(amplitude, wavelength), at_m)
+        return PlacedRoad(SineRoad(amplitude, wavelength), at_m)
     if words.kind == "step":
         (height,) = _needed(words, "height_m")
-        return Placed(
+        return PlacedRoad(
             step(0.0, height, words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)), at_m
         )
     height, length = _needed(words, "height_m", "length_m")
     ramp = words.ramp_m or min(max(RAMP, 1.01 * abs(height) / STEEPEST), 0.49 * length)
-    return Placed(cleat(0.0, height, length, ramp), at_m, _spaced(words, length))
+    return PlacedRoad(cleat(0.0, height, length, ramp), at_m, _spaced(words, length))
 
 
 def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
@@ -249,7 +249,7 @@ def check_climbable(road: RoadProfile, radius_m: float) -> None:
 
     It may not rise by more than the tire can take within one of its diameters.
     """
-    if isinstance(road, Placed):
+    if isinstance(road, PlacedRoad):
         road = road.road
     if not isinstance(road, MeasuredRoad):
         if (

@@ -29,10 +29,10 @@ from tirelog.readers.base import (
     MOST_SERIES,
     RATES,
     Group,
-    Listed,
     RawBlock,
     ReadReport,
     Series,
+    SeriesList,
     with_stated_units,
 )
 from tirelog.readers.hdf5.layout import (
@@ -48,7 +48,7 @@ from tirelog.readers.hdf5.layout import (
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
     SLAB_BYTES,
-    Padded,
+    PaddedFile,
     Slabs,
     SourceColumn,
     declared_size,
@@ -150,7 +150,7 @@ def opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | None
         if declared is None or declared <= size:
             raise _unreadable(problem, log_name) from None
     try:
-        return h5py.File(Padded(path, declared), "r", rdcc_nbytes=CACHE_BYTES), size, declared
+        return h5py.File(PaddedFile(path, declared), "r", rdcc_nbytes=CACHE_BYTES), size, declared
     except LIBRARY_ERRORS:
         raise ReadError(
             f"is cut off at {size} of {declared} bytes, before its index",
@@ -451,7 +451,7 @@ _SHORT = 1000
 _BESIDE = {*TIME_NAMES, *(name.lower() for name in RATES)}
 
 
-def datasets(path: Path, log: str) -> Listed:
+def datasets(path: Path, log: str) -> SeriesList:
     """Datasets of numbers, and columns of those that have some.  ReadError: not to be read."""
     try:
         with opened(path, log)[0] as file:
@@ -467,7 +467,9 @@ def datasets(path: Path, log: str) -> Listed:
     longest = max((size for _, size in sized), default=0)
     found = [one for one, size in sized if size * _SHORT >= longest]
     short = [one.source for one, size in sized if size * _SHORT < longest]
-    return Listed(tuple(found[:MOST_SERIES]), times[0] if times else "", tuple(short[:MOST_SERIES]))
+    return SeriesList(
+        tuple(found[:MOST_SERIES]), times[0] if times else "", tuple(short[:MOST_SERIES])
+    )
 
 
 def _last(name: str) -> str:

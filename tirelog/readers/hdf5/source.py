@@ -498,7 +498,7 @@ def chunks_of(
 # The chunks before the cut can be read; which samples stand behind it is told.
 
 
-class Padded:
+class PaddedFile:
     """A cut file as libhdf5 expects it: `size` bytes long, zeros behind the cut.
 
     What lies there is never used as data.

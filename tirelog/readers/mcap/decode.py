@@ -30,7 +30,7 @@ from tirelog.readers.mcap.source import (
     FrozenPlan,
     MessagePlan,
     NoPlanError,
-    Want,
+    RequestedField,
     extract,
 )
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -46,7 +46,7 @@ PIECE_BYTES = 1 << 21
 LARGEST_MESSAGE_BYTES = 1 << 23
 #: what a decoder raises on a damaged or foreign message
 DECODE_ERRORS = (Exception,)  # three libraries, each with a tree of its own
-PlanMaker = Callable[[bytes, list[Want]], MessagePlan]
+PlanMaker = Callable[[bytes, list[RequestedField]], MessagePlan]
 
 
 @dataclass
@@ -123,7 +123,7 @@ class ChannelDecoder:
                 decoded.append(self.message(data))
         return decoded
 
-    def read(self, table: MessageTable, wants: list[Want]) -> list[list[FieldColumn]]:
+    def read(self, table: MessageTable, wants: list[RequestedField]) -> list[list[FieldColumn]]:
         """The columns of the table's messages, piece by piece."""
         sizes = np.cumsum(table.sizes)
         edges = np.searchsorted(
@@ -134,12 +134,12 @@ class ChannelDecoder:
             self.read_piece(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)
         ]
 
-    def read_piece(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
+    def read_piece(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
         if self.plan_of is None:
             return self.read_slowly(table, wants)
         return self._read_by_plans(table, wants)
 
-    def read_slowly(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
+    def read_slowly(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
         """Message by message through the library.
 
         What gives no number is NaN (one number per message) or an empty batch.
@@ -157,7 +157,7 @@ class ChannelDecoder:
                 values.append(self._extract(message, want))
         return [_field_column(values) for values in found]
 
-    def _extract(self, message: Any, want: Want) -> float | FloatArray | None:
+    def _extract(self, message: Any, want: RequestedField) -> float | FloatArray | None:
         try:
             return extract(message, want.tokens)
         except FieldError as problem:
@@ -167,7 +167,7 @@ class ChannelDecoder:
             )
             return None
 
-    def _read_by_plans(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
+    def _read_by_plans(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
         """Layout by layout; messages for which no plan can be made go to the library."""
         pieces: list[tuple[IntArray, list[FieldColumn]]] = []
         rest = np.arange(len(table))
@@ -194,7 +194,7 @@ class ChannelDecoder:
     def _given_up(self) -> bool:
         return self.failures >= MOST_FAILURES or len(self.plans) >= MOST_PLANS
 
-    def _learn(self, data: bytes, wants: list[Want]) -> bool:
+    def _learn(self, data: bytes, wants: list[RequestedField]) -> bool:
         """Add the plan of the message `data`, if it has a true one.
 
         True is a plan that gives the numbers that the library gives.

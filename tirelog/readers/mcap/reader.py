@@ -21,7 +21,7 @@ from mcap.exceptions import McapError
 
 from tirelog.data.setup import Setup
 from tirelog.errors import ReadError, nearest
-from tirelog.readers.base import MOST_SERIES, Group, Listed, RawBlock, ReadReport, Series
+from tirelog.readers.base import MOST_SERIES, Group, RawBlock, ReadReport, Series, SeriesList
 from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder
 from tirelog.readers.mcap.records import (
     RECORD_ERRORS,
@@ -32,7 +32,7 @@ from tirelog.readers.mcap.records import (
 )
 from tirelog.readers.mcap.source import (
     FieldError,
-    Want,
+    RequestedField,
     field_names,
     is_list,
     parse_path,
@@ -97,7 +97,7 @@ class McapLog:
         )
 
     def _topics(self) -> dict[str, Topic]:
-        wants: dict[str, dict[str, Want]] = {}
+        wants: dict[str, dict[str, RequestedField]] = {}
         for name, channel in self.setup.channels.items():
             try:
                 topic, field = topic_and_field(channel.source)
@@ -321,7 +321,7 @@ _MOST_SIDE_BY_SIDE = 16
 _BESIDE = {"header", "stamp", "timestamp", "layout", "sec", "nanosec", "nsec"}
 
 
-def fields(path: Path, log: str) -> Listed:
+def fields(path: Path, log: str) -> SeriesList:
     """Numbers of the messages, topic by topic.  ReadError: not to be read."""
     series: dict[str, list[Series]] = {}
     unread: dict[str, str] = {}
@@ -352,7 +352,7 @@ def fields(path: Path, log: str) -> Listed:
     found = [one for topic in sorted(series) for one in series[topic]]
     others = tuple(topic for topic in sorted(series) if not series[topic] and topic not in unread)
     why = tuple(unread[topic] for topic in sorted(unread))
-    return Listed(tuple(found[:MOST_SERIES]), "the messages' stamps", others, why)
+    return SeriesList(tuple(found[:MOST_SERIES]), "the messages' stamps", others, why)
 
 
 def _of_topic(topic: str, encoding: str, schema: Any, table: Any) -> list[Series]:

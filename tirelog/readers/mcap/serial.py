@@ -16,7 +16,7 @@ from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 
-from tirelog.readers.mcap.source import MessagePlan, NoPlanError, Place, Token, Want
+from tirelog.readers.mcap.source import MessagePlan, NoPlanError, Place, RequestedField, Token
 
 PRIMITIVES = {
     "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2",
@@ -88,7 +88,7 @@ class CdrTemplate:
     """The walk over one message."""
 
     def __init__(
-        self, data: bytes, definitions: dict[str, list[CdrMember]], wants: list[Want]
+        self, data: bytes, definitions: dict[str, list[CdrMember]], wants: list[RequestedField]
     ) -> None:
         if len(data) < ENCAPSULATION or data[1] not in (0, 1):
             raise NoPlanError
@@ -207,7 +207,7 @@ def is_bounded(data: bytes, root: str, definitions: dict[str, list[CdrMember]]) 
 
 
 def cdr_plan(
-    data: bytes, root: str, definitions: dict[str, list[CdrMember]], wants: list[Want]
+    data: bytes, root: str, definitions: dict[str, list[CdrMember]], wants: list[RequestedField]
 ) -> MessagePlan:
     """The plan of one ROS 2 message.  NoPlanError if it has none."""
     return CdrTemplate(data, definitions, wants).walk(
@@ -241,7 +241,7 @@ Wants = list[tuple[int, tuple[Token, ...]]]
 class ProtobufTemplate:
     """The walk over one message."""
 
-    def __init__(self, data: bytes, wants: list[Want]) -> None:
+    def __init__(self, data: bytes, wants: list[RequestedField]) -> None:
         self.data = data
         self.plan = MessagePlan(len(data), [None] * len(wants))
 
@@ -346,7 +346,7 @@ def is_repeated(field: Any) -> bool:
     return bool(repeated) if repeated is not None else field.label == F.LABEL_REPEATED
 
 
-def protobuf_plan(data: bytes, descriptor: Any, wants: list[Want]) -> MessagePlan:
+def protobuf_plan(data: bytes, descriptor: Any, wants: list[RequestedField]) -> MessagePlan:
     """The plan of one protobuf message.  NoPlanError if it has none."""
     template = ProtobufTemplate(data, wants)
     try:

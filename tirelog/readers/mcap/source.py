@@ -25,7 +25,7 @@ Token = str | int | slice
 
 
 @dataclass(frozen=True)
-class Want:
+class RequestedField:
     """One number, or one list of numbers, in each message of a topic."""
 
     path: str
@@ -66,7 +66,7 @@ def topic_and_field(source: str) -> tuple[str, str]:
     return match[1], match[2]
 
 
-def parse_path(path: str) -> Want:
+def parse_path(path: str) -> RequestedField:
     """The tokens of a field path.  ReadError if it does not parse."""
     tokens: list[Token] = []
     end = 0
@@ -87,7 +87,7 @@ def parse_path(path: str) -> Want:
             break
     else:
         if end == len(path) and tokens:
-            return Want(path, tuple(tokens))
+            return RequestedField(path, tuple(tokens))
     raise ReadError(
         f"field path {path!r} does not parse",
         allowed="allowed are names, [3], [3::16] and [:]",

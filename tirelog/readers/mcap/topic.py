@@ -27,7 +27,7 @@ from tirelog.readers.mcap.records import MessageTable, OrderedGroup
 from tirelog.readers.mcap.source import (
     FieldColumn,
     FieldError,
-    Want,
+    RequestedField,
     extract,
     field_names,
     parse_path,
@@ -61,7 +61,7 @@ class _Stamp:
     [ns] per unit of each, and what to add to get to the log's clock.
     """
 
-    wants: list[Want]
+    wants: list[RequestedField]
     factors: list[float]
     shift_ns: int = 0
 
@@ -70,7 +70,7 @@ class Topic:
     """The channels of one topic."""
 
     def __init__(
-        self, name: str, wants: Mapping[str, Want], setup: Setup, report: ReadReport
+        self, name: str, wants: Mapping[str, RequestedField], setup: Setup, report: ReadReport
     ) -> None:
         self.name, self.setup, self.report = name, setup, report
         self.wants = dict(wants)
@@ -113,7 +113,7 @@ class Topic:
             batch = isinstance(value, np.ndarray)
             kinds[name] = value.size if isinstance(value, np.ndarray) else None
             if batch and not any(isinstance(token, slice) for token in want.tokens):
-                self.wants[name] = Want(want.path, (*want.tokens, slice(None)))
+                self.wants[name] = RequestedField(want.path, (*want.tokens, slice(None)))
         self.stamp = self._stamp(message, log_time_ns)
         rate = self._rate(message, metadata)
         members: dict[Any, list[str]] = {}
@@ -299,7 +299,7 @@ def _stamp_ns(numbers: list[FloatArray], factors: list[float]) -> IntArray:
     return total
 
 
-def decimals_of(messages: Sequence[Any], want: Want) -> int | None:
+def decimals_of(messages: Sequence[Any], want: RequestedField) -> int | None:
     """The decimals with which a number is written in `messages` of text.
 
     None if they are no decimals of an instrument.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError
-from tirelog.readers.base import MOST_SERIES, Group, Listed, RawBlock, ReadReport, Series
+from tirelog.readers.base import MOST_SERIES, Group, RawBlock, ReadReport, Series, SeriesList
 from tirelog.vocabulary.arrays import FloatArray
 
 GROUP = "frames"
@@ -48,12 +48,12 @@ class _Format:
         return self.channels * self.size
 
 
-def channels(path: Path, log: str) -> Listed:
+def channels(path: Path, log: str) -> SeriesList:
     """The channels of the recording at `path`.  ReadError: it is none."""
     first = Setup(channels={"first": ChannelSetup(kind="signal", source="#1")})
     with path.open("rb") as stream:
         many = WavReader(stream, first, log).many
-    return Listed(tuple(Series(f"#{k + 1}") for k in range(min(many, MOST_SERIES))))
+    return SeriesList(tuple(Series(f"#{k + 1}") for k in range(min(many, MOST_SERIES))))
 
 
 class WavReader:

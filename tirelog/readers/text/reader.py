@@ -29,11 +29,11 @@ from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import (
     MOST_SERIES,
     Group,
-    Listed,
     RawBlock,
     ReadReport,
     Samples,
     Series,
+    SeriesList,
     lost_samples,
     of_damaged,
     rate_in_words,
@@ -448,7 +448,7 @@ _OFTEN = 0.3
 _WAVELENGTHS_NM = (600.0, 2500.0)
 
 
-def columns(source: ByteSource, log: str) -> Listed:
+def columns(source: ByteSource, log: str) -> SeriesList:
     """The columns of numbers, or the gratings of a list of peaks.  ReadError: no rows."""
     try:
         head = source.head()
@@ -465,7 +465,7 @@ def columns(source: ByteSource, log: str) -> Listed:
     if layout.counts or layout.ragged or layout.misfit:
         found = _gratings(layout, layout.counts_at + layout.counts, taken)
         if found:
-            return Listed(found, time)
+            return SeriesList(found, time)
     kinds = layout.kinds[: layout.width]
     numbers = [k for k, kind in enumerate(kinds) if kind == "number" and k not in taken]
     series = [Series(name_of_column(layout, k), place=f"#{k + 1}") for k in numbers]
@@ -474,7 +474,7 @@ def columns(source: ByteSource, log: str) -> Listed:
         for k, kind in enumerate(kinds)
         if kind == "text" and k not in taken
     )
-    return Listed(tuple(series[:MOST_SERIES]), time, others)
+    return SeriesList(tuple(series[:MOST_SERIES]), time, others)
 
 
 def _gratings(layout: Layout, begin: int, taken: set[int]) -> tuple[Series, ...]:

@@ -28,7 +28,7 @@ from tirelog.report.figures import (
     layout,
     line,
 )
-from tirelog.report.page import Card, Rung, Section
+from tirelog.report.page import Card, LadderRow, Section
 from tirelog.report.sections.models import (
     ANGLE,
     edges,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.results import Comparison, EffectCurve
     from tirelog.physics.effects import Effect
-    from tirelog.report.sources import Asked
+    from tirelog.report.sources import ReportRequest
 
 #: remarks that the card has room for; the sections have all of them
 _REMARKS = 3
@@ -64,7 +64,7 @@ NO_MODEL = "No model was held against these logs, so nothing is said of what one
 
 
 @dataclass(frozen=True)
-class Answered:
+class AnswerSection:
     """What the answer is made of.
 
     compared   the model as it came; `found` its diagnosis, None if none was asked for
@@ -82,7 +82,7 @@ class Answered:
     catalogue: Mapping[str, Effect]
 
 
-def answer(given: Answered, command: str, made_with: str, colours: LogColours) -> Section:
+def answer(given: AnswerSection, command: str, made_with: str, colours: LogColours) -> Section:
     """The section.  `command`: what to type next; `made_with`: the command that repeats it."""
     factor, unit = shown_value(given.compared.observable, given.compared.unit)
     rungs, said = _rungs(given, factor)
@@ -109,7 +109,7 @@ def answer(given: Answered, command: str, made_with: str, colours: LogColours) -
     )
 
 
-def without_a_model(seen: Sequence[tuple[str, str]], asked: Asked, said: str) -> Section:
+def without_a_model(seen: Sequence[tuple[str, str]], asked: ReportRequest, said: str) -> Section:
     """The answer if no model was held against the logs: what was `seen`, and how to ask more."""
     advice = ["Make a model, then ask for this page again with --model M.toml."]
     made = asked.make_model() if asked.model is None else asked.command("compare", model=True)
@@ -123,7 +123,7 @@ def without_a_model(seen: Sequence[tuple[str, str]], asked: Asked, said: str) ->
     return Section("answer", "The answer", asked.report_command(), folded=False, card=card)
 
 
-def _word(given: Answered) -> str:
+def _word(given: AnswerSection) -> str:
     found = given.found
     if found is None:
         return "Compared"
@@ -133,7 +133,7 @@ def _word(given: Answered) -> str:
     return f"{word}: {', '.join(found.selected)}" if found.selected else word
 
 
-def _sentence(given: Answered, factor: float, unit: str) -> str:
+def _sentence(given: AnswerSection, factor: float, unit: str) -> str:
     if given.found is not None:
         return given.found.sentence
     return f"{_error(given.compared, factor, unit)}. What is missing was not asked."
@@ -148,7 +148,7 @@ def _error(result: Comparison, factor: float, unit: str) -> str:
     )
 
 
-def _facts(given: Answered, factor: float, unit: str) -> list[tuple[str, str]]:
+def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, str]]:
     compared, found = given.compared, given.found
     first = compared.parts[0] if compared.parts else compared
     speed = first.by_speed.axis
@@ -239,7 +239,7 @@ def _physics(effect: Effect) -> str:
     return f"{effect.mechanism}: {effect.signature}" if effect.signature else effect.mechanism
 
 
-def _advice(given: Answered) -> list[str]:
+def _advice(given: AnswerSection) -> list[str]:
     from tirelog.diagnosis.candidates.separation import drive_sentences
 
     found = given.found
@@ -251,13 +251,13 @@ def _advice(given: Answered) -> list[str]:
     return [*([left] if found.verdict in ("unknown", "partial") and left else []), *drives]
 
 
-def _rungs(given: Answered, factor: float) -> tuple[list[Rung], str]:
+def _rungs(given: AnswerSection, factor: float) -> tuple[list[LadderRow], str]:
     """The models on the way, from the ladder or the diagnosis, and what errors these are."""
     climbed, found = given.climbed, given.found
     if climbed is not None:
         taken = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
         rungs = [
-            Rung(
+            LadderRow(
                 "the model as it came" if i == 0 else f"{_sign(s)} {s['effect']}",
                 "" if i == 0 else _what(given, s["effect"]),
                 (s["rmse_fit"] if s["rmse_heldout"] is None else s["rmse_heldout"]) * factor,
@@ -283,16 +283,16 @@ def _rungs(given: Answered, factor: float) -> tuple[list[Rung], str]:
     return rungs, "Held-out error, beside the noise floor (the upright mark)."
 
 
-def _rung(name: str, said: str, result: Comparison, factor: float) -> Rung:
+def _rung(name: str, said: str, result: Comparison, factor: float) -> LadderRow:
     error = result.rmse if result.rmse_heldout is None else result.rmse_heldout
-    return Rung(name, said, error * factor, result.noise_floor * factor)
+    return LadderRow(name, said, error * factor, result.noise_floor * factor)
 
 
 def _sign(step: Mapping[str, Any]) -> str:
     return "without" if step["outcome"] == "removed" else "+"
 
 
-def _what(given: Answered, effect: str) -> str:
+def _what(given: AnswerSection, effect: str) -> str:
     known = given.catalogue.get(effect)
     return "" if known is None else known.mechanism
 
@@ -321,7 +321,7 @@ def _climbed_on(climbed: Mapping[str, Any], logs: Sequence[str], factor: float) 
 # ---- figures -------------------------------------------------------------------------------------
 
 
-def _before_and_after(given: Answered, colours: LogColours) -> list[Figure]:
+def _before_and_after(given: AnswerSection, colours: LogColours) -> list[Figure]:
     """Measured and both models, what each leaves, and the residual's maps; one scale each."""
     first, best = (
         one.parts[0] if one is not None and one.parts else one
@@ -346,7 +346,7 @@ def _before_and_after(given: Answered, colours: LogColours) -> list[Figure]:
     return [*_waves(named, factor, unit, colours), *maps]
 
 
-def _before(given: Answered) -> str:
+def _before(given: AnswerSection) -> str:
     has = [effect.id for effect in given.compared.model.effects]
     return f"first model, with {', '.join(has)}" if has else "first model"
 
@@ -417,7 +417,7 @@ def _left(one: Comparison, i: int) -> Any:
     return one.waveforms.measured[i] - one.waveforms.predicted[i]
 
 
-def _curves(given: Answered, colours: LogColours) -> list[Figure]:
+def _curves(given: AnswerSection, colours: LogColours) -> list[Figure]:
     """What each effect adds, with its band, beside what the measurement leaves for it."""
     last = given.best or given.compared
     one = last.parts[0] if last.parts else last

@@ -24,7 +24,7 @@ from tirelog.plots.answers import SHOWN_S
 from tirelog.report.figures import GREY, INK, Figure, LogColours, band, dots, layout, line
 from tirelog.report.page import PageTable, Section
 from tirelog.report.sections import models as model_sections
-from tirelog.report.sections.answer import Answered, answer
+from tirelog.report.sections.answer import AnswerSection, answer
 from tirelog.report.sections.models import ANGLE, page_table, shown_value
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tirelog.inference.obstacle_log import TransientLog
     from tirelog.physics.effects import Effect
     from tirelog.physics.model.model import Model
-    from tirelog.report.sources import Asked
+    from tirelog.report.sources import ReportRequest
 
 
 # ---- The section of logs that met an obstacle: how well the model answers it, hit by hit.
@@ -236,7 +236,7 @@ def _rest(result: Proposal) -> Figure:
 
 
 @dataclass
-class Story:
+class DiagnosisFigures:
     """The answer, sections before and after the ladder's own, and what cannot be shown."""
 
     answer: Section
@@ -249,11 +249,11 @@ def model_story(
     recordings: Sequence[Recording],
     model: Model,
     climbed: Mapping[str, Any] | None,
-    asked: Asked,
+    asked: ReportRequest,
     catalogue: Mapping[str, Effect],
     progress: Callable[[str], None],
     colours: LogColours | None = None,
-) -> Story:
+) -> DiagnosisFigures:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
     from tirelog.diagnosis.compare import compare
     from tirelog.diagnosis.diagnose import diagnose
@@ -341,7 +341,7 @@ def story_of(
     catalogue: Mapping[str, Effect],
     colours: LogColours | None = None,
     next_command: str = "",
-) -> Story:
+) -> DiagnosisFigures:
     """The sections of what was found on `measured`: answer, comparison and diagnosis.
 
     `command(name)`: the line that repeats it; `next_command`: what to type next.
@@ -367,10 +367,10 @@ def story_of(
     if found is not None:
         drawn = found.selected or [effect.id for effect in found.model.effects]
         curves = effect_curves(found.found.after if found.selected else found.found.before, drawn)
-    given = Answered(compared, found, best, added, climbed, curves, catalogue)
+    given = AnswerSection(compared, found, best, added, climbed, curves, catalogue)
     asked = "compare" if found is None else "diagnose"
     follows = next_command or (command("diagnose") if found is None else found.next_command)
-    story = Story(answer(given, follows, command(asked), colours), missing=missing)
+    story = DiagnosisFigures(answer(given, follows, command(asked), colours), missing=missing)
     if found is not None:
         story.before_ladder.append(model_sections.diagnosis(found, command("diagnose")))
     story.after_ladder += model_sections.comparisons(compared, command("compare"), colours)

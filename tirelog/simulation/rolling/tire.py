@@ -244,7 +244,7 @@ _LARGEST_ITERATIONS = 60
 
 
 @dataclass(frozen=True)
-class Rider:
+class BeltReading:
     """Linear readings of the belt at one place: rows (k, N), see `splines.Splines.functional`."""
 
     rows: FloatArray
@@ -291,7 +291,7 @@ def longest_step_s(belt: Belt) -> float:
 
 
 @dataclass(frozen=True)
-class Standing:
+class TireAtRest:
     """A tire at rest on a level road at height 0.
 
     Coefficients `v` (N,), height of the hub, contact length.
@@ -302,7 +302,7 @@ class Standing:
     contact_length_m: float
 
 
-def standing(belt: Belt, load_N: float) -> Standing:
+def tire_at_rest(belt: Belt, load_N: float) -> TireAtRest:
     """The least of elastic energy, tread springs and load, by Newton's method.
 
     UsageError if the tire cannot carry the load.
@@ -352,7 +352,7 @@ def standing(belt: Belt, load_N: float) -> Standing:
             allowed="allowed is a load that the tire can carry",
             do="lower it, or give a stiffer tire",
         )
-    return Standing(q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing))
+    return TireAtRest(q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing))
 
 
 class RollingTire:
@@ -362,7 +362,7 @@ class RollingTire:
         self,
         belt: Belt,
         profile: TrueProfile,
-        start: Standing,
+        start: TireAtRest,
         *,
         speed_m_s: float,
         distance_m: float,
@@ -458,7 +458,7 @@ class RollingTire:
         self.constants["damper_N_s_m"] = belt.held[1] + more
 
     def run(
-        self, drive: Records, *, every: int = 1, riders: tuple[Rider, ...] = ()
+        self, drive: Records, *, every: int = 1, riders: tuple[BeltReading, ...] = ()
     ) -> tuple[Records, FloatArray]:
         """Kept moments, of the steps' begins: (k,) of MOMENT, readings (k, r); k = ceil(n/every).
 

@@ -23,7 +23,13 @@ from scipy.interpolate import CubicSpline
 from tirelog.errors import UsageError
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
-from tirelog.simulation.rolling.tire import Rider, RollingTire, TireMotion, profile_of, standing
+from tirelog.simulation.rolling.tire import (
+    BeltReading,
+    RollingTire,
+    TireMotion,
+    profile_of,
+    tire_at_rest,
+)
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Roughness, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange, longitudinal_force
@@ -50,7 +56,7 @@ _GRIP = 0.95
 
 
 @dataclass(frozen=True)
-class Ridden:
+class RoadTrace:
     """One sensor's belt over the motion's rows (k,).
 
     `s_m`, `z_m` its place beside the hub, backwards and upwards; `strain` (zero if it has none),
@@ -78,7 +84,7 @@ class RolledWorld(World):
         self.belt = Belt(tire, tension, Splines(scenario.grid_points // 8))
         self.profile = profile_of(scenario.road, radius, float(self.distance(drive.time_s[-1:])[0]))
         self.belt.check_speed(float(drive.speed_at(drive.time_s).max()))
-        self.standing = standing(self.belt, float(self.load(np.zeros(1))[0]))
+        self.standing = tire_at_rest(self.belt, float(self.load(np.zeros(1))[0]))
         self.motion, self.ridden = self._rolled()
         time = self.motion.time_s
         grid = np.arange(time[0], time[-1], _ANGLE_STEP_S)
@@ -130,7 +136,7 @@ class RolledWorld(World):
 
     # ---- the roll --------------------------------------------------------------------------------
 
-    def _rolled(self) -> tuple[TireMotion, dict[str, Ridden]]:
+    def _rolled(self) -> tuple[TireMotion, dict[str, RoadTrace]]:
         """The motion from just before the log to just behind it, and every riding sensor's."""
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
@@ -188,7 +194,7 @@ class RolledWorld(World):
             tire.run(self._orders(np.asarray(start_s + step * part, float)), every=part.size)
         tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
 
-    def _rider(self, sensor: Sensor, angle_rad: float) -> Rider:
+    def _rider(self, sensor: Sensor, angle_rad: float) -> BeltReading:
         """What reads the belt at one place.
 
         v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle).
@@ -198,7 +204,7 @@ class RolledWorld(World):
         length = gauge if isinstance(gauge, float) else gauge["length_m"]
         bent = -self.lever(sensor) / radius**2 if sensor.kind != "radial_acceleration" else 0.0
         strain = splines.functional(angle_rad, {1: bent, 3: bent}, length / radius)
-        return Rider(
+        return BeltReading(
             np.stack(
                 [
                     splines.functional(angle_rad, {0: 1.0}),
@@ -208,11 +214,11 @@ class RolledWorld(World):
             )
         )
 
-    def _place(self, motion: TireMotion, first: int, angle_rad: float) -> Ridden:
+    def _place(self, motion: TireMotion, first: int, angle_rad: float) -> RoadTrace:
         v, w, strain = motion.read[:, first : first + 3].T
         phi = motion.angle_rad - angle_rad
         arm = self.belt.radius_m + w
-        return Ridden(
+        return RoadTrace(
             arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi), strain
         )
 

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
-from tirelog.runs.in_memory import mended, released
+from tirelog.runs.in_memory import released, without_spikes
+from tirelog.strain.footprint.form_choice import FormChoice, choose_form
 from tirelog.strain.footprint.kernels import FITTED
-from tirelog.strain.footprint.learn import LEAST_SPEED_M_S, Learnt
-from tirelog.strain.footprint.measure import Look, Measured, find_onsets, measure_windows
+from tirelog.strain.footprint.learn import LEAST_SPEED_M_S, EdgeForm
+from tirelog.strain.footprint.measure import Measured, WindowPlan, find_onsets, measure_windows
 from tirelog.strain.footprint.refine import PassageFits
-from tirelog.strain.footprint.settle import Settled, settle
 from tirelog.strain.footprint.slip_onset import TOO_WIDE, FrictionRatio, SlipOnset
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.speed import begin, not_turning, speed_quality, strain_channels
@@ -79,7 +79,7 @@ class Footprint:
     fits: PassageFits
     slip: SlipOnset
     cutoff_Hz: FloatArray
-    learnt: Learnt | None
+    learnt: EdgeForm | None
     friction: FrictionRatio
     quality: QualityFlags
 
@@ -92,8 +92,8 @@ class Measuring:
     `work`: what is measured.
     """
 
-    look: Look | None
-    learnt: Learnt
+    look: WindowPlan | None
+    learnt: EdgeForm
     asked_Hz: FloatArray
     work: Measured
 
@@ -102,7 +102,7 @@ class Measuring:
         cls,
         channel: Channel,
         passages: Passages,
-        settled: Settled,
+        settled: FormChoice,
         cutoff: Cutoff,
         block_samples: int = BLOCK_SAMPLES,
     ) -> Measuring:
@@ -111,7 +111,7 @@ class Measuring:
         asked = cutoff.frequency(passages.speed_m_s, passages.radius_m, learnt.wave_number_1_m)
         if cutoff.unit == "auto":
             asked = np.minimum(asked, 0.9 * 0.5 * channel.axis.rate_Hz)
-        look = Look.of(channel, passages, learnt, block_samples, settled.forms)
+        look = WindowPlan.of(channel, passages, learnt, block_samples, settled.forms)
         work = Measured.empty(len(passages))
         work.usual = settled.usual
         return cls(look, learnt, asked, work)
@@ -135,7 +135,7 @@ def footprint(
     passages: Passages,
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
-    settled: Settled | None = None,
+    settled: FormChoice | None = None,
     measured: Iterable[tuple[IntArray, Measured]] | None = None,
     friction: FrictionRatio | None = None,
 ) -> Footprint:
@@ -148,7 +148,7 @@ def footprint(
     cutoff, friction = cutoff or Cutoff(), friction or FrictionRatio()
     n = len(passages)
     if settled is None and not passages.doubt:
-        settled = settle(channel, passages, block_samples)
+        settled = choose_form(channel, passages, block_samples)
     if settled is None:
         work, learnt, asked = Measured.empty(n), None, np.full(n, np.nan)
     else:
@@ -216,7 +216,7 @@ def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatAr
 
 def _assembled(
     passages: Passages,
-    learnt: Learnt | None,
+    learnt: EdgeForm | None,
     work: Measured,
     asked_Hz: FloatArray,
     nyquist: float,
@@ -295,7 +295,7 @@ def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, Floa
 def _quality(
     passages: Passages,
     work: Measured,
-    learnt: Learnt | None,
+    learnt: EdgeForm | None,
     length_m: FloatArray,
     length_d2_m: FloatArray,
     asked_Hz: FloatArray,
@@ -347,10 +347,10 @@ def footprints_of(
     """
     first, turned = None, False
     for stored in strain_channels(recording):
-        channel = mended(stored)
+        channel = without_spikes(stored)
         passages = passages_of(recording, channel)
         turned |= len(passages) > 0
-        own = None if passages.doubt else settle(channel, passages, like=first)
+        own = None if passages.doubt else choose_form(channel, passages, like=first)
         first = first or own
         yield footprint_of_channel(
             recording, channel, passages, Cutoff(), own, friction_ratio=friction_ratio
@@ -364,7 +364,7 @@ def footprint_of_channel(
     channel: Channel,
     passages: Passages,
     cutoff: Cutoff,
-    settled: Settled | None,
+    settled: FormChoice | None,
     block_samples: int = BLOCK_SAMPLES,
     measured: Iterable[tuple[IntArray, Measured]] | None = None,
     friction_ratio: float | None = None,

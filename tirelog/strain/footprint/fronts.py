@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
-from tirelog.runs.in_memory import mended
+from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.speed import begin, speed_quality
 from tirelog.vocabulary.arrays import FloatArray
@@ -27,7 +27,7 @@ from tirelog.vocabulary.kinds import ACCELERATION_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked, quality_column
 
 #: where the level outside is read, beyond the fronts [rad], as with an encoder
-#: (`wheel.dips`): past the lobes; gravity's part is a twelfth of g in the mean over it
+#: (`wheel.coarse_patch`): past the lobes; gravity's part is a twelfth of g in the mean over it
 _FAR = np.radians([25.0, 130.0])
 #: share of the patch, about its middle, in which the level inside is read: beyond it a short patch
 #: bends already; doubled, lengths of 70 mm come out 1 % longer
@@ -94,7 +94,7 @@ def accelerometer_footprints(recording: Recording) -> list[FrontsOfChannel]:
 
 def footprint_of_accelerometer(recording: Recording, channel: Channel) -> FrontsOfChannel:
     """The footprint of one accelerometer."""
-    channel = mended(channel)
+    channel = without_spikes(channel)
     passages = passages_of(recording, channel)
     found = lengths(channel, passages)
     nothing = np.full(len(passages), np.nan)

@@ -72,7 +72,7 @@ MOST_TILT = 1.0
 
 
 @dataclass(frozen=True)
-class Learnt:
+class EdgeForm:
     """The log's form, and what was found with it.
 
     `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
@@ -278,9 +278,9 @@ def learn_reference(
     channel: Channel,
     passages: Passages,
     block_samples: int = BLOCK_SAMPLES,
-    like: Learnt | None = None,
+    like: EdgeForm | None = None,
     without: NDArray[np.bool_] | None = None,
-) -> Learnt | None:
+) -> EdgeForm | None:
     """The form of the passages of `channel`; None if there are none to learn from.
 
     one; `without` (n,): passages that are left out.
@@ -300,7 +300,7 @@ def learn_reference(
     if not found.misfit > 0.0:  # no passage with more samples than unknowns
         return None
     highest = _wave_number(found, channel.axis.rate_Hz, window, passages.noise)
-    return Learnt(found, window, highest, free, without)
+    return EdgeForm(found, window, highest, free, without)
 
 
 def _to_learn_from(
@@ -317,8 +317,8 @@ def _to_learn_from(
 
 
 def learn_own(
-    channel: Channel, passages: Passages, learnt: Learnt, block_samples: int = BLOCK_SAMPLES
-) -> Learnt:
+    channel: Channel, passages: Passages, learnt: EdgeForm, block_samples: int = BLOCK_SAMPLES
+) -> EdgeForm:
     """`learnt` with the tire's own pressure and stiffness, or with what these may do to lengths."""
     chosen = _to_learn_from(channel, passages, block_samples, learnt.without)
     assert chosen is not None

@@ -14,7 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, LEAST_SPEED_M_S, Learnt
+from tirelog.strain.footprint.learn import (
+    ENOUGH_STEADY,
+    FREE_ROLLING_M_S2,
+    LEAST_SPEED_M_S,
+    EdgeForm,
+)
 from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.strain.footprint.refine import (
     FormTables,
@@ -33,11 +38,11 @@ from tirelog.strain.footprint.slip_onset import (
     TOO_SMALL,
     WORST_SPEED,
     FoundOnsets,
+    FreeRollingReference,
     FrictionRatio,
     SlipOnset,
     Tractions,
     TractionWaves,
-    Usual,
     form_error,
 )
 from tirelog.strain.passages.find import Passages
@@ -78,7 +83,7 @@ class Measured:
     fits: PassageFits
     slip: SlipOnset
     driven: NDArray[np.bool_]
-    usual: Usual | None = None
+    usual: FreeRollingReference | None = None
 
     @classmethod
     def empty(cls, n: int) -> Measured:
@@ -116,7 +121,7 @@ class Forms:
     Tables of the fit, and of the traction (made when first asked for).
     """
 
-    def __init__(self, learnt: Learnt, speed_m_s: FloatArray) -> None:
+    def __init__(self, learnt: EdgeForm, speed_m_s: FloatArray) -> None:
         reference = learnt.reference
         self.reference = reference.at_speeds(
             reference.knots(float(speed_m_s.min()), float(speed_m_s.max()))
@@ -153,7 +158,7 @@ class Forms:
 
 
 @dataclass(frozen=True)
-class Look:
+class WindowPlan:
     """What windows of some rows are looked at with: what is known of all passages of a channel.
 
     `rows` (k,): passages whose speed is known; of all (n,): `motions`, the forms' `number`, whether
@@ -178,10 +183,10 @@ class Look:
         cls,
         channel: Channel,
         passages: Passages,
-        learnt: Learnt,
+        learnt: EdgeForm,
         block_samples: int,
         forms: Forms | None = None,
-    ) -> Look | None:
+    ) -> WindowPlan | None:
         """None if no passage's speed is known. `forms`: those of `learnt`, if they are at hand."""
         rate, speed = channel.axis.rate_Hz, passages.speed_m_s
         rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
@@ -248,7 +253,7 @@ class Look:
 
 
 def look_at_some(
-    look: Look, most: int, rolls: NDArray[np.bool_] | None = None
+    look: WindowPlan, most: int, rolls: NDArray[np.bool_] | None = None
 ) -> tuple[IntArray, Measured]:
     """Fits of at most so many rows, evenly, what free ones of them leave, and which are driven.
 
@@ -270,14 +275,14 @@ def look_at_some(
     for windows, _ in kept:
         for part, motion, sigma, knot in look.by_form(windows.take(among[windows.row])):
             gains.append(look.forms.traction(knot, GAIN_EVERY).gains(part, motion, sigma))
-    work.usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
+    work.usual = FreeRollingReference.of(work.fits.chi2[free], np.concatenate(gains))
     for windows, fits in kept:
         look.seek_driven(windows, fits, work)
     return rows, work
 
 
 def measure_windows(
-    look: Look,
+    look: WindowPlan,
     cutoff_Hz: FloatArray,
     clear: NDArray[np.bool_],
     work: Measured,
@@ -320,7 +325,7 @@ def measure_windows(
     work.slip.reason[unsought] = NO_FORM
 
 
-def find_onsets(look: Look, work: Measured, friction: FrictionRatio) -> None:
+def find_onsets(look: WindowPlan, work: Measured, friction: FrictionRatio) -> None:
     """Slip onsets of the rows of `work` that are driven, by the brush of this `friction`.
 
     Some are looked for everywhere. Others start from that of a passage whose length is nearest to
@@ -348,14 +353,14 @@ def _spread(rows: IntArray, most: int) -> IntArray:
     return rows[np.linspace(0, rows.size - 1, min(most, rows.size)).astype(np.int64)]
 
 
-def _form_shift(look: Look, work: Measured, windows: PatchWindows, knot: int) -> FloatArray:
+def _form_shift(look: WindowPlan, work: Measured, windows: PatchWindows, knot: int) -> FloatArray:
     """Where the fits of `windows` put the form, beside its own place at a `knot` [m]."""
     shift_m: FloatArray = work.fits.shift_m[windows.row] - look.forms.tables.shift_m[knot]
     return np.nan_to_num(shift_m)
 
 
 def _searched(
-    look: Look, work: Measured, rows: IntArray, friction: FrictionRatio, scatter: float
+    look: WindowPlan, work: Measured, rows: IntArray, friction: FrictionRatio, scatter: float
 ) -> tuple[IntArray, Records]:
     """Fill the onsets of `rows`, looked for everywhere; those that others may start from.
 
@@ -376,7 +381,7 @@ def _searched(
 
 
 def _followed(
-    look: Look,
+    look: WindowPlan,
     work: Measured,
     rows: IntArray,
     known: IntArray,
@@ -399,7 +404,7 @@ def _followed(
     return np.sort(onsets.row[~alike])
 
 
-def _free(look: Look, rows: IntArray) -> IntArray:
+def _free(look: WindowPlan, rows: IntArray) -> IntArray:
     """Those of `rows` that no quality word spoils and that are at steady speed.
 
     All clean ones, or all of `rows`, if those are too few.
@@ -424,7 +429,7 @@ def _power_of_two(values: FloatArray) -> IntArray:
     )
 
 
-def _fit(look: Look, windows: PatchWindows, work: Measured) -> PassageFits:
+def _fit(look: WindowPlan, windows: PatchWindows, work: Measured) -> PassageFits:
     """Fill the fits of rows that share averaging, which are given back row by row."""
     row = windows.row
     fits = fit_edges(

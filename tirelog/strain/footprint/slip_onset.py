@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
 from tirelog.strain.footprint.kernels import FITTED, OWN, motion_of
-from tirelog.strain.footprint.learn import LEAST_SCATTER, Learnt
+from tirelog.strain.footprint.learn import LEAST_SCATTER, EdgeForm
 from tirelog.strain.footprint.onset_kernels import (
     ONSET,
     TRUST,
@@ -243,7 +243,7 @@ class FrictionRatio:
 
 
 @dataclass(frozen=True)
-class Usual:
+class FreeRollingReference:
     """What passages that roll freely leave in this log.
 
     `scatter`, how much larger their residuals are than the noise of a sample tells, and `gain`,
@@ -255,7 +255,7 @@ class Usual:
     gain: float
 
     @classmethod
-    def of(cls, chi2: FloatArray, gains: FloatArray) -> Usual:
+    def of(cls, chi2: FloatArray, gains: FloatArray) -> FreeRollingReference:
         """From what free passages leave, and the gains of a traction in some of them.
 
         Chi-square per degree of freedom (n,) of the passages; `gains` (k,).
@@ -449,7 +449,7 @@ class FoundOnsets(ColumnSet):
         )
 
 
-def form_error(learnt: Learnt) -> float:
+def form_error(learnt: EdgeForm) -> float:
     """Error of an onset by what the form and its brush are not, as a share of the half length."""
     missed = FORM_ERROR * float(np.sqrt(max(1.0 - REMARKABLE / learnt.reference.misfit, 0.0)))
     reference = learnt.reference

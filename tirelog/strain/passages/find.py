@@ -24,11 +24,11 @@ from tirelog.data.plausibility import doubt_of_rate, doubt_of_vehicle, implausib
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.data.setup import PLAUSIBLE
 from tirelog.errors import SetupError, UsageError
-from tirelog.runs.in_memory import mended
-from tirelog.strain.passages import marks
+from tirelog.runs.in_memory import without_spikes
+from tirelog.strain.passages import passage_flags
 from tirelog.strain.passages.fit import Signal
-from tirelog.strain.passages.marks import TURN_RAD, kinematics, turns_between
-from tirelog.strain.passages.match import Matched, match, one_turn
+from tirelog.strain.passages.match import MatchedPassages, match, one_turn
+from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_between
 from tirelog.strain.passages.search import AT_ONCE, Pulses, pulses_in, search_passages
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import FloatArray
@@ -72,7 +72,9 @@ FAINT, FAINT_UNLINKED = 0.09, 0.15
 MOST_UNEVEN, FEWEST_TRIPLES = 0.15, 6
 
 
-def doubt(channel: Channel, raw: Pulses, matched: Matched, noise: float, radius_m: float) -> str:
+def doubt(
+    channel: Channel, raw: Pulses, matched: MatchedPassages, noise: float, radius_m: float
+) -> str:
     """Why the pulses are no passages of a tire; '' if nothing speaks against it.
 
     `raw`: the pulses as they were found, before strangers were dropped; `noise`: sigma of one
@@ -281,7 +283,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
 
     The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
     """
-    channel = mended(channel)
+    channel = without_spikes(channel)
     sign = patch_sign(channel)
     pulses, data = search_passages(channel, sign, block_samples)
     signal = Signal(channel, sign, data.noise, data.extremes)
@@ -312,9 +314,9 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
     turns = turns_between(time_s, omega)
     turned = matched.backwards[1:] != matched.backwards[:-1]
     index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
-    untimed = marks.clock_between(channel, index)
-    linked, rolled = one_turn(turns) & ~turned & ~untimed, marks.rolled_on(omega, radius_m)
-    whole = np.where(turned | untimed, 0, marks.whole_turns(time_s, linked, rolled))
+    untimed = passage_flags.clock_between(channel, index)
+    linked, rolled = one_turn(turns) & ~turned & ~untimed, passage_flags.rolled_on(omega, radius_m)
+    whole = np.where(turned | untimed, 0, passage_flags.whole_turns(time_s, linked, rolled))
     linked = np.append(np.where(whole > 0, whole == 1, linked), False)
     window_rad = (
         template.window_rad
@@ -322,7 +324,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
         else float(np.median(matched.pulses.width * omega) / channel.axis.rate_Hz)
     )
     lost = (
-        marks.lost_between(channel, time_s, omega, turns, window_rad)
+        passage_flags.lost_between(channel, time_s, omega, turns, window_rad)
         if template
         else np.zeros(turns.size, np.int64)
     )
@@ -333,7 +335,9 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
     alone = motion.sides == 0
     blind = matched.standing | (time_s.size < 3)
     quality = (
-        marks.window_quality(channel, found, index, window_rad / omega * channel.axis.rate_Hz)
+        passage_flags.window_quality(
+            channel, found, index, window_rad / omega * channel.axis.rate_Hz
+        )
         | marked(matched.standing, Quality.STANDSTILL)
         | marked(matched.backwards, Quality.REVERSING)
         | marked((found.used < FEWEST) & (template is not None), Quality.FEW_SAMPLES)
@@ -350,7 +354,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
         time_se_s=matched.time_se_s,
         turn_before=np.concatenate([[False], linked[:-1]]),
         turn_after=linked,
-        break_after=marks.breaks(
+        break_after=passage_flags.breaks(
             channel, index, turns, shortest_s, turns_after > 0, turned, rolled, untimed
         ),
         omega_rad_s=np.where(alone, np.where(blind, np.nan, found.omega), motion.omega),
@@ -396,7 +400,7 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
     for k in np.flatnonzero(lost):
         count, around = int(lost[k]), slice(k, k + 2)
         t, omega = measured.time_s[around], measured.omega_rad_s[around]
-        times.append(marks.between(t[0], t[1], omega[0], omega[1], count))
+        times.append(passage_flags.between(t[0], t[1], omega[0], omega[1], count))
         even = t[0] + (t[1] - t[0]) * np.arange(1, count + 1) / (count + 1)
         ses.append(0.2 * np.abs(times[-1] - even) + 1e-3 * (t[1] - t[0]) / (count + 1))
         speeds.append(np.interp(times[-1], t, omega))
@@ -407,7 +411,9 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
         np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
     )
     index = channel.axis.index(time_s)
-    gap = marks.in_gap(channel.axis, index, measured.window_rad / omega * channel.axis.rate_Hz)
+    gap = passage_flags.in_gap(
+        channel.axis, index, measured.window_rad / omega * channel.axis.rate_Hz
+    )
     extra: dict[str, Any] = {
         "index": index, "time_s": time_s, "time_se_s": np.concatenate(ses),
         "turn_before": False, "turn_after": False, "break_after": 0, "omega_rad_s": omega,

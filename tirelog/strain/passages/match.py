@@ -27,7 +27,12 @@ from tirelog.strain.passages.fit import (
     gather,
     residuals,
 )
-from tirelog.strain.passages.marks import TURN_RAD, kinematics, may_have_stopped, turns_between
+from tirelog.strain.passages.passage_flags import (
+    TURN_RAD,
+    kinematics,
+    may_have_stopped,
+    turns_between,
+)
 from tirelog.strain.passages.search import AT_ONCE, Pulses, usual
 from tirelog.strain.passages.template import WIDEST_RAD, Template, learned_template
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -264,7 +269,7 @@ TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 
 @dataclass(frozen=True)
-class Matched:
+class MatchedPassages:
     """The fitted passages, and which of them were no plain ones.
 
     The `pulses` that are left, the `start` of their fits, the `fit`, standard errors of its times
@@ -288,7 +293,7 @@ class Matched:
         return np.where(self.standing, self.start.time_s, self.fit.time_s)
 
 
-def match(signal: Signal, pulses: Pulses) -> Matched:
+def match(signal: Signal, pulses: Pulses) -> MatchedPassages:
     """Template and fit of the pulses, without those that are no passage."""
     pulses = screen(signal.channel, pulses)
     start = _start(signal.channel, pulses)
@@ -331,14 +336,14 @@ def _matched(
     start: Start,
     found: PassageFit,
     back: NDArray[np.bool_],
-) -> Matched:
+) -> MatchedPassages:
     """The fits with what they say about themselves."""
     height = np.abs(found.height)
     usual = USUAL_MISFITS * float(np.median(found.misfit / height)) if len(pulses) else 0.0
     bad = found.misfit > np.maximum(max(STANDING_MISFIT, usual) * height, 3 * signal.noise)
     standing = bad & (start.stretch == STRETCH_WIDTH) & ~found.spike
     quarter_s = 0.25 * pulses.width / signal.channel.axis.rate_Hz
-    return Matched(
+    return MatchedPassages(
         template,
         pulses,
         start,

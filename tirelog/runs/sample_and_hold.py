@@ -47,7 +47,7 @@ _EVEN = 2.0
 
 
 @dataclass(frozen=True)
-class Held:
+class SampleAndHold:
     """`at` (m,): the first sample of each value; `axis`: their times; `least` and `most` samples
     that a value stands, as a rule.
     """
@@ -67,7 +67,7 @@ class Held:
         )
 
 
-def repeats(channel: Channel) -> Held | None:
+def repeats(channel: Channel) -> SampleAndHold | None:
     """How the values of a channel are held; None if they are not.
 
     Asked of channels in which a patch is found, and whose samples are `Scaled`.
@@ -75,10 +75,10 @@ def repeats(channel: Channel) -> Held | None:
     stored = channel.samples
     if channel.kind not in (*STRAIN_KINDS, *ACCELERATION_KINDS) or not isinstance(stored, Scaled):
         return None
-    return held(stored, channel.axis)
+    return sample_and_hold(stored, channel.axis)
 
 
-def without_repeats(channel: Channel, found: Held) -> Channel:
+def without_repeats(channel: Channel, found: SampleAndHold) -> Channel:
     """The channel, whose samples are `Scaled`, with each value that is held once."""
     stored = channel.samples
     assert isinstance(stored, Scaled)
@@ -100,7 +100,7 @@ def _moved(doubt: Doubt, at: IntArray) -> Doubt:
     return max(int(first), 0), max(int(last), 0) + 1, word
 
 
-def held(stored: Scaled, axis: TimeAxis) -> Held | None:
+def sample_and_hold(stored: Scaled, axis: TimeAxis) -> SampleAndHold | None:
     """How the values of a channel are held; None if they are not."""
     if not _likely(stored, axis.size):
         return None
@@ -118,7 +118,7 @@ def held(stored: Scaled, axis: TimeAxis) -> Held | None:
             np.arange(first + (int(some[0]) - first if some.size else 0) % every, end, every)
             for (first, end), some in zip(segments, own, strict=True)
         ]
-        return Held(np.concatenate(parts), _axis(axis, parts, float(every)), every, every)
+        return SampleAndHold(np.concatenate(parts), _axis(axis, parts, float(every)), every, every)
     usual = int(np.bincount(steps[steps <= _PIECE]).argmax())
     near = steps[np.abs(steps - usual) <= 1]
     if usual < 2 or near.sum() < _COVERED * steps.sum():
@@ -130,7 +130,7 @@ def held(stored: Scaled, axis: TimeAxis) -> Held | None:
     ]
     common = np.flatnonzero(np.bincount(near) > _SINGLE * near.size)
     at = np.concatenate(parts)
-    return Held(at, _axis(axis, parts, period), int(common[0]), int(common[-1]))
+    return SampleAndHold(at, _axis(axis, parts, period), int(common[0]), int(common[-1]))
 
 
 def _likely(stored: Scaled, size: int) -> bool:

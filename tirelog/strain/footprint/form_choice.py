@@ -5,7 +5,7 @@
         --some of all passages are looked at: driven ones among them? without these-->
         --still misses them, each in its own way? of those that are alike, and that it fits-->
         --of what rolls freely: the tire's own pressure and stiffness-->
-    Settled, from which the next grating of the log starts
+    FormChoice, from which the next grating of the log starts
 
 What a traction does to the form is larger than what the form is asked for. Only some passages are
 looked at, evenly over the log, so that settling takes no longer on a longer log.
@@ -22,13 +22,13 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.learn import (
     FREE_ROLLING_M_S2,
     LEAST_OF_CLASS,
-    Learnt,
+    EdgeForm,
     learn_own,
     learn_reference,
 )
-from tirelog.strain.footprint.measure import Forms, Look, Measured, look_at_some
+from tirelog.strain.footprint.measure import Forms, Measured, WindowPlan, look_at_some
 from tirelog.strain.footprint.refine import REMARKABLE
-from tirelog.strain.footprint.slip_onset import Usual
+from tirelog.strain.footprint.slip_onset import FreeRollingReference
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -65,7 +65,7 @@ MOST_LEARNT = 3
 
 
 @dataclass(frozen=True)
-class Settled:
+class FormChoice:
     """A channel's form, and what is known with it.
 
     `usual`: what passages that roll freely leave, None if there are none; `clearer`: whether the
@@ -74,24 +74,24 @@ class Settled:
     they are to be made.
     """
 
-    learnt: Learnt
-    usual: Usual | None = None
+    learnt: EdgeForm
+    usual: FreeRollingReference | None = None
     clearer: bool | None = None
     chosen: bool = False
     forms: Forms | None = None
 
     @property
-    def light(self) -> Settled:
+    def light(self) -> FormChoice:
         """Without what can be made again."""
         return replace(self, forms=None)
 
 
-def settle(
+def choose_form(
     channel: Channel,
     passages: Passages,
     block_samples: int = BLOCK_SAMPLES,
-    like: Settled | None = None,
-) -> Settled | None:
+    like: FormChoice | None = None,
+) -> FormChoice | None:
     """The form of the passages of `channel` that roll freely; None if there are none to learn from.
 
     `like`: that of another grating of the log, to start from: it has the same drive, so what was
@@ -125,13 +125,13 @@ def settle(
 
 
 def _with_own(
-    channel: Channel, passages: Passages, block_samples: int, settled: Settled
-) -> Settled:
+    channel: Channel, passages: Passages, block_samples: int, settled: FormChoice
+) -> FormChoice:
     """`settled` with the tire's own form, and what free passages leave beside that."""
     learnt = learn_own(channel, passages, settled.learnt, block_samples)
     if learnt.reference.family is settled.learnt.reference.family:
         return replace(settled, learnt=learnt)
-    look = Look.of(channel, passages, learnt, block_samples)
+    look = WindowPlan.of(channel, passages, learnt, block_samples)
     if look is None:
         return replace(settled, learnt=learnt, forms=None)
     rolls = ~learnt.without if settled.chosen and learnt.without is not None else None
@@ -148,20 +148,20 @@ def _undriven(
     channel: Channel,
     passages: Passages,
     block_samples: int,
-    learnt: Learnt,
+    learnt: EdgeForm,
     left_out: NDArray[np.bool_],
     clearer: bool | None,
-) -> Settled:
+) -> FormChoice:
     """The form without passages that show a traction, if the `learnt` one bends to them.
 
     `left_out` (n,): passages that it was not learnt from.
     """
     for again in range(MOST_LEARNT + 1):
-        look = Look.of(channel, passages, learnt, block_samples)
+        look = WindowPlan.of(channel, passages, learnt, block_samples)
         if look is None:
             break
         rows, work = look_at_some(look, LOOKED)
-        settled = Settled(learnt, work.usual, clearer, forms=look.forms)
+        settled = FormChoice(learnt, work.usual, clearer, forms=look.forms)
         new = work.driven & ~left_out
         if again == MOST_LEARNT or not new.any() or not _mixed(learnt, rows, work):
             return settled
@@ -172,16 +172,16 @@ def _undriven(
         if freed is None:
             return settled
         learnt = freed
-    return Settled(learnt, None, clearer)
+    return FormChoice(learnt, None, clearer)
 
 
 def _of_alike(
     channel: Channel,
     passages: Passages,
     block_samples: int,
-    settled: Settled,
-    like: Settled | None,
-) -> Settled | None:
+    settled: FormChoice,
+    like: FormChoice | None,
+) -> FormChoice | None:
     """The form of passages that are alike and that it fits, if it is much clearer.
 
     So it is where many passages pull at a steady speed: no form fits those that do, and that of all
@@ -193,7 +193,7 @@ def _of_alike(
         return None
     kept, count = np.zeros(len(passages), bool), 0
     for again in range(MOST_CHOSEN):
-        look = Look.of(channel, passages, learnt, block_samples)
+        look = WindowPlan.of(channel, passages, learnt, block_samples)
         if look is None:
             return None
         rows, work = look_at_some(look, LOOKED)
@@ -218,11 +218,11 @@ def _of_alike(
         learnt, kept, count = found, those, int(those.sum())
     if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
         return None
-    look = Look.of(channel, passages, learnt, block_samples)
+    look = WindowPlan.of(channel, passages, learnt, block_samples)
     if look is None:
         return None
     _, work = look_at_some(look, LOOKED, kept)
-    return Settled(learnt, work.usual, settled.clearer, True, look.forms)
+    return FormChoice(learnt, work.usual, settled.clearer, True, look.forms)
 
 
 def _below_gap(misfit: FloatArray, group: IntArray) -> NDArray[np.bool_]:
@@ -241,7 +241,7 @@ def _below_gap(misfit: FloatArray, group: IntArray) -> NDArray[np.bool_]:
     return below
 
 
-def _mixed(learnt: Learnt, rows: IntArray, work: Measured) -> bool:
+def _mixed(learnt: EdgeForm, rows: IntArray, work: Measured) -> bool:
     """Whether the form has to be learnt again, without passages under traction.
 
     So it is if it was learnt from passages with and without traction alike, and missed both.

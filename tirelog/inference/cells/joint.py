@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions, Stack
-from tirelog.inference.cells.cells import Cells, SharedEffects, Together
+from tirelog.inference.cells.cells import BlockLayout, Cells, SharedEffects
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -138,7 +138,7 @@ _OF_GRATING = "baseline"
 
 
 @dataclass(frozen=True)
-class StacksTogether:
+class JointStacks:
     """The revolutions of several observables, in the order of the model's.
 
     `places` (n,): of several gratings the angle of each on the wheel [rad], NaN for what is none.
@@ -147,33 +147,31 @@ class StacksTogether:
     parts: tuple[Sequence[Stack], ...]
     places: tuple[float, ...] = ()
 
-    def of_channels(self, names: Sequence[str]) -> StacksTogether:
+    def of_channels(self, names: Sequence[str]) -> JointStacks:
         """The revolutions of some gratings alone, or of what is none ("")."""
         kept = [
             i
             for i, (part, place) in enumerate(zip(self.parts, self.places, strict=True))
             if (part[0].channel if np.isfinite(place) else "") in names
         ]
-        return StacksTogether(
-            tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept)
-        )
+        return JointStacks(tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept))
 
     def __len__(self) -> int:
         return min(len(part) for part in self.parts)
 
 
 @dataclass(frozen=True)
-class PiecesTogether:
+class JointPieces:
     """The pieces of several observables, which have their manoeuvres in common.
 
-    `places` as of `StacksTogether`.
+    `places` as of `JointStacks`.
     """
 
     parts: tuple[Pieces, ...]
     places: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, parts: Sequence[Pieces], places: tuple[float, ...] = ()) -> PiecesTogether:
+    def of(cls, parts: Sequence[Pieces], places: tuple[float, ...] = ()) -> JointPieces:
         return cls(tuple(one_drive(parts)), places)
 
     @property
@@ -190,12 +188,10 @@ class PiecesTogether:
             for part, place in zip(self.parts, places, strict=True)
         )
 
-    def without(self, members: Sequence[str]) -> PiecesTogether:
+    def without(self, members: Sequence[str]) -> JointPieces:
         """The pieces without those of some gratings."""
         kept = [i for i, name in enumerate(self.members) if name not in members]
-        return PiecesTogether(
-            tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept)
-        )
+        return JointPieces(tuple(self.parts[i] for i in kept), tuple(self.places[i] for i in kept))
 
     @property
     def logs(self) -> tuple[str, ...]:
@@ -206,11 +202,11 @@ class PiecesTogether:
         """The manoeuvre of each piece, of all observables."""
         return np.concatenate([part.manoeuvre for part in self.parts])
 
-    def take(self, which: NDArray[np.bool_]) -> PiecesTogether:
+    def take(self, which: NDArray[np.bool_]) -> JointPieces:
         """Some of the pieces, (P,) of all observables."""
         ends = np.cumsum([len(part) for part in self.parts])[:-1]
         kept = zip(self.parts, np.split(which, ends), strict=True)
-        return PiecesTogether(tuple(part.take(mine) for part, mine in kept), self.places)
+        return JointPieces(tuple(part.take(mine) for part, mine in kept), self.places)
 
     def __len__(self) -> int:
         return min(len(part) for part in self.parts)
@@ -259,7 +255,7 @@ def joined_cells(
     """
     width = max(part.phi.shape[1] for part in parts)
     names = tuple(dict.fromkeys(name for part in parts for name in part.logs))
-    layout = Together(
+    layout = BlockLayout(
         tuple(part.observable for part in parts),
         tuple(part.surface for part in parts),
         tuple(float(scale) for scale in scales),
@@ -391,7 +387,7 @@ def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> Sha
 def _joined_effects(
     effects: Sequence[SharedEffects | None],
     parts: Sequence[Cells],
-    layout: Together,
+    layout: BlockLayout,
     width: int,
 ) -> SharedEffects | None:
     """Those of parts as they stand, for their cells under each other."""
@@ -406,7 +402,7 @@ def _joined_effects(
     return _tied(placed)
 
 
-def _names(own: SharedEffects, layout: Together, part: int) -> tuple[str, ...]:
+def _names(own: SharedEffects, layout: BlockLayout, part: int) -> tuple[str, ...]:
     """The names of a member's shared effects among all: whose they are, unless all gratings'."""
     beside = len(set(layout.observables)) > 1
     of_all = f"{layout.observables[part]}: " if beside else ""

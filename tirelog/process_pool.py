@@ -39,7 +39,7 @@ ASKS, TOLD, MADE, FAILED = "asks", "told", "made", "failed"
 POSSIBLE = sys.platform == "linux" and hasattr(os, "fork")
 
 
-class Wire:
+class PipeLink:
     """How a process that works on a number hears of those before it, and tells of its own."""
 
     def __init__(self, pipe: Connection, number: int) -> None:
@@ -57,7 +57,7 @@ class Wire:
             self._pipe.send((TOLD, self._number, what))
 
 
-class Here:
+class LocalLink:
     """A `Wire` of the process that keeps what is told."""
 
     def __init__(self, before: Any) -> None:
@@ -71,10 +71,10 @@ class Here:
         self.told.append(what)
 
 
-def apart(
+def in_processes(
     count: int,
     processes: int,
-    make: Callable[[int, Wire | Here], Made],
+    make: Callable[[int, PipeLink | LocalLink], Made],
 ) -> Generator[Made]:
     """`make(number, wire)` for all numbers below `count`, in their order, by `processes`.
 
@@ -149,7 +149,7 @@ def apart(
                         lost(ready)
             made = done.pop(number, None)
             if made is None:
-                here = Here(_first_told(told, number)[1])
+                here = LocalLink(_first_told(told, number)[1])
                 made = make(number, here)
                 settle(number, next(iter(here.told), None))
             yield made
@@ -174,7 +174,7 @@ def shared_out(count: int, make: Callable[[int], Made], allowed: bool = True) ->
     if not (allowed and shares(count)):
         yield from map(make, range(count))
         return
-    with closing(apart(count, processes(), lambda number, wire: (make(number),))) as answers:
+    with closing(in_processes(count, processes(), lambda number, wire: (make(number),))) as answers:
         for (answer,) in answers:
             yield answer
 
@@ -203,7 +203,7 @@ def _end(process: int) -> None:
 
 
 def _serve(
-    pipe: Connection, others: list[Connection], make: Callable[[int, Wire | Here], Any]
+    pipe: Connection, others: list[Connection], make: Callable[[int, PipeLink | LocalLink], Any]
 ) -> None:
     """What a process does: numbers down the pipe, answers up; it never comes back from here."""
     try:
@@ -217,7 +217,7 @@ def _serve(
         while True:
             number = pipe.recv()
             try:
-                answer = MADE, number, make(number, Wire(pipe, number))
+                answer = MADE, number, make(number, PipeLink(pipe, number))
             except Exception:  # its parent meets the same, and says it
                 answer = FAILED, number, None
             pipe.send(answer)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.together import at_lever, own_amplitudes, parts_of
+from tirelog.inference.cells.joint import at_lever, own_amplitudes, parts_of
 from tirelog.inference.fit.cells import Fit
 
 

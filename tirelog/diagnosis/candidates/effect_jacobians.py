@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, TogetherBase, apart, change_to
+from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.together import embedded, lacking, rows_by_observable
+from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
 from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
@@ -231,13 +231,15 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     A form that is somewhat wrong keeps its symmetry: if the effect's own contribution is even
     (or odd) about the patch centre, so are the shapes.
     """
-    if isinstance(base, TogetherBase):
+    if isinstance(base, JointBase):
         each = [
             embedded(base.cells, i, freedom_of_shape(part, effect_id))
-            for i, part in enumerate(apart(base))
+            for i, part in enumerate(bases_by_observable(base))
             if _acts_in(part, effect_id)
         ]
-        if all(part.cells.member for part in apart(base)):  # the tire's shape is one to all
+        if all(
+            part.cells.member for part in bases_by_observable(base)
+        ):  # the tire's shape is one to all
             return np.asarray(sum(each), dtype=np.float64)
         return np.concatenate(each, axis=-1)
     weight = base.plain.weights
