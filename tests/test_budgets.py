@@ -22,7 +22,7 @@ SAMPLES = ROOT / "sample_data"
 #: most files and statements of a folder
 FOLDERS = {
     "(top)": (8, 700),
-    "api": (10, 670),
+    "api": (11, 680),
     "campaign": (6, 900),
     "cli": (13, 1540),
     "data": (4, 490),
@@ -46,7 +46,7 @@ FOLDERS = {
 #: numbers with a name at the top of a module, and classes, in the whole package
 CONSTANTS, CLASSES = 1093, 510
 #: files that have a function which runs, by command
-WALKS = {"speed drive.csv.gz": 75, "diagnose hidden_1.csv.gz --model MODEL": 150}
+WALKS = {"speed drive.csv.gz": 62, "diagnose hidden_1.csv.gz --model MODEL": 150}
 #: lines and parameters that a function may have
 LINES, PARAMETERS = 120, 8
 #: functions that are longer, and that take more; none is added
