@@ -26,8 +26,8 @@ from tirelog.inference.measured import measured
 from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.file import load_model, save_model
 from tirelog.physics.model.model import Model
+from tirelog.report.request import ReportRequest
 from tirelog.report.sections.diagnosed import model_story
-from tirelog.report.sources import ReportRequest
 from tirelog.runs.ingest import open_recording
 
 pytestmark = pytest.mark.xdist_group("measured")  # one worker makes what these tests share

@@ -28,10 +28,11 @@ from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
 from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
 from tirelog.report.page import Report, Section, render
+from tirelog.report.request import ReportRequest
 from tirelog.report.sections import diagnosed
 from tirelog.report.sections.diagnosed import model_story, proposed
 from tirelog.report.sections.models import residual_map
-from tirelog.report.sources import PAPERS, ReportRequest, used_papers
+from tirelog.report.sources import PAPERS, used_papers
 from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share

@@ -36,7 +36,7 @@ from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import own_effects
-from tirelog.report.sources import ReportRequest
+from tirelog.report.request import ReportRequest
 from tirelog.vocabulary.observables import (
     WAVEFORMS,
     waveform_of,

@@ -14,7 +14,7 @@ from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
 from tirelog.report.build import build
 from tirelog.report.page import plotting_library, render
-from tirelog.report.sources import ReportRequest
+from tirelog.report.request import ReportRequest
 from tirelog.storage.whole import whole_file
 
 __all__ = ["ReportOrder", "ReportRequest", "write_report"]

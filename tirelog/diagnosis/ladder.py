@@ -28,7 +28,7 @@ from tirelog.diagnosis.candidates.nuisance_sizes import (
 from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.gratings import gathered
-from tirelog.diagnosis.history import locked_away, untouched
+from tirelog.diagnosis.holdout import locked_away, untouched
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Ladder, LadderStep

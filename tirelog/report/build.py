@@ -25,6 +25,7 @@ from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
 from tirelog.report.figures import LogColours
 from tirelog.report.page import Report, Section
+from tirelog.report.request import ReportRequest
 from tirelog.report.sections import models as model_sections
 from tirelog.report.sections import recorded as sections
 from tirelog.report.sections import tables as table_sections
@@ -32,7 +33,6 @@ from tirelog.report.sections.answer import NO_MODEL, without_a_model
 from tirelog.report.sections.recorded import passage_figures
 from tirelog.report.sources import (
     MadeTable,
-    ReportRequest,
     SourceTables,
     given_tables,
     made_tables,

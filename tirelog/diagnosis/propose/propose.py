@@ -22,7 +22,7 @@ from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_e
 from tirelog.diagnosis.candidates.separation import advise, by_the_minute
 from tirelog.diagnosis.compare import Measured, measured_pieces, start
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
-from tirelog.diagnosis.history import locked_away, untouched
+from tirelog.diagnosis.holdout import locked_away, untouched
 from tirelog.diagnosis.propose.formulas import (
     Choice,
     Draft,

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.results import Comparison, EffectCurve
     from tirelog.physics.effects import Effect
-    from tirelog.report.sources import ReportRequest
+    from tirelog.report.request import ReportRequest
 
 #: remarks that the card has room for; the sections have all of them
 _REMARKS = 3

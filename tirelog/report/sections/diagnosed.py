@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tirelog.inference.obstacle_log import TransientLog
     from tirelog.physics.effects import Effect
     from tirelog.physics.model.model import Model
-    from tirelog.report.sources import ReportRequest
+    from tirelog.report.request import ReportRequest
 
 
 # ---- The section of logs that met an obstacle: how well the model answers it, hit by hit.
