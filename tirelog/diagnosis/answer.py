@@ -41,8 +41,8 @@ class AnswerTable:
 class AnswerRecord:
     """What every answer has: a headline, tables and sentences below it, and a figure.
 
-    `drawn_by`: module of the pictures, as a table's is named; its functions of the `figure` and of
-    the main `panel` take the answer.
+    `drawn_by`: in `plots.answers` the function of that name and `_figure` draws the answer, that of
+    the name `panel` its main panel.
     """
 
     drawn_by: ClassVar[str]
@@ -68,9 +68,9 @@ class AnswerRecord:
         UsageError: no picture has the path's suffix.
         """
         if path_or_axes is not None and not isinstance(path_or_axes, str | Path):
-            resolve_name(f"{self.drawn_by}:{self.panel}")(path_or_axes, self)
+            resolve_name(f"tirelog.plots.answers:{self.panel}")(path_or_axes, self)
             return path_or_axes.figure
-        figure = resolve_name(f"{self.drawn_by}:figure")(self, **how)
+        figure = resolve_name(f"tirelog.plots.answers:{self.drawn_by}_figure")(self, **how)
         if path_or_axes is not None:
             resolve_name("tirelog.plots.style:write")(figure, Path(path_or_axes))
         return figure

@@ -119,7 +119,7 @@ class Diagnosis(AnswerRecord):
     `before` and `after`: the model as it came and with what was selected.
     """
 
-    drawn_by = "tirelog.plots.answers"
+    drawn_by = "diagnose"
     panel = "ranking"
 
     verdict: str
@@ -227,7 +227,7 @@ class Diagnosis(AnswerRecord):
 
         The latter come back.
         """
-        beside: list[Path] = resolve_name(f"{self.drawn_by}:draw")(self, path, **how)
+        beside: list[Path] = resolve_name("tirelog.plots.answers:draw_diagnose")(self, path, **how)
         return beside
 
     @property

@@ -62,7 +62,7 @@ class FitOfLogs(AnswerRecord):
     remarks  what a reader should know before believing it
     """
 
-    drawn_by = "tirelog.plots.answers"
+    drawn_by = "fit"
     panel = "correlations"
 
     model: Model
@@ -300,7 +300,7 @@ class TireForm(AnswerRecord):
     the form.
     """
 
-    drawn_by = "tirelog.plots.answers"
+    drawn_by = "form"
     panel = "over_patch"
 
     pressure: FormProfile

@@ -128,7 +128,7 @@ class Comparison(AnswerRecord):
     `aside`: remarks on what was not compared.
     """
 
-    drawn_by = "tirelog.plots.answers"
+    drawn_by = "compare"
     panel = "waveforms"
 
     observable: str
@@ -243,7 +243,7 @@ class Comparison(AnswerRecord):
 
         Those beside it come back. UsageError: a kind that is none for a number per revolution.
         """
-        beside: list[Path] = resolve_name(f"{self.drawn_by}:draw")(self, path, **how)
+        beside: list[Path] = resolve_name("tirelog.plots.answers:draw_compare")(self, path, **how)
         if self.obstacles is not None:
             beside.append(path.with_stem(f"{path.stem}_transient"))
             resolve_name("tirelog.plots.answers:draw_transient")(self.obstacles, beside[-1])
@@ -409,7 +409,7 @@ class Ladder(AnswerRecord):
     them.
     """
 
-    drawn_by = "tirelog.plots.answers"
+    drawn_by = "ladder"
     panel = "steps"
 
     observable: str

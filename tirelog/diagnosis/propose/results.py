@@ -88,7 +88,7 @@ class Proposal(AnswerRecord):
     leading_before, leading_after  (m,) the leading shape of what is left, at `phi_rad` (m,)
     """
 
-    drawn_by = "tirelog.plots.answers"
+    drawn_by = "propose"
     panel = "shape"
 
     status: str
