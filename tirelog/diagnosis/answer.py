@@ -68,7 +68,8 @@ class AnswerRecord:
         UsageError: no picture has the path's suffix.
         """
         if path_or_axes is not None and not isinstance(path_or_axes, str | Path):
-            resolve_name(f"tirelog.plots.answers:{self.panel}")(path_or_axes, self)
+            panel = resolve_name(f"tirelog.plots.answers:{self.panel}")(self)
+            resolve_name("tirelog.plots.style:draw_panel")(path_or_axes, panel)
             return path_or_axes.figure
         figure = resolve_name(f"tirelog.plots.answers:{self.drawn_by}_figure")(self, **how)
         if path_or_axes is not None:
