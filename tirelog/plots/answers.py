@@ -31,6 +31,7 @@ from tirelog.plots.record import (
     heat,
     level,
     line,
+    rows_of,
     span,
     upright,
     words,
@@ -128,14 +129,8 @@ def signatures(chosen: Sequence[Effect], path: Path) -> None:
             do="choose another",
         )
     across = min(len(shown), 4)
-    rows = _rows([_signature(effect, named=effect is shown[0]) for effect in shown], across)
+    rows = rows_of([_signature(effect, named=effect is shown[0]) for effect in shown], across)
     write(picture(Page(rows, (3.6 * across, 2.6 * len(rows)))), path)
-
-
-def _rows(panels: Sequence[Panel], across: int) -> list[list[Panel | None]]:
-    """Panels in rows of so many, the last one filled up."""
-    filled = [*panels, *[None] * (-len(panels) % across)]
-    return [filled[i : i + across] for i in range(0, len(filled), across)]
 
 
 def _signature(effect: Effect, *, named: bool) -> Panel:
@@ -229,7 +224,7 @@ def modes_picture(columns: Mapping[str, Sequence[Any]], path: Path) -> None:
     """
     order = np.argsort(np.asarray(columns["frequency_Hz"], float))[:_MOST]
     panels = [_mode({name: columns[name][row] for name in columns}) for row in order]
-    rows = _rows(panels, 4)
+    rows = rows_of(panels, 4)
     write(picture(Page(rows, (10.0, 2.7 * max(len(rows), 1)))), path)
 
 

@@ -131,3 +131,9 @@ def span(low: float, high: float, colour: Any, **style: Any) -> Mark:
 def words(text: str, x: float, y: float, **style: Any) -> Mark:
     """Text at a place."""
     return Mark("words", x, y, text, style=style)
+
+
+def rows_of(panels: Sequence[Panel], across: int) -> list[list[Panel | None]]:
+    """Panels in rows of so many, the last one filled up."""
+    filled = [*panels, *[None] * (-len(panels) % across)]
+    return [filled[i : i + across] for i in range(0, len(filled), across)]

@@ -158,7 +158,7 @@ def draw_panel(axes: Any, panel: Panel) -> Any:
         axes.set_aspect("equal")
     if panel.title:
         axes.set_title(
-            panel.title, loc="center" if panel.polar or panel.bare else "left", fontsize=10
+            panel.title, loc="center" if panel.polar or panel.bare else "left", fontsize="medium"
         )
     if panel.legend is not None and axes.get_legend_handles_labels()[1]:
         axes.legend(**panel.legend)

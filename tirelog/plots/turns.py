@@ -27,6 +27,7 @@ from tirelog.plots.record import (
     heat,
     level,
     line,
+    rows_of,
     span,
     upright,
     words,
@@ -470,8 +471,7 @@ def turns_picture(sketches: Sequence[TurnsSketch], path: Path, kind: str) -> Non
 def _page(panels: Sequence[Panel], sketches: Sequence[TurnsSketch], bar: str = "") -> Page:
     """A page with a panel for each channel that is drawn; its title says which are not."""
     across = 1 if len(panels) == 1 else 2
-    filled_up = [*panels, *[None] * (-len(panels) % across)]
-    rows = [filled_up[i : i + across] for i in range(0, len(filled_up), across)]
+    rows = rows_of(panels, across)
     width = 0.75 * SLIDE[0] if across == 1 else SLIDE[0]
     left = len(sketches) - MOST
     title = f"{left} more are not drawn" if left > 0 else ""
