@@ -130,7 +130,7 @@ def signatures(chosen: Sequence[Effect], path: Path) -> None:
         )
     across = min(len(shown), 4)
     rows = rows_of([_signature(effect, named=effect is shown[0]) for effect in shown], across)
-    write(picture(Page(rows, (3.6 * across, 2.6 * len(rows)))), path)
+    write(picture(Page(rows, (4.4 * across, 3.2 * len(rows)))), path)
 
 
 def _signature(effect: Effect, *, named: bool) -> Panel:

@@ -257,7 +257,8 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
     if mark.kind == "upright":  # one without a name is a shape of the layout
         of = {"dash": style.get("dash", "solid"), "width": 1.5}
         at, ends = [mark.x, mark.x], panel.limits[1]
-        made = line(at, ends or at, name, mark.colour, line=of, showlegend=bool(name))
+        quiet = {"showlegend": bool(name), "hoverinfo": "skip"}
+        made = line(at, ends or at, name, mark.colour, line=of, **quiet)
         return [] if ends is None else [made]
     x = [panel.x_words[i] for i in mark.x] if panel.x_words else mark.x
     marker = _MARKERS.get(style.get("symbol", "."), {"symbol": style.get("symbol")})

@@ -302,7 +302,8 @@ def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
         f"Share of the excess that each effect removes alone: {best}. Error bars, one standard "
         "error, where the effect was refitted."
     )
-    panel = ranked_panel(ranked, errors, (INK, PALE))
+    axis_title = "share of the excess removed alone [%]"
+    panel = replace(ranked_panel(ranked, errors, (INK, PALE)), x=axis_title)
     height = 140 + 24 * len(ranked)
     return figure("ranking", "Which effect is missing", alt, panel, height=height)
 
