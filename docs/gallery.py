@@ -28,7 +28,7 @@ import pandas as pd
 
 import tirelog
 from tirelog.cli import run
-from tirelog.plots.style import figure_page, label
+from tirelog.plots.style import figure_page
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
@@ -93,6 +93,14 @@ def page(rows: int = 1, columns: int = 1, height: float = 3.0) -> tuple[Any, Any
     """A picture of so many panels."""
     figure = figure_page(10.0, height * rows)
     return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def label(axes: Any, x: str, y: str, title: str = "", **limits: Any) -> None:
+    """Axis labels, a title at the left, a faint grid."""
+    axes.set(xlabel=x, ylabel=y, **limits)
+    if title:
+        axes.set_title(title, loc="left", fontsize=10)
+    axes.grid(alpha=0.25, linewidth=0.6)
 
 
 def write(figure: Any, shown: Shown, name: str) -> None:

@@ -15,9 +15,10 @@ from tirelog.errors import UsageError
 from tirelog.physics.model.model import Model
 from tirelog.plots import answers
 from tirelog.plots.answers import coloured
-from tirelog.plots.style import COLOURS
-from tirelog.report.figures import LogColours
-from tirelog.report.sections.models import wave_traces
+from tirelog.plots.record import Panel
+from tirelog.plots.style import COLOURS, draw_panel
+from tirelog.report.figures import LogColours, figure
+from tirelog.report.sections.models import styles
 
 PHI = np.linspace(-np.pi, np.pi, 64, endpoint=False)
 
@@ -57,7 +58,8 @@ RESULT = SimpleNamespace(
 
 def test_1_and_40_are_told_on_one_scale():
     axes = Figure().add_subplot()
-    mesh = coloured(axes, map_of(40.0), map_of(40.0).residual, 1.0, 40.0)
+    mark = coloured(map_of(40.0), map_of(40.0).residual, "microstrain", 1.0, 40.0)
+    mesh = draw_panel(axes, Panel(marks=[mark]))
     at = mesh.norm(np.array([-40.0, -1.0, 0.0, 1.0, 40.0]))
     assert at[0] == pytest.approx(0.0)
     assert at[2] == pytest.approx(0.5)
@@ -65,19 +67,20 @@ def test_1_and_40_are_told_on_one_scale():
     assert 0.6 < at[3] < 0.85  # linear colours would give it 0.51
     assert at[1] == pytest.approx(1.0 - at[3])
     lone = Map(np.array([10.0]), "speed_m_s", PHI, map_of(1.0).residual[:1], PHI[None])
-    assert coloured(axes, lone, lone.residual, 1.0, 2.0) is None
+    assert coloured(lone, lone.residual, "microstrain", 1.0, 2.0) is None
 
 
 def test_before_and_after_have_one_scale_and_the_ranking_its_order(tmp_path):
     made = answers.diagnose_figure(RESULT)
-    maps = [axes for axes in made.axes if axes.get_title().startswith(("before", "after"))]
-    assert [axes.get_title() for axes in maps] == [
+    titles = {axes.get_title(loc="left"): axes for axes in made.axes}
+    maps = {title: axes for title, axes in titles.items() if title.startswith(("before", "after"))}
+    assert list(maps) == [
         "before: held-out error 9 microstrain",
         "after: held-out error 1.1 microstrain",
     ]
-    limits = [axes.collections[0].get_clim() for axes in maps]
+    limits = [axes.collections[0].get_clim() for axes in maps.values()]
     assert limits[0] == limits[1] == pytest.approx((-40.0, 40.0))
-    (bars,) = (axes for axes in made.axes if axes.get_title().startswith("candidates"))
+    bars = titles["candidates; full colour: selected"]
     assert [label.get_text() for label in bars.get_yticklabels()] == ["water_film", "wear"]
     assert [bar.get_width() for bar in bars.patches] == pytest.approx([99.0, 10.0])
     assert [text.get_text() for text in bars.texts] == ["p < 0.001", "p = 0.3, or aero_load"]
@@ -114,9 +117,9 @@ def test_logs_whose_names_hold_commas_are_two_on_the_page():
     )
     given.__dict__.update(waveforms=waves)
     colours = LogColours(["other.csv", "wet, a.csv"])
-    measured = [
-        trace for trace in wave_traces(given, colours) if trace["name"].startswith("measured, ")
-    ]
+    marks = answers.wave_marks(given, 1e6, styles(waves.logs, colours))
+    traces = figure("waveforms", "", "", Panel(marks=marks)).traces
+    measured = [trace for trace in traces if trace["name"].startswith("measured, ")]
     assert [trace["name"] for trace in measured] == [f"measured, {one}" for one in waves.labels]
     assert [trace["marker"]["color"] for trace in measured] == [COLOURS[2], COLOURS[1]]
 
@@ -152,7 +155,7 @@ def test_a_number_per_revolution_has_no_edges():
 def test_logs_one_after_the_other_are_parted():
     axes = Figure().add_subplot()
     map_ = replace(map_of(1.0), axis_name="time_s", begins=(12.0,))
-    answers._map(axes.figure, axes, map_, "residual", 1.0, 1.0, "residual", "time [s]", 0.2)
+    draw_panel(axes, answers._map(map_, map_.residual, 1.0, "residual", "time [s]", 0.2))
     assert axes.get_ylabel() == "time [s], logs one after the other"
     assert [12.0, 12.0] in [list(line.get_ydata()) for line in axes.lines]
 

@@ -369,9 +369,8 @@ def test_obstacles_are_told_hit_by_hit() -> None:
         missed=1e-6 * since,
     )
     edges = np.array([0.0, 20.0, 40.0])
-    spectrum = SimpleNamespace(
-        edges_Hz=edges, added=np.ones(2), missed=np.ones(2), floor=np.ones(2)
-    )
+    sizes = dict.fromkeys(("added", "missed", "residual", "steady", "floor"), np.ones(2))
+    spectrum = SimpleNamespace(edges_Hz=edges, **sizes)
     one = SimpleNamespace(
         hit=hit, log=SimpleNamespace(log="f/a.csv"), spectrum=spectrum, row=lambda: row
     )

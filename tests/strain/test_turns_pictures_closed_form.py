@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from tests.cli.conftest import Command, folder, tirelog
 from tirelog.physics.moving.modes import Mode
+from tirelog.plots.style import draw_panel, picture
 from tirelog.plots.turns import (
     KINDS,
     TurnsSketch,
@@ -79,7 +80,8 @@ def test_an_order_map_stands_at_the_wheel_s_frequency() -> None:
     assert one.along == "time"
     assert one.wheel_Hz == pytest.approx(12.0 / (2 * np.pi * RADIUS_M))
     axes = Figure().add_subplot()
-    order_maps(axes.figure, [(axes, "a.csv", found)])
+    (panel,) = order_maps([("a.csv", found)])
+    draw_panel(axes, panel)
     assert axes.get_ylim()[1] == pytest.approx(300.0)
     assert "order 5" in [text.get_text().strip() for text in axes.texts]
 
@@ -132,7 +134,7 @@ def test_around_the_wheel_zero_is_a_circle_and_the_patch_is_below() -> None:
 
 @pytest.mark.parametrize("kind", [kind for kind in FOOTPRINT if kind != "page"])
 def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
-    figure = KINDS[kind]([sketch("a.csv"), sketch("b.csv")])
+    figure = picture(KINDS[kind]([sketch("a.csv"), sketch("b.csv")]))
     figure.draw_without_rendering()
     titles = [a.get_title(loc) for a in figure.axes for loc in ("left", "center")]
     legends = [t.get_text() for a in figure.axes if a.get_legend() for t in a.get_legend().texts]
@@ -148,7 +150,7 @@ def test_each_log_has_its_panel_or_colour_in_microstrain(kind: str) -> None:
 
 
 def test_more_logs_than_fit_on_a_slide_are_said() -> None:
-    figure = KINDS["waterfall"]([sketch(f"{n}.csv") for n in range(6)])
+    figure = picture(KINDS["waterfall"]([sketch(f"{n}.csv") for n in range(6)]))
     assert figure.get_suptitle() == "2 more are not drawn"
 
 

@@ -72,7 +72,8 @@ class AnswerRecord:
         UsageError: no picture has the path's suffix.
         """
         if path_or_axes is not None and not isinstance(path_or_axes, str | Path):
-            resolve_name(f"{PICTURES}:{self.panel}")(path_or_axes, self)
+            panel = resolve_name(f"{PICTURES}:{self.panel}")(self)
+            resolve_name("tirelog.plots.style:draw_panel")(path_or_axes, panel)
             return path_or_axes.figure
         figure = resolve_name(f"{PICTURES}:{self.picture}")(self, **how)
         if path_or_axes is not None:

@@ -13,26 +13,25 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tirelog.by_channel import Part
-from tirelog.data.recording import Recording
+from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import lowpassed, window_spectra
 from tirelog.errors import UsageError
+from tirelog.plots.record import Mark, Page, Panel, dots, level, line, upright
 from tirelog.plots.style import (
     COLOURS,
     EDGE,
     MARK,
     MICRO,
     RAW,
-    draw_signal,
-    figure_page,
-    label,
-    least_and_most,
+    decimated,
+    picture,
     robust_range,
     write,
 )
@@ -45,10 +44,8 @@ from tirelog.strain.footprint.refine import PatchWindows, gather_windows
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import good
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-
+_ONSET: dict[str, Any] = {"symbol": "o", "mfc": "none", "mec": MARK, "size": 6}
+_ABOVE = {"fontsize": 6.5, "ncols": 3, "loc": "upper center"}
 #: channels with a colour of their own, and the window of a passage in half lengths
 MOST_PASSAGES, WINDOW = 8, 2.2
 
@@ -62,7 +59,7 @@ class FootprintSketch:
 
     recording: Recording
     found: FootprintOfChannel
-    signal: tuple[FloatArray, FloatArray, FloatArray]
+    signal: tuple[FloatArray, FloatArray]
     shown: list[tuple[int, str, PatchWindows]]
 
     @classmethod
@@ -84,7 +81,7 @@ class FootprintSketch:
             )
             if window is not None:
                 shown.append((row, title, window))
-        return cls(recording, found, least_and_most(found.channel), shown)
+        return cls(recording, found, decimated(found.channel), shown)
 
 
 def footprint_sketch(recording: Recording, part: Part, kind: str) -> FootprintSketch | TurnsSketch:
@@ -111,94 +108,73 @@ def footprint_picture(sketches: Sequence[FootprintSketch], path: Path) -> None:
     """Write the page to `path`."""
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    shown = first.shown
-    figure = figure_page(13.5 if len(shown) < 2 else 17.0, 10.5)
-    left, right = np.asarray(
-        figure.subfigures(1, 2, width_ratios=[1.0, 0.8 * max(len(shown), 1)])
-    ).ravel()
-    strain, speed, lengths, by_speed = left.subplots(4, 1, height_ratios=[1.0, 0.7, 1.0, 1.0])
-    _drive(strain, speed, first, len(kept))
-    _lengths(lengths, by_speed, kept)
-    strain.sharex(speed)
-    lengths.sharex(speed)
-    panels = right.subplots(3, max(len(shown), 1), sharex="col", squeeze=False)
-    for column, (row, title, window) in enumerate(shown):
-        _passage(panels[:, column], first.found, row, title, window)
-    write(figure, path)
+    p = first.found.passages
+    speed = line(p.time_s, p.speed_m_s, symbol=".", size=2, width=0.8)
+    speeds = Panel("time [s]", "speed [m/s]", [speed])
+    by_time, by_speed = _lengths(kept)
+    over_time = [[signal_panel(first, len(kept))], [speeds], [by_time]]
+    columns = [_passage(first.found, *shown) for shown in first.shown]
+    right = [list(row) for row in zip(*columns, strict=True)] or [[None]]
+    left = [Page(over_time, heights=(1.0, 0.7, 1.0), share="x"), Page([[by_speed]])]
+    parts = [Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")]
+    size = (13.5 if len(columns) < 2 else 17.0, 10.5)
+    write(picture(Page(size=size, parts=parts, widths=(1.0, 0.8 * max(len(columns), 1)))), path)
 
 
-def _drive(strain: Axes, speed: Axes, sketch: FootprintSketch, channels: int) -> None:
-    """Strain and speed over time (P2 Figs. 17, 20) of one of so many channels."""
-    recording, found = sketch.recording, sketch.found
-    draw_signal(strain, sketch.signal)
-    label(
-        strain,
-        "",
+def signal_panel(sketch: FootprintSketch | DissipationSketch, channels: int) -> Panel:
+    """The whole strain of one of so many channels over time (P2 Fig. 17)."""
+    channel, (time, strain) = sketch.found.channel, sketch.signal
+    which = f", 1 of {channels}" if channels > 1 else ""
+    return Panel(
+        "time [s]",
         "strain [microstrain]",
-        f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)"
-        f"{f', 1 of {channels}' if channels > 1 else ''}",
+        [line(time, MICRO * strain, width=0.5, opacity=0.9)],
+        f"{Path(sketch.recording.log).name}: {channel.name} ({channel.surface} surface){which}",
     )
-    speed.plot(
-        found.passages.time_s, found.passages.speed_m_s, ".-", color=COLOURS[0], ms=2, lw=0.8
-    )
-    label(speed, "", "speed [m/s]")
 
 
-def _lengths(
-    over_time: Axes, over_speed: Axes, kept: Sequence[tuple[Recording, FootprintOfChannel]]
-) -> None:
+def channel_name(recording: Recording, channel: Channel, channels: int) -> str:
+    """A channel's name; of several with its log's."""
+    return channel.name if channels == 1 else f"{Path(recording.log).name}: {channel.name}"
+
+
+def _lengths(kept: Sequence[tuple[Recording, FootprintOfChannel]]) -> list[Panel]:
     """Contact lengths by the three methods over time and speed.
 
     Each channel in its colour, and the static footprint.
     """
+    marks: dict[str, list[Mark]] = {"time_s": [], "speed_m_s": []}
     values = []
-    for number, (_, found) in enumerate(kept[:MOST_PASSAGES]):
-        f, p = found.footprint, found.passages
-        for axes, x in ((over_time, p.time_s), (over_speed, p.speed_m_s)):
-            for length, marker, alpha in (
-                (f.length_d2_m, "^", 0.25),
-                (f.length_d1_m, "v", 0.25),
-                (f.length_m, ".", 0.9),
-            ):
-                axes.plot(
-                    x,
-                    1e3 * length,
-                    marker,
-                    color=COLOURS[number % len(COLOURS)],
-                    ms=4 if marker == "." else 2.5,
-                    alpha=alpha,
-                )
-        values += [1e3 * f.length_m, 1e3 * f.length_d2_m, 1e3 * f.length_d1_m]
-        onset = np.isfinite(f.slip.onset_m)
-        over_time.plot(p.time_s[onset], 1e3 * f.length_m[onset], "o", mfc="none", mec=MARK, ms=6)
-    limits = robust_range(*values)
-    statics = (recording.setup.tire.static_footprint_length_m for recording, _ in kept)
-    for static in {length for length in statics if length is not None}:
-        for axes in (over_time, over_speed):
-            axes.axhline(
-                1e3 * static, color="black", ls=":", lw=1.2, label=f"static {1e3 * static:.0f} mm"
-            )
-        limits = min(limits[0], 0.97e3 * static), max(limits[1], 1.03e3 * static)
-    for axes, marker, text in (
-        (over_time, ".", "best estimate"),
-        (over_time, "^", "2nd derivative (P2)"),
-        (over_time, "v", "1st derivative"),
-    ):
-        axes.plot([], [], marker, color="black", label=text)
-    if any(np.isfinite(found.footprint.slip.onset_m).any() for _, found in kept):
-        over_time.plot([], [], "o", mfc="none", mec=MARK, label="slip onset seen")
     for number, (recording, found) in enumerate(kept[:MOST_PASSAGES]):
-        name = (
-            found.channel.name
-            if len(kept) == 1
-            else f"{Path(recording.log).name}: {found.channel.name}"
-        )
-        over_speed.plot([], [], "s", color=COLOURS[number % len(COLOURS)], label=name)
-    over_time.legend(fontsize=6.5, ncols=3, loc="upper center")
-    over_speed.legend(fontsize=7, ncols=3, loc="upper center")
-    top = limits[1] + 0.35 * (limits[1] - limits[0])
-    label(over_time, "time [s]", "contact length [mm]", ylim=(limits[0], top))
-    label(over_speed, "speed [m/s]", "contact length [mm]", ylim=(limits[0], top))
+        f, p, colour = found.footprint, found.passages, COLOURS[number % len(COLOURS)]
+        for x, drawn in marks.items():
+            for length, symbol, look in (
+                (f.length_d2_m, "^", {"opacity": 0.25, "size": 2.5}),
+                (f.length_d1_m, "v", {"opacity": 0.25, "size": 2.5}),
+                (f.length_m, ".", {"opacity": 0.9, "size": 4}),
+            ):
+                drawn.append(dots(getattr(p, x), 1e3 * length, "", colour, symbol=symbol, **look))
+        values += [1e3 * f.length_m, 1e3 * f.length_d2_m, 1e3 * f.length_d1_m]
+        seen = np.isfinite(f.slip.onset_m)
+        marks["time_s"].append(dots(p.time_s[seen], 1e3 * f.length_m[seen], **_ONSET))
+        name = channel_name(recording, found.channel, len(kept))
+        marks["speed_m_s"].append(dots([], [], name, colour, symbol="s"))
+    low, high = robust_range(*values)
+    statics = {recording.setup.tire.static_footprint_length_m for recording, _ in kept} - {None}
+    for static in (1e3 * length for length in statics if length is not None):
+        for drawn in marks.values():
+            drawn.append(level(static, f"static {static:.0f} mm", dash="dot", width=1.2))
+        low, high = min(low, 0.97 * static), max(high, 1.03 * static)
+    named = {".": "best estimate", "^": "2nd derivative (P2)", "v": "1st derivative"}
+    for symbol, text in named.items():
+        marks["time_s"].append(dots([], [], text, "black", symbol=symbol))
+    if any(np.isfinite(found.footprint.slip.onset_m).any() for _, found in kept):
+        marks["time_s"].append(dots([], [], "slip onset seen", **_ONSET))
+    limits = (None, (low, high + 0.35 * (high - low)))
+    return [
+        Panel(label, "contact length [mm]", drawn, limits=limits, legend=_ABOVE)
+        for label, drawn in zip(("time [s]", "speed [m/s]"), marks.values(), strict=True)
+    ]
 
 
 def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
@@ -246,86 +222,82 @@ def _cutoff(found: FootprintOfChannel, row: int) -> float:
     return float(min(asked if np.isfinite(asked) else 400.0, 0.49 * found.channel.axis.rate_Hz))
 
 
-def _passage(
-    panels: Sequence[Axes], found: FootprintOfChannel, row: int, title: str, windows: PatchWindows
-) -> None:
-    """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21).
+def _passage(found: FootprintOfChannel, row: int, title: str, windows: PatchWindows) -> list[Panel]:
+    """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21), with the edges."""
+    p, f = found.passages, found.footprint
+    speed, acceleration = float(p.speed_m_s[row]), float(np.nan_to_num(p.acceleration_m_s2[row]))
+    cutoff, middle = _cutoff(found, row), f.fits.shift_m[row]
+    best, plain = (np.array([-0.5, 0.5]) * length[row] for length in (f.length_m, f.length_d1_m))
+    derived = np.array([f.d2_entry_m[row], f.d2_exit_m[row]])
+    lines = [
+        *upright(1e3 * (middle + best), "edges, best estimate", EDGE, width=1.3),
+        *upright(1e3 * derived, "by the 2nd derivative", "black", width=0.9, dash="dash"),
+        *upright(1e3 * (middle + plain), "by the 1st derivative", "black", width=0.9, dash="dot"),
+    ]
+    if np.isfinite(onset := f.slip.onset_m[row]):
+        name = f"slip onset {1e3 * onset:.1f} mm"
+        lines += upright([1e3 * (middle + onset)], name, MARK, width=1.5)
+    said = (
+        f"{title}: {p.time_s[row]:.2f} s, {speed:.1f} m/s, {round(acceleration, 1) + 0.0:+.1f} m/s²"
+        f", low-pass {cutoff:.0f} Hz"
+    )
+    inner = found.channel.surface == "inner"
+    at = (speed, acceleration, _length(found, row), cutoff)
+    panels = passage_panels(windows, at, inner, lines, (RAW, COLOURS[0]))
+    return [replace(panels[0], title=said), *panels[1:]]
 
-    Raw and low-passed, with the edges.
+
+def passage_panels(
+    windows: PatchWindows,
+    at: tuple[float, float, float, float],
+    inner: bool,
+    lines: Sequence[Mark],
+    colours: tuple[Any, Any],
+) -> list[Panel]:
+    """Strain, its first and second derivative along the tread, raw and low-passed.
+
+    at      speed [m/s], acceleration [m/s^2], contact length [m], low-pass [Hz]
+    inner   the sensor is on the inner surface: strain is turned, so that it is the tread's
+    lines   the edges
     """
-    p = found.passages
-    speed, acceleration = p.speed_m_s[[row]], np.nan_to_num(p.acceleration_m_s2[[row]])
-    length, cutoff = _length(found, row), np.array([_cutoff(found, row)])
-    upward = -1.0 if found.channel.surface == "inner" else 1.0
+    speed, acceleration, (length, cutoff) = np.array([at[0]]), np.array([at[1]]), at[2:]
+    reach = 1e3 * WINDOW * 0.5 * length
     known = windows.values[0][np.isfinite(windows.values[0])]
     edge = max(windows.values.shape[1] // 32, 1)
     ends = [float(part.mean()) if part.size else 0.0 for part in (known[:edge], known[-edge:])]
-    panes = []
-    for cut, upsample in ((np.array([1e9]), 1), (cutoff, 4)):
-        tread = along_tread(
-            windows.values, windows.rate_Hz, windows.centre, speed, acceleration, cut, upsample
-        )
-        strain = lowpassed(
-            window_spectra(windows.values), windows.rate_Hz, cut, windows.values.shape[1], upsample
-        )[0]
-        panes.append(
-            (
-                1e3 * tread.xi_m[0],
-                (
-                    strain + np.linspace(ends[0], ends[1], strain.size),
-                    tread.first[0],
-                    tread.second[0],
-                ),
+    looks = (
+        (1e9, 1, "samples", colours[0], {"width": 0.8, "symbol": ".", "size": 3}),
+        (cutoff, 4, f"low-pass {cutoff:.0f} Hz", colours[1], {"width": 1.4}),
+    )
+    marks: list[list[Mark]] = [[], [], []]
+    shown: list[FloatArray] = []
+    for cut, upsample, name, colour, look in looks:
+        of = (windows.rate_Hz, windows.centre, speed, acceleration, np.array([cut]), upsample)
+        tread = along_tread(windows.values, *of)
+        spectra, m = window_spectra(windows.values), windows.values.shape[1]
+        strain = lowpassed(spectra, windows.rate_Hz, np.array([cut]), m, upsample)[0]
+        xi = 1e3 * tread.xi_m[0]
+        shown = [
+            (-1.0 if inner else 1.0) * scale * curve
+            for curve, scale in (
+                (strain + np.linspace(ends[0], ends[1], strain.size), MICRO),
+                (tread.first[0], 1e3),
+                (tread.second[0], 1.0),
             )
-        )
-    units = (
-        ("strain [microstrain]", MICRO),
-        ("d/dξ [microstrain/mm]", 1e3),
-        ("d²/dξ² [microstrain/mm²]", 1.0),
-    )
-    for number, (axes, (text, scale)) in enumerate(zip(panels, units, strict=True)):
-        for (xi, curves), colour, width, style in (
-            (panes[0], RAW, 0.8, ".-"),
-            (panes[1], COLOURS[0], 1.4, "-"),
-        ):
-            axes.plot(xi, upward * scale * curves[number], style, color=colour, lw=width, ms=3)
-        _edges(axes, found, row)
-        xi, curves = panes[1]
-        shown = upward * scale * curves[number][np.abs(xi) < 1e3 * WINDOW * 0.5 * length]
-        label(
-            axes,
-            "",
+        ]
+        for drawn, curve in zip(marks, shown, strict=True):
+            drawn.append(line(xi, curve, f"_{name}", colour, **look))
+    labels = ("strain [microstrain]", "dε/dξ [microstrain/mm]", "d²ε/dξ² [microstrain/mm²]")
+    return [
+        Panel(
+            "ξ from the patch centre [mm]   (entry − … exit +)" if text is labels[-1] else "",
             text,
-            xlim=(-1e3 * WINDOW * 0.5 * length, 1e3 * WINDOW * 0.5 * length),
-            ylim=robust_range(shown, share=0.0),
+            [*drawn, *lines],
+            limits=((-reach, reach), robust_range(curve[np.abs(xi) < reach], share=0.0)),
+            legend={"fontsize": 7, "loc": "lower right"} if text is labels[0] else None,
         )
-    speed_text = (
-        f"{p.time_s[row]:.2f} s, {speed[0]:.1f} m/s, {round(acceleration[0], 1) + 0.0:+.1f} m/s², "
-        f"low-pass {cutoff[0]:.0f} Hz"
-    )
-    panels[0].set_title(f"{title}: {speed_text}", loc="left", fontsize=9)
-    panels[2].set_xlabel("ξ from the patch centre [mm]   (entry − … exit +)")
-    panels[0].legend(fontsize=7, loc="lower right")
-
-
-def _edges(axes: Axes, found: FootprintOfChannel, row: int) -> None:
-    """Vertical lines at the edges by each method, and at the slip onset."""
-    f = found.footprint
-    middle = f.fits.shift_m[row]
-    best, plain = (np.array([-0.5, 0.5]) * length[row] for length in (f.length_m, f.length_d1_m))
-    for ends, words, style in (
-        (middle + best, "edges, best estimate", {"color": EDGE, "lw": 1.3}),
-        ((f.d2_entry_m[row], f.d2_exit_m[row]), "by the 2nd derivative", {"ls": "--"}),
-        (middle + plain, "by the 1st derivative", {"ls": ":"}),
-    ):
-        drawn: dict[str, Any] = {"color": "black", "lw": 0.9, **style}
-        for place, name in zip(ends, (words, None), strict=True):
-            axes.axvline(1e3 * place, label=name, **drawn)
-    if np.isfinite(f.slip.onset_m[row]):
-        onset = 1e3 * (middle + f.slip.onset_m[row])
-        axes.axvline(
-            onset, color=MARK, lw=1.5, label=f"slip onset {1e3 * f.slip.onset_m[row]:.1f} mm"
-        )
+        for text, drawn, curve in zip(labels, marks, shown, strict=True)
+    ]
 
 
 # ---- Dissipation of whatever logs a command has worked on, as one page (P1 Figs. 7 to 11).
@@ -353,7 +325,7 @@ class DissipationSketch:
 
     recording: Recording
     found: DissipationOfChannel
-    signal: tuple[FloatArray, FloatArray, FloatArray]
+    signal: tuple[FloatArray, FloatArray]
     magnified: tuple[FloatArray, FloatArray, float]
 
     @classmethod
@@ -371,7 +343,7 @@ class DissipationSketch:
                 found.channel.read(low, high),
                 float(p.speed_m_s[row]),
             )
-        return cls(recording, found, least_and_most(found.channel), magnified)
+        return cls(recording, found, decimated(found.channel), magnified)
 
 
 def dissipation_sketch(recording: Recording, part: Part, kind: str) -> DissipationSketch:
@@ -383,51 +355,32 @@ def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> No
     """Write the page to `path`."""
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    figure = figure_page(15.0, 10.0)
-    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=[1.35, 1.0])).ravel()
-    strain, power, factor, speed = left.subplots(4, 1, sharex=True)
-    recording, found = first.recording, first.found
-    draw_signal(strain, first.signal)
-    label(
-        strain,
-        "",
-        "strain [microstrain]",
-        f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)"
-        f"{f', 1 of {len(kept)}' if len(kept) > 1 else ''}",
-    )
-    d = found.dissipation
-    _over_time(
-        power, found, d.specific_power_m3_s2, d.specific_power_mean_m3_s2, "specific power [m³/s²]"
-    )
-    _over_time(factor, found, d.factor_1_m, d.factor_mean_1_m, "dissipation factor [1/m]")
-    time_s, error = found.passages.time_s, found.columns["dissipation_factor_se_1_m"]
-    ends = d.factor_1_m + 2.0 * np.array([[-1.0], [1.0]]) * error
-    factor.vlines(time_s, *ends, color=COLOURS[0], lw=0.6, alpha=0.5, label="two standard errors")
-    factor.legend(fontsize=7)
-    speed.plot(found.passages.time_s, found.passages.speed_m_s, ".", color=RAW, ms=3)
-    smooth = [_smoothed(x) for x in (found.passages.time_s, found.passages.speed_m_s)]
-    speed.plot(*smooth, color="#CC0000", lw=0.9, label=f"mean of {AVERAGED}")
-    still = np.where(d.steady, found.passages.speed_m_s, np.nan)
-    speed.plot(found.passages.time_s, still, ".", color=EDGE, ms=3, label="constant speed")
-    speed.legend(fontsize=7)
-    label(speed, "time [s]", "speed [m/s]")
-    magnified, power_by, factor_by = right.subplots(3, 1)
-    _magnified(magnified, first)
-    _over_speed(
-        power_by,
-        kept,
-        "specific_power_m3_s2",
-        "specific_power_mean_m3_s2",
-        "specific power [m³/s²]",
-    )
-    _over_speed(
-        factor_by,
-        kept,
-        "dissipation_factor_1_m",
-        "dissipation_factor_mean_1_m",
-        "dissipation factor [1/m]",
-    )
-    write(figure, path)
+    d, p = first.found.dissipation, first.found.passages
+    power, factor = "specific power [m³/s²]", "dissipation factor [1/m]"
+    error = 2.0 * first.found.columns["dissipation_factor_se_1_m"]
+    errors = dots(p.time_s, d.factor_1_m, "two standard errors", error=error, symbol="",
+                  elinewidth=0.6, opacity=0.5)  # fmt: skip
+    still = np.where(d.steady, p.speed_m_s, np.nan)
+    speeds = [
+        dots(p.time_s, p.speed_m_s, "", RAW, size=3),
+        line(
+            _smoothed(p.time_s), _smoothed(p.speed_m_s), f"mean of {AVERAGED}", "#CC0000", width=0.9
+        ),
+        dots(p.time_s, still, "constant speed", EDGE, size=3),
+    ]
+    left = [
+        signal_panel(first, len(kept)),
+        _over_time(p.time_s, d.specific_power_m3_s2, d.specific_power_mean_m3_s2, power),
+        _over_time(p.time_s, d.factor_1_m, d.factor_mean_1_m, factor, errors),
+        Panel("time [s]", "speed [m/s]", speeds),
+    ]
+    right = [
+        _magnified(first),
+        _over_speed(kept, "specific_power_m3_s2", "specific_power_mean_m3_s2", power),
+        _over_speed(kept, "dissipation_factor_1_m", "dissipation_factor_mean_1_m", factor),
+    ]
+    parts = [Page([[panel] for panel in left], share="x"), Page([[panel] for panel in right])]
+    write(picture(Page(size=(15.0, 10.0), parts=parts, widths=(1.35, 1.0))), path)
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
@@ -438,40 +391,23 @@ def _smoothed(values: FloatArray) -> FloatArray:
 
 
 def _over_time(
-    axes: Axes, found: DissipationOfChannel, values: FloatArray, averages: FloatArray, text: str
-) -> None:
+    time_s: FloatArray, values: FloatArray, averages: FloatArray, text: str, *more: Mark
+) -> Panel:
     """Every revolution, and the moving averages in stretches of constant speed (P1 Figs. 9, 10)."""
-    axes.plot(
-        found.passages.time_s,
-        values,
-        ".",
-        color=COLOURS[0],
-        ms=2.5,
-        alpha=0.6,
-        label="each revolution",
-    )
-    axes.plot(
-        found.passages.time_s,
-        averages,
-        "-",
-        color=EDGE,
-        lw=1.6,
-        label="moving average, constant speed",
-    )
-    axes.legend(fontsize=7)
-    label(axes, "", text, ylim=robust_range(values, share=0.005))
+    marks = [
+        dots(time_s, values, "each revolution", size=2.5, opacity=0.6),
+        line(time_s, averages, "moving average, constant speed", EDGE, width=1.6),
+        *more,
+    ]
+    return Panel("time [s]", text, marks, limits=(None, robust_range(values, share=0.005)))
 
 
-def _magnified(axes: Axes, sketch: DissipationSketch) -> None:
+def _magnified(sketch: DissipationSketch) -> Panel:
     """The strain of a few revolutions (P1 Fig. 8)."""
     time, strain, speed = sketch.magnified
-    axes.plot(time, MICRO * strain, color=COLOURS[0], lw=0.9)
-    label(
-        axes,
-        "time [s]",
-        "strain [microstrain]",
-        f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else "",
-    )
+    title = f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else ""
+    marks = [line(time, MICRO * strain, width=0.9)]
+    return Panel("time [s]", "strain [microstrain]", marks, title)
 
 
 def said(line: Regression) -> str:
@@ -484,58 +420,30 @@ def said(line: Regression) -> str:
 
 
 def _over_speed(
-    axes: Axes,
-    kept: Sequence[tuple[Recording, DissipationOfChannel]],
-    name: str,
-    average: str,
-    text: str,
-) -> None:
+    kept: Sequence[tuple[Recording, DissipationOfChannel]], name: str, average: str, text: str
+) -> Panel:
     """Moving averages sorted by speed, means of the stretches, and their line (P1 Fig. 11).
 
     The line through them is dashed if it is doubtful.
     """
-    values = []
+    marks, values = [], []
     for number, (recording, found) in enumerate(kept[:MOST_TURNS]):
-        colour = COLOURS[number % len(COLOURS)]
-        speed = found.passages.speed_m_s
-        order = np.argsort(speed)
-        who = (
-            found.channel.name
-            if len(kept) == 1
-            else f"{Path(recording.log).name}: {found.channel.name}"
-        )
-        axes.plot(speed[order], found.columns[average][order], ".", color=colour, ms=3, label=who)
+        colour, speed = COLOURS[number % len(COLOURS)], found.passages.speed_m_s
+        who = channel_name(recording, found.channel, len(kept))
+        marks.append(dots(speed, found.columns[average], who, colour, size=3))
         values.append(found.columns[average])
-        line = regression(name, speed, found.columns[name], clean_rows(found))
-        if line is not None:
-            axes.errorbar(
-                line.speed_m_s,
-                line.means,
-                line.mean_se,
-                fmt="o",
-                color=colour,
-                mec="black",
-                ms=5,
-                capsize=2,
-            )
-            ends = np.linspace(line.slowest_m_s, line.fastest_m_s, 50)
-            style = "--" if line.doubtful else "-"
-            axes.plot(
-                ends,
-                line.intercept + line.slope * ends,
-                style,
-                color=colour if len(kept) > 1 else "black",
-                lw=1.4,
-                label=said(line),
-            )
-            if line.doubtful and np.isfinite(line.curvature):
-                axes.plot(
-                    ends,
-                    np.polynomial.polynomial.polyval(ends, line.parabola),
-                    ":",
-                    color=colour,
-                    lw=1.2,
-                    label="parabola",
-                )
-    axes.legend(fontsize=7)
-    label(axes, "speed [m/s]", text, ylim=robust_range(*values, share=0.0))
+        fit = regression(name, speed, found.columns[name], clean_rows(found))
+        if fit is None:
+            continue
+        ends = np.linspace(fit.slowest_m_s, fit.fastest_m_s, 50)
+        straight, ink = fit.intercept + fit.slope * ends, colour if len(kept) > 1 else "black"
+        look = {"dash": "dash" if fit.doubtful else "solid", "width": 1.4}
+        marks += [
+            dots(fit.speed_m_s, fit.means, "", colour, error=fit.mean_se, symbol="o", mec="black",
+                 size=5, capsize=2),
+            line(ends, straight, said(fit), ink, **look),
+        ]  # fmt: skip
+        if fit.doubtful and np.isfinite(fit.curvature):
+            bent = np.polynomial.polynomial.polyval(ends, fit.parabola)
+            marks.append(line(ends, bent, "parabola", colour, dash="dot", width=1.2))
+    return Panel("speed [m/s]", text, marks, limits=(None, robust_range(*values, share=0.0)))

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.data.recording import BLOCK_SAMPLES, Channel
+from tirelog.data.recording import Channel
+from tirelog.plots.record import Mark, Page, Panel
 from tirelog.storage.whole import whole_file
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.tables import no_matplotlib, refuse_no_picture
@@ -32,8 +33,9 @@ RAW, EDGE, MARK = "#999999", "#D55E00", "#009E73"
 MICRO = 1e6
 #: pixels per inch in a notebook: a page of 13 inches is as wide as its column
 NOTEBOOK_DPI = 72
-#: columns of a decimated signal
-COLUMNS = 1500
+#: stretches of a decimated signal, and samples that are decimated at once
+BUCKETS = 2000
+_BLOCK = 1 << 18
 
 
 @cache
@@ -71,44 +73,180 @@ def write(figure: Figure, path: Path) -> None:
         figure.savefig(target, format=path.suffix.lower()[1:], dpi=120)
 
 
-def label(axes: Axes, x: str, y: str, title: str = "", **limits: Any) -> None:
-    """Axis labels, a title at the left, a faint grid."""
-    axes.set(xlabel=x, ylabel=y, **limits)
-    if title:
-        axes.set_title(title, loc="left", fontsize=10)
-    axes.grid(alpha=0.25, linewidth=0.6)
+#: our words of style in matplotlib's
+_STYLE = {"width": "lw", "size": "ms", "opacity": "alpha", "dash": "ls", "symbol": "marker"}
+_DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
 
 
-def least_and_most(
-    channel: Channel, columns: int = COLUMNS
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Time, least and largest value of the channel in `columns` cells.
+#: more letters than that below an axis would lie on each other
+_LETTERS = 90
 
-    The cells have equal numbers of samples: no peak is lost on the page.
-    """
-    size = max(-(-channel.size // columns), 1)
-    times, low, high = [], [], []
-    step = max(BLOCK_SAMPLES // size, 1) * size
-    for start in range(0, channel.size, step):
-        values = np.asarray(channel.read(start, start + step), dtype=np.float64)
-        short = -values.size % size
-        rows = np.pad(values, (0, short), constant_values=np.nan).reshape(-1, size)
-        rows = rows[np.isfinite(rows).any(axis=1)]
-        times.append(
-            channel.axis.at(np.asarray(start + size * (np.arange(rows.shape[0]) + 0.5), np.float64))
+
+def picture(page: Page) -> Figure:
+    """The page drawn."""
+    figure = figure_page(*page.size)
+    _fill(figure, page)
+    return figure
+
+
+def _fill(figure: Any, page: Page) -> None:
+    """A page, or a part of one, on a (sub)figure."""
+    if page.title:
+        figure.suptitle(page.title, fontsize=12)
+    if page.parts:
+        shape = (len(page.parts), 1) if page.stacked else (1, len(page.parts))
+        of = figure.subfigures(
+            *shape, squeeze=False, width_ratios=page.widths, height_ratios=page.heights
         )
-        low.append(np.nanmin(rows, axis=1) if rows.size else np.zeros(0))
-        high.append(np.nanmax(rows, axis=1) if rows.size else np.zeros(0))
-    return np.concatenate(times), np.concatenate(low), np.concatenate(high)
+        for place, part in zip(of.ravel(), page.parts, strict=True):
+            _fill(place, part)
+        return
+    across = int(np.lcm.reduce([max(len(row), 1) for row in page.rows]))
+    grid = figure.add_gridspec(
+        len(page.rows), across, width_ratios=page.widths, height_ratios=page.heights
+    )
+    meshes: list[Any] = []
+    firsts: dict[int, Axes] = {}
+    for i, row in enumerate(page.rows):
+        wide = across // max(len(row), 1)
+        first: Axes | None = None
+        for j, panel in enumerate(row):
+            if panel is None:
+                continue
+            axes = figure.add_subplot(
+                grid[i, j * wide : (j + 1) * wide],
+                projection="polar" if panel.polar else None,
+                sharex=firsts.get(j) if "x" in page.share else None,
+                sharey=first if "y" in page.share else None,
+            )
+            first = first or axes
+            firsts.setdefault(j, axes)
+            mesh = draw_panel(axes, panel)
+            meshes += [] if mesh is None else [mesh]
+            if mesh is not None and not page.bar:
+                figure.colorbar(mesh, ax=axes, label=panel.marks[0].name, format="%g")
+            if "x" in page.share and i + 1 < len(page.rows):
+                axes.tick_params(labelbottom=False)
+                axes.set_xlabel("")
+            if "y" in page.share and j > 0:
+                axes.tick_params(labelleft=False)
+    if page.bar and meshes:
+        shown = [mesh.axes for mesh in meshes]
+        figure.colorbar(meshes[-1], ax=shown, label=page.bar, **page.bar_style)
 
 
-def draw_signal(axes: Axes, signal: tuple[FloatArray, FloatArray, FloatArray]) -> None:
-    """The whole strain of a channel in microstrain over time.
+def draw_panel(axes: Any, panel: Panel) -> Any:
+    """The panel on matplotlib's axes; the colours of its map come back, None if it has none."""
+    mesh = None
+    axes.grid(alpha=0.25, linewidth=0.6)
+    for mark in panel.marks:
+        mesh = _draw_mark(axes, mark) or mesh
+    if panel.own is not None:
+        panel.own(axes)
+    axes.set(xlabel=panel.x, ylabel=panel.y)
+    if panel.scales != ("linear", "linear"):
+        axes.set(xscale=panel.scales[0], yscale=panel.scales[1])
+    for limits, limit in zip(panel.limits, (axes.set_xlim, axes.set_ylim), strict=True):
+        if limits is not None:
+            limit(limits)
+    for names, ticks in ((panel.x_words, axes.set_xticks), (panel.y_words, axes.set_yticks)):
+        if names:
+            long = ticks == axes.set_xticks and sum(map(len, names)) > _LETTERS
+            ticks(range(len(names)), names, **({"rotation": 60, "ha": "right"} if long else {}))
+    if panel.bare:
+        axes.set_axis_off()
+        axes.set_aspect("equal")
+    if panel.title:
+        axes.set_title(
+            panel.title, loc="center" if panel.polar or panel.bare else "left", fontsize="medium"
+        )
+    if panel.legend is not None and axes.get_legend_handles_labels()[1]:
+        axes.legend(**panel.legend)
+    return mesh
 
-    `signal` as `least_and_most` gives it.
+
+def _draw_mark(axes: Any, mark: Mark) -> Any:
+    """The mark on matplotlib's axes; the colours of a map come back."""
+    style: dict[str, Any] = {_STYLE.get(name, name): value for name, value in mark.style.items()}
+    style |= {"ls": _DASHES[style["ls"]]} if style.get("ls") in _DASHES else {}
+    of = COLOURS[mark.colour % len(COLOURS)] if isinstance(mark.colour, int) else mark.colour
+    own = {"color": of, "label": mark.name or None}
+    if mark.kind == "line":
+        axes.plot(mark.x, mark.y, **own, **style)
+    elif mark.kind == "dots" and mark.other is None:
+        axes.plot(mark.x, mark.y, **own, **{"marker": ".", "ls": "none", **style})
+    elif mark.kind == "dots":
+        axes.errorbar(mark.x, mark.y, mark.other, **own, **{"fmt": ".", **style})
+    elif mark.kind == "band":
+        axes.fill_between(mark.x, mark.y, mark.other, **own, **{"lw": 0, **style})
+    elif mark.kind == "bars":
+        across = style.pop("across", False)
+        error = {} if mark.other is None else {"xerr" if across else "yerr": mark.other}
+        (axes.barh if across else axes.bar)(mark.x, mark.y, 0.6, **own, **error, **style)
+    elif mark.kind == "upright":
+        axes.axvline(mark.x, **own, **{"lw": 0.7, **style})
+    elif mark.kind == "level":
+        axes.axhline(mark.y, **own, **{"lw": 1.0, **style})
+    elif mark.kind == "span":
+        axes.axvspan(mark.x, mark.other, **own, **{"lw": 0, **style})
+    elif mark.kind == "words":
+        axes.annotate(mark.name, (mark.x, mark.y), **{"fontsize": 8, **style})
+    else:
+        return _draw_heat(axes, mark)
+    return None
+
+
+def _draw_heat(axes: Any, mark: Mark) -> Any:
+    """A map's colours.  Of signed ones 1 and 40 are told on one scale: see `record.heat`."""
+    from matplotlib.colors import LogNorm, Normalize, SymLogNorm
+
+    low, high = mark.style["low"], mark.style["high"]
+    signed = mark.style["scale"] == "signed"
+    if signed:
+        high = high if high > 0.0 else 1.0
+        small = min(low, high) if low > 0.0 else high
+        norm: Any = SymLogNorm(linthresh=small, vmin=-high, vmax=high, base=10)
+    else:
+        norm = (LogNorm if mark.style["scale"] == "log" else Normalize)(low, high)
+    axes.grid(False)
+    return axes.pcolormesh(
+        mark.x,
+        mark.y,
+        mark.other,
+        norm=norm,
+        cmap="RdBu_r" if signed else "viridis",
+        shading="auto",
+        rasterized=not signed,
+    )
+
+
+def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, FloatArray]:
+    """(times [s], values) of a channel, thinned so that no peak vanishes.
+
+    The smallest and the largest sample of every bucket stay, in their order. Reads block by block;
+    shapes (<= 2 buckets + 2,).
     """
-    time, low, high = signal
-    axes.fill_between(time, MICRO * low, MICRO * high, color=COLOURS[0], linewidth=0.5, alpha=0.9)
+    size = max(1, -(-channel.size // buckets))
+    at: list[FloatArray] = []
+    values: list[FloatArray] = []
+    for start, block in channel.blocks(size * max(1, _BLOCK // size)):
+        rows = -(-block.size // size)
+        padded = np.full(rows * size, np.nan)
+        padded[: block.size] = block
+        table = padded.reshape(rows, size)
+        known = np.isfinite(table).any(axis=1)
+        low = np.argmin(np.where(np.isnan(table), np.inf, table), axis=1)
+        high = np.argmax(np.where(np.isnan(table), -np.inf, table), axis=1)
+        pair = (
+            np.sort(np.stack([low, high], axis=1), axis=1)[known]
+            + (np.flatnonzero(known) * size)[:, None]
+        )
+        at.append((start + pair).ravel().astype(float))
+        values.append(padded[pair.ravel()])
+    index = np.concatenate(at) if at else np.zeros(0)
+    return channel.axis.at(index) if index.size else index, np.concatenate(
+        values
+    ) if values else index
 
 
 def robust_range(

@@ -6,8 +6,9 @@ Recording and FootprintOfChannel of each channel --while the log is open--> Turn
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,20 @@ from tirelog.data.recording import Recording
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.physics.moving.modes import Mode, natural_modes, of_model
+from tirelog.plots.record import (
+    Mark,
+    Page,
+    Panel,
+    band,
+    dots,
+    heat,
+    level,
+    line,
+    rows_of,
+    span,
+    upright,
+    words,
+)
 from tirelog.plots.style import (
     COLOURS,
     EDGE,
@@ -24,9 +39,8 @@ from tirelog.plots.style import (
     RAW,
     SLIDE,
     by_value,
-    figure_page,
-    label,
     on_a_slide,
+    picture,
     robust_range,
     write,
 )
@@ -36,7 +50,6 @@ from tirelog.vocabulary.quality import good
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 # ---- The order map: how much of each order of the wheel a grating feels, over speed or over time.
@@ -48,6 +61,7 @@ if TYPE_CHECKING:
 # the tire it grows. With a ring model its modes are drawn as the belt feels them.
 
 
+_AMPLITUDE = "amplitude of an order [microstrain]"
 #: highest frequency that is drawn [Hz]: what an instrumented tire's belt still moves at
 HIGHEST_HZ = 300.0
 #: steps of speed, or of time, of a map
@@ -127,48 +141,38 @@ def map_of(
 
 
 def order_maps(
-    figure: Figure,
-    maps: Sequence[tuple[Axes, str, OrderMap]],
-    orders: Sequence[int] = (1, 5, 10, 20, 40),
-) -> None:
-    """Draw maps, each with its name on its axes of `figure`, at one scale of colours.
-
-    `orders` are named at the edge.
-    """
-    from matplotlib.colors import LogNorm
-
-    every = np.concatenate([found.amplitude.ravel() for _, _, found in maps])
+    maps: Sequence[tuple[str, OrderMap]], orders: Sequence[int] = (1, 5, 10, 20, 40)
+) -> list[Panel]:
+    """Panels of maps by name, at one scale of colours; `orders` are named at the edge."""
+    every = np.concatenate([found.amplitude.ravel() for _, found in maps])
     known = MICRO * every[np.isfinite(every) & (every > 0.0)]
     low, high = (
         (float(np.percentile(known, _DARKEST)), float(known.max())) if known.size else (0.1, 1.0)
     )
-    mesh: Any = None
-    for axes, name, found in maps:
+    panels = []
+    for name, found in maps:
         bounds = np.arange(found.amplitude.shape[1] + 1) + 0.5
-        mesh = axes.pcolormesh(
-            np.broadcast_to(found.edges[:, None], (found.edges.size, bounds.size)),
-            found.wheel_Hz[:, None] * bounds,
-            MICRO * found.amplitude,
-            norm=LogNorm(low, max(high, 1.01 * low)),
-            cmap="viridis",
-            rasterized=True,
-        )
+        along = np.broadcast_to(found.edges[:, None], (found.edges.size, bounds.size))
+        felt, values = found.wheel_Hz[:, None] * bounds, MICRO * found.amplitude
         top = min(HIGHEST_HZ, float(found.wheel_Hz.max() * bounds[-1]))
-        label(
-            axes,
-            "speed [m/s]" if found.along == "speed" else "time [s]",
-            "frequency on the belt [Hz]",
-            xlim=(found.edges[0], found.edges[-1]),
-            ylim=(0.0, top),
+        heights = {order: order * found.wheel_Hz[-1] for order in orders if order < bounds[-1]}
+        panels.append(
+            Panel(
+                "speed [m/s]" if found.along == "speed" else "time [s]",
+                "frequency on the belt [Hz]",
+                [
+                    heat(along, felt, values, _AMPLITUDE, "log", low, max(high, 1.01 * low)),
+                    *(
+                        words(f" order {order}", found.edges[-1], y, fontsize=9, va="center")
+                        for order, y in heights.items()
+                        if y < 0.97 * top
+                    ),
+                ],
+                name,
+                ((found.edges[0], found.edges[-1]), (0.0, top)),
+            )
         )
-        axes.set_title(name)
-        axes.grid(False)
-        for order in orders:
-            height = order * found.wheel_Hz[-1]
-            if order < bounds[-1] and height < 0.97 * top:
-                place = (found.edges[-1], height)
-                axes.annotate(f" order {order}", place, fontsize=9, va="center")
-    figure.colorbar(mesh, ax=figure.axes, label="amplitude of an order [microstrain]", format="%g")
+    return panels
 
 
 def on_the_belt(mode: Mode, wheel_Hz: float) -> float:
@@ -237,21 +241,25 @@ def modes_over_orders(
     **more: Any,
 ) -> None:
     """Write the modes over the order maps of logs, by name, to `path`; over speed without one."""
+    named = [(Path(log).name, found) for log, found in maps[:_MOST]]
+    below: list[OrderMap | None] = [found for _, found in named]
+    empty = Panel("speed [m/s]", "frequency on the belt [Hz]", limits=((0.0, FASTEST_M_S), None))
+    panels = [
+        replace(
+            panel,
+            limits=(panel.limits[0], (0.0, highest_Hz)),
+            own=partial(modes_over, model=model, found=found, highest_Hz=highest_Hz, **more),
+            legend=None,
+        )
+        for panel, found in zip(
+            order_maps(named, orders=()) if named else [empty],
+            below or [None],
+            strict=True,
+        )
+    ]
+    size = (SLIDE[0] if len(panels) > 1 else 0.8 * SLIDE[0], SLIDE[1])
     with on_a_slide():
-        shown = list(maps[:_MOST])
-        figure = figure_page(SLIDE[0] if len(shown) > 1 else 0.8 * SLIDE[0], SLIDE[1])
-        panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
-        if shown:
-            named = [(axes, Path(log).name, found) for axes, (log, found) in zip(panels, shown)]
-            order_maps(figure, named, orders=())
-        below = [found for _, found in shown]
-        for axes, found in zip(panels, below or (None,), strict=True):
-            modes_over(axes, model, found, highest_Hz=highest_Hz, **more)
-            if found is None:
-                label(axes, "speed [m/s]", "frequency on the belt [Hz]", ylim=(0.0, highest_Hz))
-            axes.set_ylim(0.0, highest_Hz)
-            axes.margins(x=0.0)
-        write(figure, path)
+        write(picture(Page([panels], size, bar=_AMPLITUDE, bar_style={"format": "%g"})), path)
 
 
 def map_of_log(recording: Recording, channel: str | None = None) -> OrderMap:
@@ -288,9 +296,9 @@ def around_the_wheel(
     zero = 1.6 * max(high - low, 1e-12) - low
     axes.set_theta_zero_location("S")
     axes.set_theta_direction(-1)
-    for (phi, wave, band, name), colour in zip(waves, colours, strict=True):
+    for (phi, wave, width, name), colour in zip(waves, colours, strict=True):
         axes.fill_between(
-            phi, zero + wave - band, zero + wave + band, color=colour, alpha=0.3, lw=0
+            phi, zero + wave - width, zero + wave + width, color=colour, alpha=0.3, lw=0
         )
         axes.plot(phi, zero + wave, color=colour, label=name)
     round_it = np.linspace(-np.pi, np.pi, 361)
@@ -457,53 +465,43 @@ def speed_classes(sketch: TurnsSketch) -> list[SpeedClass]:
 def turns_picture(sketches: Sequence[TurnsSketch], path: Path, kind: str) -> None:
     """Write the picture of this kind to `path`: a panel per channel, of at most MOST."""
     with on_a_slide():
-        write(KINDS[kind](sketches), path)
+        write(picture(KINDS[kind](sketches)), path)
 
 
-def _panels(sketches: Sequence[TurnsSketch], **more: Any) -> tuple[Figure, Iterator[Any]]:
+def _page(panels: Sequence[Panel], sketches: Sequence[TurnsSketch], bar: str = "") -> Page:
     """A page with a panel for each channel that is drawn; its title says which are not."""
-    shown = min(len(sketches), MOST)
-    columns = 1 if shown == 1 else 2
-    rows = -(-shown // columns)
-    width = 0.75 * SLIDE[0] if shown == 1 else SLIDE[0]
-    figure = figure_page(width, SLIDE[1] if rows == 1 else 1.45 * SLIDE[1])
-    panels = figure.subplots(rows, columns, squeeze=False, **more)
-    for spare in panels.ravel()[shown:]:
-        spare.remove()
-    if len(sketches) > MOST:
-        figure.suptitle(f"{len(sketches) - MOST} more are not drawn")
-    return figure, zip(panels.ravel(), sketches[:MOST])
+    across = 1 if len(panels) == 1 else 2
+    rows = rows_of(panels, across)
+    width = 0.75 * SLIDE[0] if across == 1 else SLIDE[0]
+    left = len(sketches) - MOST
+    title = f"{left} more are not drawn" if left > 0 else ""
+    size = (width, SLIDE[1] if len(rows) == 1 else 1.45 * SLIDE[1])
+    return Page(rows, size, title, bar=bar)
 
 
-def waterfall(sketches: Sequence[TurnsSketch]) -> Figure:
+def waterfall(sketches: Sequence[TurnsSketch]) -> Page:
     """Strain in colour over the angle about the patch and the revolutions, one scale for all."""
-    figure, panels = _panels(sketches)
     low, high = robust_range(*(s.strain for s in sketches[:MOST]), share=0.0, margin=0.0)
-    mesh: Any = None
-    for axes, sketch in panels:
-        reach = min(_AROUND * sketch.half_angle_rad, np.pi)
-        near = np.abs(sketch.phi_rad) <= reach
-        mesh = axes.pcolormesh(
-            np.degrees(sketch.phi_rad[near]),
-            1 + sketch.every * np.arange(len(sketch.strain)),
-            MICRO * filled(sketch.strain)[:, near],
-            cmap="viridis",
-            vmin=MICRO * low,
-            vmax=MICRO * high,
-            shading="nearest",
-            rasterized=True,
-        )
-        for side in (-1.0, 1.0):
-            axes.axvline(np.degrees(side * sketch.half_angle_rad), color="white", lw=1.0, ls="--")
+    panels = []
+    for sketch in sketches[:MOST]:
+        near = np.abs(sketch.phi_rad) <= min(_AROUND * sketch.half_angle_rad, np.pi)
+        phi, turns = np.degrees(sketch.phi_rad), 1 + sketch.every * np.arange(len(sketch.strain))
+        strain = MICRO * filled(sketch.strain)[:, near]
+        scale = ("linear", MICRO * low, MICRO * high)
+        half = float(np.degrees(sketch.half_angle_rad))
         speeds = f"{sketch.speed_m_s.min():.0f} to {sketch.speed_m_s.max():.0f} m/s"
-        each = f", each {sketch.every}th" if sketch.every > 1 else ""
-        axes.set(
-            xlabel="angle from the patch centre [deg]",
-            ylabel=f"revolution{each}",
-            title=f"{sketch.name}\n{speeds}",
+        panels.append(
+            Panel(
+                "angle from the patch centre [deg]",
+                f"revolution{f', each {sketch.every}th' if sketch.every > 1 else ''}",
+                [
+                    heat(phi[near], turns, strain, "strain [microstrain]", *scale),
+                    *upright((-half, half), "", "white", width=1.0, dash="dash"),
+                ],
+                f"{sketch.name}\n{speeds}",
+            )
         )
-    figure.colorbar(mesh, ax=figure.axes, label="strain [microstrain]")
-    return figure
+    return _page(panels, sketches, "strain [microstrain]")
 
 
 def filled(values: FloatArray) -> FloatArray:
@@ -516,136 +514,117 @@ def filled(values: FloatArray) -> FloatArray:
     return made
 
 
-def polar(sketches: Sequence[TurnsSketch]) -> Figure:
+def polar(sketches: Sequence[TurnsSketch]) -> Page:
     """The mean strain around the wheel, road below, by speed; the patch as an arc on the road."""
-    figure, panels = _panels(sketches, subplot_kw={"projection": "polar"})
-    for axes, sketch in panels:
+    panels = []
+    for sketch in sketches[:MOST]:
         classes = speed_classes(sketch)
-        around_the_wheel(
-            axes,
-            [
-                (
-                    sketch.phi_rad,
-                    MICRO * c.mean,
-                    MICRO * c.scatter,
-                    f"{c.speed_m_s:.1f} m/s ({c.turns})",
-                )
-                for c in classes
-            ],
-            by_value([c.speed_m_s for c in classes]),
-            sketch.half_angle_rad,
-        )
+        waves = [
+            (
+                sketch.phi_rad,
+                MICRO * c.mean,
+                MICRO * c.scatter,
+                f"{c.speed_m_s:.1f} m/s ({c.turns})",
+            )
+            for c in classes
+        ]
         length, se, _ = sketch.length
         told = f"\npatch {1e3 * length:.1f} ± {1e3 * se:.1f} mm" if np.isfinite(length) else ""
-        axes.set_title(f"{sketch.name}{told}")
-        axes.legend(loc="center", title="mean of (revolutions)", title_fontsize=10)
-    return figure
+        panels.append(
+            Panel(
+                title=f"{sketch.name}{told}",
+                legend={
+                    "loc": "center",
+                    "title": "mean of (revolutions)",
+                    "title_fontsize": 10,
+                },
+                own=partial(
+                    around_the_wheel,
+                    waves=waves,
+                    colours=by_value([c.speed_m_s for c in classes]),
+                    half_angle_rad=sketch.half_angle_rad,
+                ),
+                polar=True,
+            )
+        )
+    return _page(panels, sketches)
 
 
-def edges(sketches: Sequence[TurnsSketch]) -> Figure:
+def edges(sketches: Sequence[TurnsSketch]) -> Page:
     """Entry and exit edge close up: means by speed with two standard errors and the scatter."""
     shown = sketches[:MOST]
-    figure = figure_page(SLIDE[0], SLIDE[1] * (1.0 if len(shown) < 3 else 1.45))
-    panels = figure.subplots(len(shown), 2, squeeze=False, sharey="row")
-    for row, sketch in zip(panels, shown):
-        classes = speed_classes(sketch)
-        colours = by_value([c.speed_m_s for c in classes])
-        half = sketch.half_angle_rad
-        _, _, scatter = sketch.length
-        for axes, side, name in zip(row, (-1.0, 1.0), ("entry", "exit")):
-            reach = _CLOSE * half
-            near = np.abs(sketch.phi_rad - side * half) <= reach + 2 * np.diff(sketch.phi_rad).max()
-            x = 1e3 * sketch.radius_m * sketch.phi_rad[near]
-            heights = []
-            for c, colour in zip(classes, colours, strict=True):
-                mean = MICRO * c.mean[near]
-                heights.append(mean)
-                for band, alpha in ((c.scatter, 0.15), (_SIGMAS * c.se, 0.45)):
-                    width = MICRO * band[near]
-                    axes.fill_between(
-                        x, mean - width, mean + width, color=colour, alpha=alpha, lw=0
-                    )
-                axes.plot(x, mean, ".-", color=colour, ms=5, label=f"{c.speed_m_s:.1f} m/s")
-            middle = 1e3 * side * half * sketch.radius_m
-            axes.axvspan(
-                middle - 500 * scatter, middle + 500 * scatter, color=EDGE, alpha=0.2, lw=0
-            )
-            axes.axvline(middle, color=EDGE, lw=1.5, ls="--")
-            label(
-                axes,
-                "ξ from the patch centre [mm]",
-                "strain [microstrain]" if side < 0 else "",
-                xlim=(
-                    middle - 1e3 * reach * sketch.radius_m,
-                    middle + 1e3 * reach * sketch.radius_m,
-                ),
-            )
-            axes.set_title(f"{sketch.name}, {name}", loc="left")
-        row[0].legend(loc="lower left")
-    figure.suptitle(
+    return Page(
+        [[_edge(sketch, -1.0, "entry"), _edge(sketch, 1.0, "exit")] for sketch in shown],
+        (SLIDE[0], SLIDE[1] * (1.0 if len(shown) < 3 else 1.45)),
         "dark band two standard errors of the mean, light band scatter of a revolution; "
         "orange the edge, and how far it scatters",
-        fontsize=12,
+        share="y",
     )
-    return figure
 
 
-def lengths(sketches: Sequence[TurnsSketch]) -> Figure:
+def _edge(sketch: TurnsSketch, side: float, name: str) -> Panel:
+    """One edge of a channel."""
+    classes, half, radius_mm = speed_classes(sketch), sketch.half_angle_rad, 1e3 * sketch.radius_m
+    reach, middle, scatter = _CLOSE * half, side * half * radius_mm, 500 * sketch.length[2]
+    near = np.abs(sketch.phi_rad - side * half) <= reach + 2 * np.diff(sketch.phi_rad).max()
+    x = radius_mm * sketch.phi_rad[near]
+    marks = []
+    for c, colour in zip(classes, by_value([c.speed_m_s for c in classes]), strict=True):
+        mean, wide, narrow = (MICRO * one[near] for one in (c.mean, c.scatter, _SIGMAS * c.se))
+        marks += [
+            band(x, mean - wide, mean + wide, "", colour, opacity=0.15),
+            band(x, mean - narrow, mean + narrow, "", colour, opacity=0.45),
+            line(x, mean, f"{c.speed_m_s:.1f} m/s", colour, symbol=".", size=5),
+        ]
+    marks.append(span(middle - scatter, middle + scatter, EDGE, opacity=0.2))
+    return Panel(
+        "ξ from the patch centre [mm]",
+        "strain [microstrain]" if side < 0 else "",
+        [*marks, *upright([middle], "", EDGE, width=1.5, dash="dash")],
+        f"{sketch.name}, {name}",
+        ((middle - radius_mm * reach, middle + radius_mm * reach), None),
+        legend={"loc": "lower left"} if side < 0 else None,
+    )
+
+
+def lengths(sketches: Sequence[TurnsSketch]) -> Page:
     """Contact length with two standard errors over speed and over time, a colour per channel."""
-    figure = figure_page(*SLIDE)
-    by_speed, by_time = figure.subplots(1, 2, sharey=True)
+    marks: dict[str, list[Mark]] = {"speed_m_s": [], "time_s": []}
     heights = []
-    for number, sketch in enumerate(sketches[: len(COLOURS) - 1]):
+    for colour, sketch in zip(COLOURS[:-1], sketches, strict=False):
         f, p = sketch.found.footprint, sketch.found.passages
-        clean = good(f.quality) & np.isfinite(f.length_m)
-        rows = np.flatnonzero(clean)
+        rows = np.flatnonzero(good(f.quality) & np.isfinite(f.length_m))
         rows = rows[:: max(-(-rows.size // 300), 1)]
-        colour, length = COLOURS[number], 1e3 * f.length_m[rows]
-        for axes, x, name in (
-            (by_speed, p.speed_m_s, sketch.name),
-            (by_time, p.time_s, None),
-        ):
-            axes.errorbar(
-                x[rows],
-                length,
-                yerr=_SIGMAS * 1e3 * f.length_se_m[rows],
-                fmt=".",
-                color=colour,
-                ms=5,
-                elinewidth=0.8,
-                alpha=0.75,
-                label=name,
-            )
+        length, error = 1e3 * f.length_m[rows], _SIGMAS * 1e3 * f.length_se_m[rows]
         heights.append(length)
-        if sketch.static_length_m is not None:
-            for axes in (by_speed, by_time):
-                axes.axhline(1e3 * sketch.static_length_m, color=colour, lw=1.2, ls=":")
-            heights.append(np.array([1e3 * sketch.static_length_m]))
-    limits = robust_range(*heights, share=0.0)
-    label(by_speed, "speed [m/s]", "contact length [mm]", ylim=limits)
-    label(by_time, "time [s]", "")
-    by_speed.legend(loc="best")
+        look = {"error": error, "size": 5, "elinewidth": 0.8, "opacity": 0.75}
+        for x, drawn in marks.items():
+            drawn.append(dots(getattr(p, x)[rows], length, sketch.name, colour, **look))
+            if sketch.static_length_m is not None:
+                static = 1e3 * sketch.static_length_m
+                drawn.append(level(static, "", colour, width=1.2, dash="dot"))
+                heights.append(np.array([static]))
     left = len(sketches) - (len(COLOURS) - 1)
-    figure.suptitle(
+    said = (
         "bars two standard errors"
         + (f"; {left} channels more are not drawn" if left > 0 else "")
-        + ("; dotted: static footprint" if any(s.static_length_m for s in sketches) else ""),
-        fontsize=12,
+        + ("; dotted: static footprint" if any(s.static_length_m for s in sketches) else "")
     )
-    return figure
+    limits = (None, robust_range(*heights, share=0.0))
+    by_speed = Panel(
+        "speed [m/s]", "contact length [mm]", marks["speed_m_s"], "", limits, legend={"loc": "best"}
+    )
+    by_time = Panel("time [s]", "", marks["time_s"], "", limits, legend=None)
+    return Page([[by_speed, by_time]], SLIDE, said, share="y")
 
 
-def orders(sketches: Sequence[TurnsSketch]) -> Figure:
+def orders(sketches: Sequence[TurnsSketch]) -> Page:
     """The order map of each channel, at one scale of colours."""
-    figure, panels = _panels(sketches)
-    order_maps(
-        figure,
-        [(axes, s.name, map_of(s.strain, s.speed_m_s, s.time_s, s.radius_m)) for axes, s in panels],
-    )
-    return figure
+    maps = [(s.name, map_of(s.strain, s.speed_m_s, s.time_s, s.radius_m)) for s in sketches[:MOST]]
+    return _page(order_maps(maps), sketches, _AMPLITUDE)
 
 
-KINDS: Mapping[str, Callable[[Sequence[TurnsSketch]], Any]] = {
+KINDS: Mapping[str, Callable[[Sequence[TurnsSketch]], Page]] = {
     "waterfall": waterfall,
     "polar": polar,
     "edges": edges,

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import Channel
+from tirelog.plots.record import Mark, Panel
 from tirelog.vocabulary.arrays import FloatArray
 
 #: told apart by all forms of colour blindness (Okabe and Ito's first three), each with three times
@@ -38,15 +38,12 @@ DIVERGING = (
     (0.75, "#f4a582"),
     (1.0, "#b2182b"),
 )
-BUCKETS = 2000
 SCATTER_POINTS = 6000
 SYMBOLS = ("circle", "square", "diamond")
 DASHES = ("solid", "dash", "dot", "dashdot")
 #: a map's colours end at this percentile of the sizes, so that one odd cell does not bleach the
 #: rest
 _COLOUR_PERCENTILE = 99.5
-#: samples that are decimated at once
-_BLOCK = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -227,6 +224,62 @@ def bars(
     }
 
 
+#: symbols of marks that have no name of their own here
+_MARKERS: dict[str, dict[str, Any]] = {
+    ".": {},
+    "D": {"symbol": "diamond"},
+    "_": {"symbol": "line-ew-open", "size": 14, "line": {"width": 3}},
+}
+
+
+def figure(id: str, title: str, alt: str, panel: Panel, half: bool = False, **shape: Any) -> Figure:
+    """The figure of a panel; `shape`: what its layout has besides."""
+    x, y = panel.limits
+    lines = [mark.x for mark in panel.marks if mark.kind == "upright" and y is None]
+    of = layout(panel.x, panel.y, xrange=x, yrange=y, lines=lines, **shape)
+    for key, scale, names in zip(
+        ("xaxis", "yaxis"), panel.scales, (panel.x_words, panel.y_words), strict=True
+    ):
+        if names:  # in their order, the first of lying ones on top
+            down = {"autorange": "reversed"} if key == "yaxis" else {}
+            of[key] = axis(of[key]["title"]["text"], type="category", categoryorder="array",
+                           categoryarray=list(names), **down)  # fmt: skip
+        elif scale == "log":
+            of[key] |= {"type": "log"}
+    return Figure(id, title, alt, [t for m in panel.marks for t in _traces(m, panel)], of, half)
+
+
+def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
+    """A mark as the plotting library has it; none of words and of lines across the panel."""
+    name, style = mark.name.removeprefix("_"), mark.style
+    if mark.kind in ("words", "level", "span"):
+        return []
+    if mark.kind == "upright":  # one without a name is a shape of the layout
+        of = {"dash": style.get("dash", "solid"), "width": 1.5}
+        at, ends = [mark.x, mark.x], panel.limits[1]
+        quiet = {"showlegend": bool(name), "hoverinfo": "skip"}
+        made = line(at, ends or at, name, mark.colour, line=of, **quiet)
+        return [] if ends is None else [made]
+    x = [panel.x_words[i] for i in mark.x] if panel.x_words else mark.x
+    marker = _MARKERS.get(style.get("symbol", "."), {"symbol": style.get("symbol")})
+    if mark.kind == "band":
+        shade = band(x, mark.y, mark.other, name, mark.colour)
+        shade[1]["showlegend"] = not mark.name.startswith("_")
+        return shade
+    if mark.kind == "bars":
+        across = bool(style.get("across"))
+        labels = [panel.y_words[i] for i in mark.x] if across else x
+        known = {} if mark.other is None else {"error": mark.other}
+        return [bars(labels, mark.y, name, mark.colour, across=across, **known)]
+    if mark.kind == "line":
+        steps = {"steps-mid": "hvh", "steps-post": "hv"}.get(style.get("drawstyle", ""), "linear")
+        drawn = {"dash": style.get("dash", "solid"), "shape": steps}
+        made = line(mark.x, mark.y, name, mark.colour, line=drawn)
+    else:
+        made = dots(mark.x, mark.y, name, mark.colour, marker=marker)
+    return [{**made, "x": x} if panel.x_words else made]
+
+
 def colour_reach(z: FloatArray) -> float:
     """Where the colours of a map end."""
     known = np.abs(z[np.isfinite(z)])
@@ -246,32 +299,3 @@ def heat(x: Any, y: Any, z: Any, unit: str, reach: float | None = None) -> dict[
         "colorscale": [list(stop) for stop in DIVERGING],
         "colorbar": {"title": {"text": unit, "side": "right"}, "thickness": 12},
     }
-
-
-def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, FloatArray]:
-    """(times [s], values) of a channel, thinned so that no peak vanishes.
-
-    The smallest and the largest sample of every bucket stay, in their order. Reads block by block;
-    shapes (<= 2 buckets + 2,).
-    """
-    size = max(1, -(-channel.size // buckets))
-    at: list[FloatArray] = []
-    values: list[FloatArray] = []
-    for start, block in channel.blocks(size * max(1, _BLOCK // size)):
-        rows = -(-block.size // size)
-        padded = np.full(rows * size, np.nan)
-        padded[: block.size] = block
-        table = padded.reshape(rows, size)
-        known = np.isfinite(table).any(axis=1)
-        low = np.argmin(np.where(np.isnan(table), np.inf, table), axis=1)
-        high = np.argmax(np.where(np.isnan(table), -np.inf, table), axis=1)
-        pair = (
-            np.sort(np.stack([low, high], axis=1), axis=1)[known]
-            + (np.flatnonzero(known) * size)[:, None]
-        )
-        at.append((start + pair).ravel().astype(float))
-        values.append(padded[pair.ravel()])
-    index = np.concatenate(at) if at else np.zeros(0)
-    return channel.axis.at(index) if index.size else index, np.concatenate(
-        values
-    ) if values else index

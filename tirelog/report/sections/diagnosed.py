@@ -15,17 +15,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tirelog.data.recording import Recording
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
-from tirelog.physics.model.user_effects import FRAMES
-from tirelog.plots.answers import SHOWN_S
-from tirelog.report.figures import GREY, INK, Figure, LogColours, band, dots, layout, line
+from tirelog.plots.answers import hit_panels, rest, shape
+from tirelog.report.figures import GREY, INK, Figure, LogColours, figure
 from tirelog.report.page import PageTable, Section
 from tirelog.report.sections import models as model_sections
 from tirelog.report.sections.answer import AnswerSection, answer
-from tirelog.report.sections.models import ANGLE, page_table, shown_value
+from tirelog.report.sections.models import page_table, shown_value
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured
@@ -84,77 +81,48 @@ def obstacles(result: TransientComparison, command: str, colours: LogColours) ->
     figures = [
         figure
         for number, hit in enumerate(result.hits[:_MOST])
-        for figure in _hit(hit, number, result.observable, factor, unit, colours)
+        for figure in _hit(hit, number, result.observable, (factor, unit), colours)
     ]
     table = page_table(result.hits_table(lambda log: Path(log).name))
     return Section("obstacles", "Obstacles", command, words, figures, [table])
 
 
 def _hit(
-    found: HitResult,
-    number: int,
-    observable: str,
-    factor: float,
-    unit: str,
-    colours: LogColours,
+    found: HitResult, number: int, observable: str, as_shown: tuple[float, str], colours: LogColours
 ) -> list[Figure]:
     hit, log = found.hit, Path(found.log.log).name
-    at = hit.since_s <= SHOWN_S
-    time, colour = 1e3 * hit.since_s[at], colours(log)
-    which = f"{log}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s"
+    own = colours(log)
+    panels = hit_panels(found, observable, as_shown, (own, own, INK, INK, GREY))
     covered = f"{100.0 * found.row()['covered']:.0f} % of the added is covered"
-    whole = [
-        dots(time, factor * hit.measured[at], "measured", colour, marker={"size": 3}),
-        line(time, factor * hit.predicted[at], "model", INK),
-    ]
-    apart = [
-        line(time, factor * hit.added[at], "added by the obstacle", colour),
-        line(time, factor * hit.missed[at], "of that missed by the model", INK),
-    ]
-    since = "time since the hit [ms]"
-    figures = [
-        Figure(
+    which = f"Hit {number + 1}"
+    told = (
+        (
             f"hit-{number}",
-            f"Hit {number + 1}: {which}",
+            f"{which}: {log}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s",
             f"Measured (points) and predicted (line) {observable} after the hit; {covered}.",
-            whole,
-            layout(since, f"{observable} [{unit}]"),
-            half=True,
         ),
-        Figure(
+        (
             f"hit-added-{number}",
-            f"Hit {number + 1}: what the obstacle added, and what the model misses",
+            f"{which}: what the obstacle added, and what the model misses",
             f"Change by the obstacle, and the part that the model does not cover; {covered}.",
-            apart,
-            layout(since, f"change of {observable} [{unit}]"),
-            half=True,
         ),
+        (
+            f"hit-bands-{number}",
+            f"{which} by frequency",
+            "Root mean squares per band: what the obstacle added, what of it is missed, the "
+            "residual with and off the obstacle, the floor.",
+        ),
+    )
+    return [
+        figure(id, title, alt, panel, half=panel is not panels[-1])
+        for (id, title, alt), panel in zip(told, panels, strict=True)
     ]
-    s = found.spectrum
-    middle = np.sqrt(np.maximum(s.edges_Hz[:-1], 0.5 * s.edges_Hz[1]) * s.edges_Hz[1:])
-    bands = [
-        line(middle, factor * np.sqrt(np.maximum(squares, 0.0)), name, of, line={"dash": dash})
-        for name, squares, of, dash in (
-            ("added", s.added, colour, "solid"),
-            ("missed", s.missed, INK, "solid"),
-            ("floor", s.floor, GREY, "dash"),
-        )
-    ]
-    shape = layout("frequency [Hz]", f"rms in the band [{unit}]")
-    shape["xaxis"] |= {"type": "log"}
-    alt = "Root mean squares per band: what the obstacle added, what of it is missed, the floor."
-    title = f"Hit {number + 1} by frequency"
-    return [*figures, Figure(f"hit-bands-{number}", title, alt, bands, shape)]
 
 
 # ---- The section of what `propose` wrote down: formulas or a measured shape, and how well they do.
 #
 # Proposal --> sentence, formulas with their numbers, errors on locked manoeuvres, two figures, the
 # command that writes the model file
-
-
-#: what a shape acts on -> the unit of its values, if it is not the observable's
-_UNITS = {"contact_pressure": "mean pressures", "load": "N"}
 
 
 def proposed(result: Proposal, command: str) -> Section:
@@ -193,46 +161,23 @@ def _errors(result: Proposal) -> list[PageTable]:
 
 def _shape(result: Proposal) -> list[Figure]:
     """The best measured shape with two standard errors."""
-    if not result.shapes:
+    panel = shape(result, shown_value(result.observable, result.unit), (GREY, INK))
+    if panel is None:
         return []
     best = result.shapes[0]
-    frame = FRAMES[best.frame]
-    factor, unit = 1.0, _UNITS.get(best.acts_on, "1")
-    if best.acts_on == result.observable:
-        factor, unit = shown_value(result.observable, result.unit)
-    values, error = best.values * factor, 2.0 * best.band * factor
-    traces = band(best.nodes, values - error, values + error, "two standard errors", GREY)
-    traces[1]["showlegend"] = True
-    traces.append(line(best.nodes, values, "measured shape", INK, line={"width": 2}))
-    seen = np.abs(best.values) > 3.0 * best.band
-    reach: dict[str, tuple[float, float]] = {}
-    if seen.any() and best.nodes[seen].size > 1:  # beyond it the shape is noise about nothing
-        most = 1.3 * float(np.abs(values[seen]).max())
-        ends = (float(best.nodes[seen][0]), float(best.nodes[seen][-1]))
-        reach = {"xrange": ends, "yrange": (-most, most)}
-    along = frame.words.removeprefix("in the ").removeprefix("along the ")
-    x, y = f"{along} [{frame.unit}]", f"{best.acts_on} [{unit}]"
     law = "" if best.law == "1" else f", times {best.law}"
-    title = f"Measured shape {best.words}{law}"
     alt = (
         f"A free shape {best.words}{law}, with two standard errors as a band: what any formula "
         "in this frame can remove at most."
     )
-    return [Figure("propose-shape", title, alt, traces, layout(x, y, **reach), half=True)]
+    return [figure("propose-shape", f"Measured shape {best.words}{law}", alt, panel, half=True)]
 
 
 def _rest(result: Proposal) -> Figure:
     """The leading shape of what is left, before and after."""
-    factor, unit = shown_value(result.observable, result.unit)
-    angle = np.degrees(result.phi_rad)
-    before, after = result.leading_before * factor, result.leading_after * factor
-    traces = [
-        line(angle, before, "before", GREY, line={"dash": "dash", "width": 2}),
-        line(angle, after, "with the proposal", INK, line={"width": 2}),
-    ]
+    panel = rest(result, shown_value(result.observable, result.unit), (GREY, INK))
     alt = "The leading shape of what is left over the angle, before and with the proposal."
-    shape = layout(ANGLE, f"{result.observable} [{unit}]")
-    return Figure("propose-rest", "What is left, before and after", alt, traces, shape, half=True)
+    return figure("propose-rest", "What is left, before and after", alt, panel, half=True)
 
 
 @dataclass

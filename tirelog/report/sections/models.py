@@ -17,17 +17,20 @@ import numpy as np
 from tirelog.diagnosis.answer import AnswerTable, in_unit
 from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.results import steps_table
+from tirelog.plots.answers import climbed_panel, ranked_panel, wave_marks
+from tirelog.plots.answers import edges as edge_lines
+from tirelog.plots.record import Panel
 from tirelog.report.figures import (
     DASHES,
+    GREY,
     INK,
     PALE,
     SYMBOLS,
     Figure,
     LogColours,
-    axis,
     band,
-    bars,
     dots,
+    figure,
     heat,
     layout,
     line,
@@ -201,22 +204,6 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
     ]
 
 
-def wave_traces(result: Comparison, colours: LogColours) -> list[dict[str, Any]]:
-    """Measured points and the model's line of each waveform, with two noise floors about it."""
-    factor, _ = shown_value(result.observable, result.unit)
-    waves, traces = result.waveforms, []
-    for i, (said, (colour, dash, symbol)) in enumerate(
-        zip(waves.labels, styles(waves.logs, colours), strict=True)
-    ):
-        phi, expected = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor
-        floor = 2.0 * factor * waves.floor[i]
-        traces += band(phi, expected - floor, expected + floor, f"two floors, {said}", colour)
-        traces.append(line(phi, expected, f"model, {said}", colour, line={"dash": dash}))
-        marker, measured = {"size": 4, "symbol": symbol}, waves.measured[i] * factor
-        traces.append(dots(phi, measured, f"measured, {said}", colour, marker=marker))
-    return traces
-
-
 def over_angle(result: Comparison, y: str, **more: Any) -> dict[str, Any]:
     """The layout of what stands over the angle, with the patch's edges."""
     half = result.half_angle_rad
@@ -231,8 +218,15 @@ def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
         f"{'; '.join(result.waveforms.labels)}; dashed lines: the "
         "patch's edges."
     )
-    shape = over_angle(result, f"{result.observable} [{unit}]", height=520)
-    return Figure("waveforms", "Waveforms", alt, wave_traces(result, colours), shape)
+    half, factor = result.half_angle_rad, shown_value(result.observable, result.unit)[0]
+    marks = wave_marks(result, factor, styles(result.waveforms.logs, colours))
+    panel = Panel(
+        ANGLE,
+        f"{result.observable} [{unit}]",
+        [*marks, *edge_lines(half)],
+        limits=(window(half), None),
+    )
+    return figure("waveforms", "Waveforms", alt, panel, height=520)
 
 
 def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
@@ -302,34 +296,15 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
 
 def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
     """Shares of the excess as lying bars, the best on top; the selected in another colour."""
-    traces = []
-    for colour, selected, name in ((INK, True, "selected"), (PALE, False, "not selected")):
-        some = [c for c in ranked if c.selected == selected][::-1]
-        if some:
-            error = [100.0 * errors.get(c.effect, np.nan) for c in some]
-            traces.append(
-                bars(
-                    [c.effect for c in some],
-                    [100.0 * c.excess_removed for c in some],
-                    name,
-                    colour,
-                    across=True,
-                    error=error,
-                )
-            )
     best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
     alt = (
         f"Share of the excess that each effect removes alone: {best}. Error bars, one standard "
         "error, where the effect was refitted."
     )
-    order = [c.effect for c in ranked][::-1]
-    y = axis("", type="category", categoryorder="array", categoryarray=order)
-    shape = {
-        "xaxis": axis("share of the excess removed alone [%]", rangemode="tozero"),
-        "yaxis": y,
-        "height": 140 + 24 * len(ranked),
-    }
-    return Figure("ranking", "Which effect is missing", alt, traces, shape)
+    axis_title = "share of the excess removed alone [%]"
+    panel = replace(ranked_panel(ranked, errors, (INK, PALE)), x=axis_title)
+    height = 140 + 24 * len(ranked)
+    return figure("ranking", "Which effect is missing", alt, panel, height=height)
 
 
 def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
@@ -337,16 +312,9 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     factor, unit = shown_value(climbed["observable"], climbed["unit"])
     steps = [step for step in climbed["steps"] if step["outcome"] != "not_added"]
     names = [step["effect"] for step in steps]
-    held, fitted, floor = (
-        [_times(step[name], factor) for step in steps]
-        for name in ("rmse_heldout", "rmse_fit", "noise_floor")
+    held, floor = (
+        [_times(step[name], factor) for step in steps] for name in ("rmse_heldout", "noise_floor")
     )
-    marks = {"size": 14, "symbol": "line-ew-open", "color": INK, "line": {"width": 3}}
-    traces = [
-        bars(names, held, "held-out error", PALE),
-        {**dots(range(len(names)), fitted, "error of the fit"), "x": names, "marker": marks},
-        {**line(range(len(names)), floor, "noise floor", INK, line={"dash": "dash"}), "x": names},
-    ]
     words = [step["sentence"] for step in climbed["steps"]] + [
         f"{remark}." for remark in climbed.get("remarks", ())
     ]
@@ -360,12 +328,9 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
         f"{n} {h:.3g} {unit}" if h == h else f"{n} none" for n, h in zip(names, held, strict=True)
     ]
     alt = f"Held-out error falling to the floor: {', '.join(said)}"
-    shape = {
-        "xaxis": axis("", type="category"),
-        "yaxis": axis(f"{climbed['observable']} error [{unit}]", rangemode="tozero"),
-    }
     alt += f"; noise floor {floor[-1]:.3g} {unit}."
-    figures = [Figure("ladder-steps", "The error falling to the floor", alt, traces, shape)]
+    panel = climbed_panel(climbed, (factor, unit), (PALE, INK, INK, GREY))
+    figures = [figure("ladder-steps", "The error falling to the floor", alt, panel)]
     return Section(
         "ladder", "The ladder", command, words, figures, [page_table(steps_table(climbed))]
     )

@@ -18,6 +18,7 @@ import pandas as pd
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, LogColours, layout, line
 from tirelog.report.page import PageTable, Section
+from tirelog.report.sections.models import shown_number
 from tirelog.report.sections.recorded import (
     drawn_of,
     groups,
@@ -183,16 +184,9 @@ def dissipation_section(
         }  # fmt: skip
         names = [name for name in heads if name in lines]  # a table of an older run has fewer
         header = [heads[name] for name in names]
-        cells = [[_cell(row[name]) for name in names] for _, row in lines.iterrows()]
+        cells = [[shown_number(row[name]) for name in names] for _, row in lines.iterrows()]
         tables.append(PageTable("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
-
-
-def _cell(value: Any) -> str:
-    """A cell of a table: nothing if the value is missing, a number with four digits."""
-    if pd.isna(value):
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _regressions(
