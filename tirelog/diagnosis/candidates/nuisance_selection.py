@@ -221,7 +221,7 @@ def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -
     if own[0] in base.fit.names:
         formed = base
     elif formed is None and isinstance(base, Base) and quiet_waveforms(base):
-        found = refit(base, freed(model, [FORM]))
+        found = refit(base, freed(model, [FORM]), several=True)
         formed = None if isinstance(found, ModelError) else found.settled
     if formed is None:
         return model
