@@ -74,12 +74,6 @@ LEFT_OUT = ("seconds", "version", "file", "path")
 MADE = {
     "quiet": (0.0, ""),
     "twin": (0.003, '[[effects]]\nname = "gauge_length"\nlength_m = 0.016\n'),
-    # a loss of the model and a wave that no catalogue has, at a fifth of the usual size
-    "part": (
-        0.003,
-        '[[effects]]\nname = "viscous_damping"\ndamping_rate_1_s = 40.0\n\n'
-        '[[effects]]\nname = "splice"\namplitude = 1.8e-5\n',
-    ),
 }
 #: what the tests hold of each question
 KEPT = {
