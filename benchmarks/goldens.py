@@ -300,7 +300,9 @@ def answer(folder: Path, name: str, verb: str) -> dict[str, Any]:
 
 def _numbers(trace: dict[str, Any]) -> dict[str, Any]:
     """Name and numbers of a figure's trace."""
-    found = {key: trace[key] for key in ("name", "x", "y", "z", "r", "theta") if key in trace}
+    found: dict[str, Any] = {
+        key: trace[key] for key in ("name", "x", "y", "z", "r", "theta") if key in trace
+    }
     for key, packed in found.items():
         if isinstance(packed, dict):
             found[key] = np.frombuffer(b64decode(packed["bdata"]), packed["dtype"]).tolist()
