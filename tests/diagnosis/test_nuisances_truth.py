@@ -8,7 +8,7 @@ import pytest
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
 from tirelog.diagnosis import diagnose
-from tirelog.diagnosis.candidates.naming import quiet
+from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
 from tirelog.diagnosis.candidates.nuisance_selection import (
     allowed_nuisances,
     best_nuisance,
@@ -160,7 +160,7 @@ def test_two_at_once_come_in_together(microstrain):
     found = search_effects(start(stacks, MODEL))
     assert found.named == ()
     assert set(groups_of(found.before)) == {"wheel", "patch_law"}
-    assert quiet(found.before, found.before.floor.square)
+    assert at_noise_floor(found.before, found.before.floor.square)
 
 
 def test_bends_and_columns_together_are_the_model_with_its_parameters_moved(wheel_null):
@@ -239,7 +239,7 @@ def test_loads_that_scatter_by_3_percent_leave_a_null_at_its_floor():
     base = start(stacks, Model.new("beam", radius_m=logs[0].tire.rolling_radius_m))
     assert 0.015 < base.floor.scatter.load_sd < 0.04
     assert base.reduced_chi2 < 1.15  # 2 and more if a waveform were straight in its load
-    assert quiet(base, base.floor.square)
+    assert at_noise_floor(base, base.floor.square)
 
 
 @pytest.mark.slow

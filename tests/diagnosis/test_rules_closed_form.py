@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.candidates.naming import quiet, removed_by, worth_it
+from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
+from tirelog.diagnosis.candidates.naming import removed_by, worth_it
 from tirelog.diagnosis.candidates.nuisance_sizes import alike_sentences
 from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
 from tirelog.diagnosis.wording import sentence_of
@@ -51,7 +52,7 @@ def test_a_chi_square_of_few_values_is_quiet_as_far_as_chance_goes(chi2, freedom
         square_held=1.0,
         of_errors=(0.0, 0.0),
     )
-    assert quiet(base, 1.0) is said
+    assert at_noise_floor(base, 1.0) is said
 
 
 def test_a_held_out_error_above_the_floor_is_said():

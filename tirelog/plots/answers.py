@@ -109,6 +109,7 @@ def correlations(fitted: FitOfLogs) -> Panel:
 # ---- The picture of `effects`: what each does to the strain.
 
 
+#: what an effect is shown under: speed [m/s], acceleration [m/s^2], words, style of the line
 _DRIVES: tuple[tuple[float, float, str, dict[str, Any]], ...] = (
     (10.0, 0.0, "10 m/s", {"colour": COLOURS[5], "width": 1.2}),
     (20.0, 0.0, "20 m/s", {"colour": COLOURS[0], "width": 1.6}),
@@ -757,7 +758,7 @@ def ranked_panel(
     """The same of candidates; `errors` of the shares, `colours` of the selected and the others."""
     removed = 100.0 * np.array([c.excess_removed for c in shown])
     error = 100.0 * np.array([(errors or {}).get(c.effect, np.nan) for c in shown])
-    picked = np.array([bool(c.selected) for c in shown])
+    picked = np.array([bool(c.selected) for c in shown], dtype=bool)
     place = np.arange(len(shown))
     marks = [
         bars(place[some], removed[some], name, colour, across=True, error=error[some])

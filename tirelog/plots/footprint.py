@@ -44,7 +44,9 @@ from tirelog.strain.footprint.refine import PatchWindows, gather_windows
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import good
 
+#: how an onset of slip is marked: an open ring, 6 points wide
 _ONSET: dict[str, Any] = {"symbol": "o", "mfc": "none", "mec": MARK, "size": 6}
+#: a legend above the lengths, small enough for three of them side by side
 _ABOVE = {"fontsize": 6.5, "ncols": 3, "loc": "upper center"}
 #: channels with a colour of their own, and the window of a passage in half lengths
 MOST_PASSAGES, WINDOW = 8, 2.2
