@@ -776,7 +776,7 @@ def ranked_panel(
         "",
         marks,
         "candidates; full colour: selected",
-        ((0.0, 118.0), (len(shown) - 0.5, -0.5)),
+        ((0.0, 118.0), (max(len(shown), 1) - 0.5, -0.5)),
         y_words=[c.effect for c in shown],
         legend=None,
     )
