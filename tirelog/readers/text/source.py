@@ -13,6 +13,9 @@ copied to a temporary file, as its list of files stands at its end: cut off, it 
 from __future__ import annotations
 
 import lzma
+import os
+import re
+import struct
 import tempfile
 import zipfile
 import zlib
@@ -38,6 +41,14 @@ _LOOKED_BYTES = 1 << 28
 
 #: the bit of a zip archive's flags that says so
 _ENCRYPTED = 1
+#: a zip archive ends within so many bytes, with its comment; there stands the size of the list of
+#: its files, in 4 bytes, and in 8 for archives above 4 GB. zipfile reads the list whole, so a long
+#: one is refused: a log has one file, and a list of a megabyte some ten thousand
+_END_BYTES, _LIST_BYTES = 1 << 17, 1 << 20
+_LIST_SIZES = (
+    (re.compile(rb"PK\x05\x06.{8}(.{4})", re.DOTALL), "<L"),
+    (re.compile(rb"PK\x06\x06.{36}(.{8})", re.DOTALL), "<Q"),
+)
 
 _MAGIC = {
     "gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00", "zip": b"PK\3\4"
@@ -91,6 +102,16 @@ def _unzipped(pieces: Iterator[bytes]) -> Iterator[bytes]:
     """
     with tempfile.TemporaryFile(prefix="tirelog-") as copy:
         copy.writelines(pieces)
+        copy.seek(max(copy.seek(0, os.SEEK_END) - _END_BYTES, 0))
+        end = copy.read()
+        sizes = [
+            struct.unpack(kind, size)[0]
+            for mark, kind in _LIST_SIZES
+            for size in mark.findall(end)
+            if size != b"\xff" * 4
+        ]
+        if max(sizes, default=0) > _LIST_BYTES:
+            raise NotReadOn("the zip archive lists more files than a log can have")
         try:
             archive = zipfile.ZipFile(copy)
         except zipfile.BadZipFile as problem:
