@@ -49,8 +49,8 @@ def test_a_full_disk_and_room_again(small_disk: Path, tmp_path: Path) -> None:
     want = dataset(tmp_path / "results")
     manifest.write_text(MANIFEST.replace('"results"', f'"{small_disk}/results"'))
     for room_kB in (
-        600,
-        560,
+        500,
+        400,
         150,
         0,
     ):  # for two logs and a bit, the temporary run of none, the ledger of none
