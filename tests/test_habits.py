@@ -1,7 +1,9 @@
 """Property: the type checker is strict, and what it does not see is said."""
 
 import ast
+import io
 import re
+import tokenize
 import tomllib
 from pathlib import Path
 
@@ -70,6 +72,39 @@ def test_every_file_of_tests_says_of_which_kind_it_is() -> None:
     begins = tuple(f"{kind}: " for kind in KINDS)
     assert len(said) > 200
     assert [file for file, text in said.items() if not (text or "").startswith(begins)] == []
+
+
+#: words in backticks that are of formats and systems, or stand for several names
+NOT_OURS = {"Fs", "nohup", "channel_1", "convert_MODULE", "name_se", "benchmarks.calibration"}
+
+
+def test_a_name_in_a_text_is_one_of_the_code() -> None:
+    """A name in backticks, in a docstring or comment, outlives no renaming of what it names."""
+    names, texts = set(), {}
+    for path in sorted((ROOT / "tirelog").rglob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        names.update(path.relative_to(ROOT).with_suffix("").parts)
+        tokens = list(tokenize.generate_tokens(io.StringIO(source).readline))
+        names.update(token.string for token in tokens if token.type == tokenize.NAME)
+        plain = [ast.get_docstring(node) or "" for node in documented(source)]
+        plain += [token.string for token in tokens if token.type == tokenize.COMMENT]
+        texts[path.relative_to(ROOT).as_posix()] = "\n".join(plain)
+        words = (token.string for token in tokens if token.type == tokenize.STRING)
+        names.update(re.findall(r"\w+", " ".join(word for word in words if len(word) < 80)))
+    names |= {name.lower() for name in names if name.isupper()}
+    wrong = {
+        (file, name)
+        for file, text in texts.items()
+        for name in re.findall(r"`([A-Za-z_][\w.]*)`", text)
+        if name not in NOT_OURS and not names.issuperset(name.split("."))
+    }
+    assert wrong == set()
+
+
+def documented(source: str) -> list[ast.Module | ast.FunctionDef | ast.ClassDef]:
+    """What may have a docstring."""
+    kinds = ast.Module | ast.FunctionDef | ast.ClassDef
+    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, kinds)]
 
 
 def test_every_number_of_a_module_says_what_it_is() -> None:

@@ -1,10 +1,10 @@
 """Tables of strain channels, several at work at a time.
 
-    channels --by threads, or by processes of their own--> Made (Parts), channel by channel
+    channels --threads, or processes of their own--> ChannelProduct (Parts), channel by channel
     one long channel --the form; the other tables; stretches of passages: by processes--> Made
 
 A channel's rows are the same to the bit whoever makes them. How a table is made of a channel is
-told by the `Making` that they are asked with.
+told by the `ChannelWorker` that they are asked with.
 """
 
 from __future__ import annotations

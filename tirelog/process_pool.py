@@ -58,7 +58,7 @@ class PipeLink:
 
 
 class LocalLink:
-    """A `Wire` of the process that keeps what is told."""
+    """A `PipeLink` of the process that keeps what is told."""
 
     def __init__(self, before: Any) -> None:
         self._before = before

@@ -8,8 +8,7 @@ In output/.tirelog:
     hashes.json                      log -> [what changes with its bytes (size, time, a store's
                                      tag), sha256]
     done/<name>.json                 Entry of a log
-    means/<observable>/<name>.npz    what models need of a log (`pieces_file`), if the manifest has
-                                     models
+    means/<observable>/<name>.npz    what models need of a log, if the manifest has models
     tmp/                             temporary runs of the workers (elsewhere if the output is at
                                      an address); emptied when a run begins
 """

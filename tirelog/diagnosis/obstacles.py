@@ -282,7 +282,7 @@ class View:
 #
 #     TransientLogs, Model
 #         --the descent of every fit, over the free names of `carcass.numbers.MOTION`
-#           and (time, phase) of each hit--> Learned
+#           and (time, phase) of each hit--> FittedMotion
 #
 # What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
 # tire of a wrong mass rings out of step with the measured one, so that the least error may be far

@@ -7,10 +7,10 @@ Several channels of one tire are fitted together: each has its metric, its scatt
 all have the parameters.
 
 Several observables in one question (`prepare_together`) are one `JointBase`: cells under each
-other in floors (`cells.together`), each with its own metric and floor, one fit. Whatever works on a
-Base works on it: candidates, nuisances, held-out losses. `apart` gives the base of each observable
-in its own unit, at the parameters of the fit to all: what is told of one (its errors, what is left
-of it, where) is told by that.
+other in floors (`cells.joint`), each with its own metric and floor, one fit. Whatever works on a
+Base works on it: candidates, nuisances, held-out losses. `bases_by_observable` gives the base of
+each observable in its own unit, at the parameters of the fit to all. The errors of one observable,
+and what is left of it, are those of its base.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ class Base(FittedChannel):
 
     @cached_property
     def settled(self) -> Base:
-        """`settled`, once: whether a form is right is asked before a search goes on from there."""
+        """`with_scatter_estimated`, once: a search asks it of a form before it goes on."""
         raw = replace(self.raw or self.cells, phi=self.cells.phi, moved=self.cells.moved)
         (anew,) = _with_scatter([raw], [self.fit], [self.white], [self.discrepancy])
         return replace(_held_out(anew, raw), given=self.given)
@@ -225,12 +225,12 @@ class JointBase(Base):
 
     @cached_property
     def held_alone(self) -> tuple[Base, ...]:
-        """`apart`, once: it is asked for whenever a rule looks at each observable."""
+        """`bases_by_observable`, once: it is asked for whenever a rule looks at each observable."""
         return _apart(self, held_by_all=False)
 
     @cached_property
     def held_by_all(self) -> tuple[Base, ...]:
-        """`apart` with the manoeuvre left out of all observables, once."""
+        """`bases_by_observable` with the manoeuvre left out of all observables, once."""
         return _apart(self, held_by_all=True)
 
     @property
@@ -326,7 +326,7 @@ def _floor_of_all(
     }
     baseline = [s.baseline_square / c**2 for s, c in zip(scatters, scales, strict=True)]
     scatter = Scatter(0.0, 0.0, 0.0, baseline_square=np.concatenate(baseline), **rows)
-    none = np.zeros(0)  # angles are each observable's own: `apart` tells of them
+    none = np.zeros(0)  # angles are each observable's own (`bases_by_observable`)
     return Floor(within, between, none, scatter)
 
 

@@ -444,7 +444,7 @@ _CLOSE, _NO_EDGE_DEG = 0.6, 10.0
 
 
 def compare_figure(result: Comparison, kind: str = "page") -> Figure:
-    """A matplotlib figure of a comparison, of a kind of `pictures.COMPARE`.
+    """A matplotlib figure of a comparison, of a kind of `vocabulary.tables.COMPARE`.
 
     UsageError: not of a number per revolution, which has no waveform.
     """

@@ -2,7 +2,7 @@
 
     stored numbers, axis --some places: does a change follow a change?--> no: the channel as it is
         --all of it: places where the value changes--> every how many samples a value is new
-        --the first sample of each value--> Held: places, and a time axis of their own
+        --the first sample of each value--> SampleAndHold: places, and a time axis of their own
 
 A logger that is faster than its instrument writes each value several times. Such a staircase has
 no derivative, and its noise is not a sample's. Changes are compared on the stored numbers, so it

@@ -5,7 +5,7 @@ A row per revolution, its moving averages sorted by speed, and the regressions o
 Recording --passages, dissipation--> columns
     --power, force, coefficient if the setup gives what they need--> table
 rows of constant speed
-    --`dissipation_fit`: lines through the means of their stretches--> regressions
+    --`dissipation.regression`: lines through the means of their stretches--> regressions
 """
 
 from __future__ import annotations

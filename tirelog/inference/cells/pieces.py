@@ -174,7 +174,7 @@ class Pieces:
         return self if len(self) <= most else self.take(self.spread(most, turn))
 
     def spread(self, most: int, turn: int = 0) -> IntArray:
-        """The pieces, ascending, that `thinned` keeps."""
+        """The pieces, ascending, that `with_fewer_cells` keeps."""
         if len(self) <= most:
             return np.arange(len(self))
         place = (np.arange(most) + (turn * _GOLDEN) % 1.0) / most * len(self)

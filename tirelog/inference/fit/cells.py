@@ -33,7 +33,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 # ---- The one descent of every fit: damped least squares (Levenberg-Marquardt) within bounds.
 #
-#     LeastSquares, theta (p,) --damped steps, each no longer than the parameters' sizes--> Reached
+#     LeastSquares, theta (p,) --damped steps, none longer than a parameter's size--> DescentEnd
 #
 # A parameter that stands at a bound and would leave it is held for that step.
 

@@ -10,7 +10,7 @@ road and never pulls:
 with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
 waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
 is the one of the undamped ring with all its tension, that of effects too, and even about the patch
-centre; `lossy_contact` has the one of a ring that takes power, `contact_modes` the modes of both.
+centre; `LossyContact` is the one of a ring that takes power, `contact_modes` the modes of both.
 What a user's own effects on the foundation change in the pressure is left out.
 
     carcass, F --solve_contact--> pressure at the angles that touch --moved--> its derivatives

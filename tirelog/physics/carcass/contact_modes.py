@@ -53,7 +53,7 @@ class ContactState:
     """What a contact is solved for: the carcass, and columns of load and p0 b (n or 1, 1).
 
     p0 b with what other tension there is, over R, in place of the carcass's own. `losses`: columns
-    (n or 1, 4) of the strengths of `lossy_contact.LOSSES`; `stiffer` (n or 1, 1): what the
+    (n or 1, 4) of the strengths of `contact.LOSSES`; `stiffer` (n or 1, 1): what the
     carcass's k_w and k_v are multiplied by.
     """
 

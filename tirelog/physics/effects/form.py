@@ -67,11 +67,6 @@ def pressure_shapes(u: FloatArray) -> FloatArray:
     return np.where(inside[:, None], shapes, 0.0)
 
 
-def stiffness_factor(numbers: FloatArray, waves: FloatArray) -> FloatArray:
-    """The factor (n,) on the static stiffness at numbers of waves in a turn (n,)."""
-    return np.asarray(np.exp(_by_waves(waves) @ numbers), dtype=np.float64)
-
-
 def _structure(drive: Drive, **numbers: float) -> Structure:
     """The factor on the stiffness by wavelength."""
     return Structure(by_waves=_BELLS @ np.array([numbers[name] for name in STIFFNESS]))

@@ -280,7 +280,7 @@ def _slip(task: Task) -> FloatArray:
 def _brush(
     task: Task, slip: FloatArray, slip_angle_deg: float, camber_deg: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(F_x, F_y, M_z) of `brush.forces`, each a column (n or 1, 1)."""
+    """(F_x, F_y, M_z) of `pressure.forces`, each a column (n or 1, 1)."""
     site = loaded_site(task)[0]
     angles = np.radians(slip_angle_deg), np.radians(camber_deg)
     load, half, sigma = np.broadcast_arrays(site.load_N, site.half_length_m, slip)

@@ -253,7 +253,7 @@ def _contact_state(task: Task, load_N: FloatArray) -> contact_modes.ContactState
 def ring_losses(task: Task, s: Structure) -> list[FloatArray]:
     """Strengths [N/m^2] of what takes power from a rolling ring, columns (n or 1, 1).
 
-    In the order of `lossy_contact.LOSSES`.
+    In the order of `contact.LOSSES`.
     """
     b = task.base
     spin = task.drive.speed_m_s / b["radius_m"]

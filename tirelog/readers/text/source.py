@@ -114,8 +114,8 @@ def _unzipped(pieces: Iterator[bytes]) -> Iterator[bytes]:
             raise NotReadOn("the zip archive lists more files than a log can have")
         try:
             archive = zipfile.ZipFile(copy)
-        except zipfile.BadZipFile as problem:
-            raise NotReadOn(f"the zip archive is cut off or damaged ({problem})") from None
+        except zipfile.BadZipFile:
+            raise NotReadOn("the zip archive is cut off or damaged") from None
         files = [
             file
             for file in archive.infolist()

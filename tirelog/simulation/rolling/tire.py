@@ -2,7 +2,7 @@
 
 From standing on the road to the end of a drive.
 
-    Belt, Profile --standing--> v, hub height at rest under the load
+    Belt, Profile --tire_at_rest--> v, hub height at rest under the load
                   --rolling---> RollingTire
                       --run(distance, acceleration, load, torque)--> Motion, a row every few steps
 

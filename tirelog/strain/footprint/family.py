@@ -287,7 +287,7 @@ class EdgeShape:
 
 
 #: what a parameter may be, in the order and units of the fields: lengths in m, the rest are ratios;
-#: the tension stays above the critical speed's -2. A form at a bound is doubted (`Learnt.unclear`)
+#: the tension stays above the critical speed's -2. A form at a bound is unclear (`EdgeForm`)
 LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
 HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 

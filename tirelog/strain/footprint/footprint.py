@@ -1,7 +1,7 @@
 """Contact length, edges and slip onset of every passage of a strain grating (P2, errata).
 
     Channel --passages--> centres, speeds
-        --some passages--> the form of free rolling (`settle`)
+        --some passages--> the form of free rolling (`choose_form`)
         --windows around every passage, block by block--> plain edges (P2 3.2), fits of the form
         --> Footprint, a row per passage
 

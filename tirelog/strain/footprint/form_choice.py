@@ -1,6 +1,6 @@
 """The form of free rolling: learnt, looked at, and learnt anew without what does not roll freely.
 
-    passages --> Learnt
+    passages --> EdgeForm
         --misses passages? without those that speed up and slow down, if that is clearer-->
         --some of all passages are looked at: driven ones among them? without these-->
         --still misses them, each in its own way? of those that are alike, and that it fits-->

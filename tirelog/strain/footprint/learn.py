@@ -6,7 +6,7 @@ Passages
     --clean ones, preferably at steady speed, by classes of speed, in clusters-->
     a few hundred windows
     --those of one speed: scaled by their heights, cells along xi--> average --form--> a start
-         --the samples themselves--> Learnt
+         --the samples themselves--> EdgeForm
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Forms and plain edges of all passages, window by window: the inside of `footprint`.
 
-Channel + Passages + Learnt
+Channel + Passages + EdgeForm
     --windows, block by block; rows of one speed, averaging and form together-->
     Measured, a row per passage
 """

@@ -308,7 +308,7 @@ class Tractions:
         """The onset of each row, looked for everywhere: (n,) of ONSET.
 
         `rough`: averages of the windows' neighbours; `shift_m` (n,): where their fits put the form
-        beside its own place; `scatter` of the log (`Usual`).
+        beside its own place; `scatter` of the log (`FreeRollingReference`).
         """
         L, found = self.half_length_m, np.full(len(shift_m), np.nan, ONSET)
         rough_motion = motion_of(
@@ -416,7 +416,7 @@ class FoundOnsets(ColumnSet):
         """Onsets with their errors, or why not.
 
         `form_error` of an onset as a share of the half length; that of `friction` adds to it;
-        `scatter` of the log (`Usual`).
+        `scatter` of the log (`FreeRollingReference`).
         """
         found, L, onsets = self.found, self.half_length_m, onset_grid(1.0)
         step = (onsets[1] - onsets[0]) * L

@@ -3,7 +3,7 @@
 Offset, height, shift and stretch of the template, least squares, row by row.
 
     samples around rough centres
-        --Gauss-Newton on the template (`fit_kernels`)--> centre, its standard error, height
+        --Gauss-Newton on the template (`template`)--> centre, its standard error, height
 
 With phi the angle that the wheel has turned since the rough centre, the model of a row is y = a + b
 T(phi (1 + e) - s). Where the speed is known from the neighbouring passages the stretch e is held
