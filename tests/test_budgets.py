@@ -18,6 +18,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.xdist_group("budgets")  # one worker parses the package, once
+
 SAMPLES = ROOT / "sample_data"
 #: most files and statements of a folder
 FOLDERS = {
@@ -182,7 +184,9 @@ print(sum(Path(name).is_relative_to(package) for name in seen), file=sys.stderr)
 """
 
 
-@pytest.mark.parametrize("words", WALKS)
+@pytest.mark.parametrize(
+    "words", [pytest.param(w, marks=pytest.mark.slow if "diagnose" in w else ()) for w in WALKS]
+)
 def test_a_command_runs_through_few_files(words: str, tmp_path: Path) -> None:
     model = str(tmp_path / "model.toml")
     setup = SAMPLES / "hidden_1.toml"

@@ -111,6 +111,7 @@ def test_a_setup_that_fits_only_some_logs(manifest: Path, tmp_path: Path, tirelo
     assert len(dataset(tmp_path / "results")) == 8
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_does_not_answer(manifest: Path) -> None:
     """In a process of its own: a client that found nothing goes on trying beside later tests."""
     pytest.importorskip("distributed")
@@ -131,6 +132,7 @@ def test_output_folder_that_cannot_be_made(
     assert "results" in outcome.err
 
 
+@pytest.mark.slow
 def test_only_the_log_that_ends_its_workers_stays_open(manifest: Path, tmp_path: Path) -> None:
     assert begun(manifest, dying_on_the_first, "--workers", "2").wait(PATIENCE_S) == 3
     summary = pd.read_csv(tmp_path / "results" / "summary.csv").set_index("name")

@@ -66,6 +66,7 @@ def rows(parts: dict[str, bytes]) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_store_as_source_and_target(far: tuple[Path, Path, str], tmp_path: Path) -> None:
     here, manifest, results = far
     assert run(["campaign", "run", str(here), "--quiet"]) == 0
@@ -135,6 +136,7 @@ def test_no_credentials_for_the_output(
     assert "credentials" in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_cluster_writes_to_the_store(
     far: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

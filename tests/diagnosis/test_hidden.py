@@ -44,6 +44,7 @@ def test_scatter_of_the_load_is_not_an_effect(model):
     assert result.selected == ()
 
 
+@pytest.mark.slow
 def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     result = diagnose(stacks(("edge_impact",), 103), model)
     assert result.verdict == "missing"
@@ -87,6 +88,7 @@ def test_what_no_catalogue_has_stays_unknown_and_is_described(model):
     assert result.unexplained["speed_exponent"] == pytest.approx(0.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_faint_twins_come_as_a_set(model):
     result = diagnose(stacks({"hysteresis": {"loss_factor": 0.012}}, 105), model)
     assert {"hysteresis", "viscous_damping"} >= set(result.selected)
@@ -95,6 +97,7 @@ def test_faint_twins_come_as_a_set(model):
         assert result.separating_manoeuvres or result.notes
 
 
+@pytest.mark.slow
 def test_ladder_and_comparison_tell_the_same(model):
     given = stacks(("water_film",), 106)
     climbed = ladder(given, model)

@@ -163,6 +163,7 @@ def test_a_comparison_hardly_knows_of_manoeuvres_that_were_cut(recordings, model
     )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not POSSIBLE, reason="no process is forked here")
 def test_a_diagnosis_does_not_know_of_the_processes_that_share_it(recordings, model, monkeypatch):
     stacks = stacks_from_logs(recordings, most=40)

@@ -367,6 +367,7 @@ def test_a_floor_that_is_mostly_rounding_is_said():
     assert not rounding_sentences("strain", held=-1.0e-14, floor=1.0e-12, rounding=0.0)
 
 
+@pytest.mark.slow
 def test_an_unknown_points_to_the_effect_that_no_search_tries():
     log = case(("standing_wave",), seed=311, how=Case(plan="short", logs=2))
     found = diagnosed(fitted(log, angles=96, model=MODEL.with_nuisance("form", "off")))

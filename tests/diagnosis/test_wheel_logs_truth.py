@@ -5,11 +5,14 @@ named, and gravity is not taken for an effect.
 import json
 from pathlib import Path
 
+import pytest
+
 from tirelog.cli import run
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
+@pytest.mark.slow
 def test_load_transfer_is_what_these_logs_lack(tmp_path):
     model, answer = tmp_path / "ring.toml", tmp_path / "answer.json"
     setup = SAMPLES / "encoder.toml"

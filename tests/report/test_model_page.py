@@ -55,6 +55,7 @@ def test_the_ladder_s_numbers_are_the_file_s(model_page: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_page_s_diagnosis_is_the_command_s(model_page: Path) -> None:
     folder = model_page.parent
     logs = [str(folder / f"hidden_{n}.csv.gz") for n in (1, 2)]
