@@ -71,7 +71,8 @@ def test_a_scheduler_that_is_killed(tmp_path: Path) -> None:
     with dask_cluster(port) as scheduler:
         assert waited_for(answers)
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as first:
-            assert waited_for(lambda: len(list(output.rglob("table=*/*/part.parquet"))) >= 4)
+            # only where tables are: what is being written beside them comes and goes
+            assert waited_for(lambda: len(list(output.glob("table=*/*/part.parquet"))) >= 4)
             scheduler.kill()
             said = first.communicate(timeout=PATIENCE_S)[1]
     assert first.returncode == 2
