@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,8 @@ from tirelog.kernels import dispatch
 from tirelog.kernels.build import CALLS
 from tirelog.kernels.dispatch import examples, kind_of, spelled
 
-SAMPLES = Path(__file__).parents[1] / "sample_data"
+ROOT = Path(__file__).parents[1]
+SAMPLES = ROOT / "sample_data"
 
 PROGRAM = """
 import numpy as np
@@ -118,7 +120,7 @@ def test_calls_that_are_compiled_ahead_are_those_of_the_commands(tmp_path):
             assert spelled(map(kind_of, examples(json.dumps(kinds)))) == json.dumps(kinds)
 
 
-@pytest.mark.skipif(not dispatch.at_hand(), reason="kernels are not compiled ahead here")
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
 @pytest.mark.parametrize("words", ["tables {drive}", "speed {run}", "tables {run}"])
 def test_tables_need_no_numba_once_kernels_are_built(tmp_path, words):
     """`run` holds counts of a grating without a twin, which stay counts in memory."""
@@ -137,6 +139,22 @@ def test_tables_need_no_numba_once_kernels_are_built(tmp_path, words):
     ).stdout
     assert said.split()[-2:] == ["0", "False"]
     assert not record.exists()
+
+
+def test_an_installation_can_import_the_modules_of_kernels():
+    """It has only the packages that the build requires."""
+    required = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    others = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    modules = sorted({name.partition(":")[0] for name in json.loads(CALLS.read_text())})
+    program = "import sys; from importlib import import_module as get\n"
+    program += f"for name in {modules}: get(name)\nprint(*sys.modules)"
+    words = [sys.executable, "-c", program]
+    loaded = subprocess.run(words, check=True, capture_output=True, text=True, cwd=ROOT).stdout
+    packages = {name.partition(".")[0] for name in loaded.split()}
+    distributions = {text.partition(">=")[0] for text in others}
+    assert {one for one in distributions if one in packages} <= {
+        text.partition(">=")[0] for text in required
+    }
 
 
 def copied(tmp_path: Path) -> Path:
