@@ -31,7 +31,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
 from tirelog.inference.fit.by_observable import fits_apart
-from tirelog.inference.fit.cells import Fit
+from tirelog.inference.fit.cells import LEAST_CHANGE, Fit
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
@@ -436,7 +436,7 @@ def _varied_load(whole: Cells) -> float | None:
 
 def _varied(values: FloatArray) -> float | None:
     """The mean of a condition, if it is known everywhere and differs."""
-    varied = np.isfinite(values).all() and np.ptp(values) > 0.02 * values.mean()
+    varied = np.isfinite(values).all() and np.ptp(values) > LEAST_CHANGE * values.mean()
     return float(values.mean()) if varied else None
 
 

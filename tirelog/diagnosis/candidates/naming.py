@@ -109,8 +109,11 @@ def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, floa
     begun = [(m, {**shape, **s}) for m in models for s in (linear, probes)]
     learnt = {n: p.prior[0] for n, p in base.model.parameters.items() if p.free and p.prior}
     if learnt:  # what a form has learnt may be the very effect
-        bare = base.model.with_values(learnt)
-        begun += [(m, {**shape, **linear}) for m in starts(bare, base.fit.names)]
+        bare = starts(base.model.with_values(learnt), base.fit.names)
+        if base.given is not None:  # and what it made of the other values with it
+            values = {n: x for n, x in base.given.values.items() if n in base.fit.names}
+            bare.append(bare[0].with_values(values))
+        begun += [(m, {**shape, **linear}) for m in bare]
     return begun
 
 
@@ -470,6 +473,22 @@ def first_step(base: Base, extra: Iterable[Effect] = (), known: Known | None = N
         contenders,
         named=bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p),
     )
+
+
+def step_beside_form(base: Base, alarmed: Sequence[Assessed], known: Known) -> Step | None:
+    """A first effect beside a form that has learnt some of it, so that no slope shows it now.
+
+    `alarmed`: candidates that the base without the form lacks; the name is one of theirs with which
+    nothing is left, where form alone leaves something. None if there is no such name.
+    """
+    before, reasons = {a.id: a for a in alarmed}, known[1]
+    contenders = contend(base, alarmed, reasons)
+    if not contenders or not right_to_the_floor(contenders[0]):
+        return None
+    if not worth_it(base, contenders[0].base, contenders[0].assessed.p):
+        return None
+    assessed = [before.get(a.id, a) for a in known[0]]
+    return Step.of(base, assessed, reasons, contenders, named=True)
 
 
 def next_step(

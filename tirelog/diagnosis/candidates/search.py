@@ -24,6 +24,7 @@ from tirelog.diagnosis.candidates.naming import (
     group_of,
     next_step,
     regrouped,
+    step_beside_form,
     without_needless,
 )
 from tirelog.diagnosis.candidates.nuisance_selection import (
@@ -56,7 +57,7 @@ Progress = Callable[[str], None]
 #: a search with a form of the tire's own ends if all candidates at once, in a linear fit, leave
 #: more than this share of what is left without it: of an unknown wave they left 0.5, of known
 #: effects nothing
-_MAY_BE_LEFT = 0.25
+_MAY_BE_LEFT = 0.5
 
 
 @dataclass(frozen=True)
@@ -303,7 +304,7 @@ def _climb(
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
     all nuisances; on none if one came in after an effect.
     """
-    climb, excess = _Climb(base, base), base.excess
+    climb, excess, alarmed = _Climb(base, base), base.excess, list[Assessed]()
     while True:
         after = climb.after
         named = [s.named.id for s in climb.steps if s.named is not None]
@@ -312,6 +313,8 @@ def _climb(
         if after is base:
             climb.rivals = rivals
         step, known = None, assess_all(after, extra)
+        if after is base and FORM not in groups_of(base):
+            alarmed = [a for a in known[0] if a.alarms(base)]
         if FORM in groups_of(after) and least_left(after, known[0]) > most_left:
             return _Climb(after, None)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
@@ -320,6 +323,8 @@ def _climb(
                 if named
                 else first_step(after, extra, known)
             )
+        if step is not None and not (named or step.named) and FORM in groups_of(after):
+            step = step_beside_form(after, alarmed, known) or step
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now):
             climb.alike.append((groups_of(rival)[-1], named_now.id))

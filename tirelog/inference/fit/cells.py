@@ -26,6 +26,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import lacking, linearised, predicted
 from tirelog.inference.metric import RANK, Offsets, Whitener, stacked
+from tirelog.physics.effects.form import BY_LOAD
 from tirelog.physics.model.model import Model
 from tirelog.physics.spectral import Parameter
 from tirelog.process_pool import made_apart
@@ -203,6 +204,9 @@ def errors_of(slopes: FloatArray, variance: float) -> Errors:
     return Errors(se, covariance, np.concatenate([blind, unseen]))
 
 
+#: a condition that changes by less than this share of its mean is one: of what follows it nothing
+#: is told; twice as much says the same of all logs seen
+LEAST_CHANGE = 0.02
 #: starts: factors on the start values of some parameters
 STARTS: tuple[Mapping[str, float], ...] = (
     {},
@@ -298,6 +302,9 @@ def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
     for effect in model.effects:
         if lacking(effect.effect, model, cells):
             held |= {f"{effect.id}.{p.name}" for p in effect.parameters}
+    load = cells.conditions.load_N
+    if not np.ptp(load) > LEAST_CHANGE * load.mean():
+        held |= {f"form.{name}" for name in BY_LOAD}
     return tuple(name for name in model.free if name not in held)
 
 

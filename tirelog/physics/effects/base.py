@@ -101,12 +101,13 @@ def _column(values: FloatArray) -> FloatArray:
 class Site:
     """The place where the load acts: F [N] and half length L [m] of the patch.
 
-    Both are (n or 1, 1), on a tread of radius R.
+    Both are (n or 1, 1), on a tread of radius R. A form is that at the reference load [N].
     """
 
     load_N: FloatArray
     half_length_m: FloatArray
     radius_m: float
+    reference_load_N: float
 
     @property
     def q(self) -> FloatArray:

@@ -1,8 +1,9 @@
 """The tire's own form: what its contact pressure and stiffness are beside the model's formulas.
 
-It is the same under all conditions. The pressure gets F / (2 L) times a sum of shapes on the patch,
-none of which carries load: differences of Legendre polynomials P_(n-1) - P_(n+1), which vanish at
-the edges (P_0 - P_2 is the parabola), and P_1 and P_2, which end there in a step. The static
+It follows the load and nothing else. The pressure gets F / (2 L) times a sum of shapes on the
+patch, none of which carries load: differences of Legendre polynomials P_(n-1) - P_(n+1), which
+vanish at the edges (P_0 - P_2 is the parabola), and P_1 and P_2, which end there in a step. Each
+has a size at the reference load and one that grows with the relative load beyond it. The static
 stiffness of the carcass gets a factor by the number of waves in a turn, its logarithm a sum of
 bells.
 Each number has a prior of mean zero: a form is learnt only as far as a log shows it.
@@ -18,6 +19,7 @@ from scipy.special import eval_legendre
 
 from tirelog.data.setup import (
     FORM_BELLS,
+    FORM_BY_LOAD,
     FORM_DEGREES,
     FORM_PRESSURE,
     FORM_STIFFNESS,
@@ -34,6 +36,7 @@ SMOOTH = tuple(range(2, FORM_DEGREES))
 #: degrees of the shapes that end in a step at the edges
 STEPS = (1, 2)
 PRESSURE = (*(f"pressure_{n}" for n in SMOOTH), *(f"edge_{n}" for n in STEPS))
+BY_LOAD = tuple(f"{name}_by_load" for name in PRESSURE)
 STIFFNESS = tuple(f"stiffness_{i}" for i in range(1, FORM_BELLS + 1))
 
 
@@ -81,13 +84,14 @@ _PULL, _PLACES = 0.02, 24
 def _no_pull() -> tuple[FloatArray, FloatArray]:
     """Pressure at places of the patch per number (q, p), and that of the parabola, in _PULL."""
     u = np.cos(np.pi * (np.arange(_PLACES) + 0.5) / _PLACES)
-    rows = np.zeros((_PLACES, len(PRESSURE) + len(STIFFNESS)))
+    rows = np.zeros((_PLACES, len(PRESSURE) + len(BY_LOAD) + len(STIFFNESS)))
     rows[:, : len(PRESSURE)] = pressure_shapes(u)
     return rows / _PULL, 1.5 * (1.0 - u**2) / _PULL
 
 
 def _numbers() -> dict[str, Any]:
     """A number with a prior for each shape of the pressure, and for each bell of the stiffness."""
+    degrees = (*SMOOTH, *STEPS)
     pressure = {
         name: number(
             0.0,
@@ -98,7 +102,19 @@ def _numbers() -> dict[str, Any]:
             probe=0.1,
             prior=(0.0, FORM_PRESSURE * share_of_degree(n)),
         )
-        for name, n in zip(PRESSURE, (*SMOOTH, *STEPS), strict=True)
+        for name, n in zip(PRESSURE, degrees, strict=True)
+    }
+    by_load = {
+        name: number(
+            0.0,
+            -10.0,
+            10.0,
+            "1",
+            f"change of {shape} per relative change of the load",
+            probe=0.1,
+            prior=(0.0, FORM_BY_LOAD * share_of_degree(n)),
+        )
+        for name, shape, n in zip(BY_LOAD, PRESSURE, degrees, strict=True)
     }
     stiffness = {
         name: number(
@@ -112,19 +128,25 @@ def _numbers() -> dict[str, Any]:
         )
         for name in STIFFNESS
     }
-    return pressure | stiffness
+    return pressure | by_load | stiffness
 
 
 @effect("pressure", structure=_structure, constraints=_no_pull, tried=False, **_numbers())
 def form(drive: Drive, site: Site, **numbers: float) -> ComplexArray:
     """The tire's own contact pressure over the patch, and stiffness over wavelength.
 
-    Signature: anything within the patch and beside it that does not change with the drive
-    Valid: what is the same at all speeds, loads and accelerations
+    Signature: anything within the patch and beside it that follows the load alone
+    Valid: what is the same at all speeds and accelerations
     Source: Legendre series of a pressure on a strip; a factor by wavelength
     """
-    shares = np.array([numbers[name] for name in PRESSURE]) @ _SHARES * _TURNS
-    waves = np.empty(site.legendre.shape[1:], np.complex128)
-    waves.imag = np.tensordot(shares[::2].imag, site.legendre[::2], 1)
-    waves.real = np.tensordot(shares[1::2].real, site.legendre[1::2], 1)
+    sizes, by_load = (np.array([numbers[n] for n in names]) for names in (PRESSURE, BY_LOAD))
+    more = site.load_N / site.reference_load_N - 1.0 if by_load.any() else np.zeros((1, 1))
+    shares = (sizes + more * by_load) @ _SHARES * _TURNS
+    waves = np.empty((max(len(shares), site.legendre.shape[1]), MODES), np.complex128)
+    if len(shares) == 1:
+        waves.imag = np.tensordot(shares[0, ::2].imag, site.legendre[::2], 1)
+        waves.real = np.tensordot(shares[0, 1::2].real, site.legendre[1::2], 1)
+    else:
+        waves.imag = np.einsum("ck,kcm->cm", shares[:, ::2].imag, site.legendre[::2])
+        waves.real = np.einsum("ck,kcm->cm", shares[:, 1::2].real, site.legendre[1::2])
     return site.load_N / (2.0 * np.pi * site.radius_m) * waves

@@ -225,7 +225,7 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
             near = _contact_state(task.near, loads(task.near))
             found = contact_modes.pressure_modes_near(near, state, tilted=tilted)
         half, modes, tilt = found or contact_modes.pressure_modes(state, tilted=tilted)
-        return Site(F, half, R), modes, tilt
+        return Site(F, half, R, b.get("reference_load_N", b["load_N"])), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
         half = half * _pressure_ratio(task) ** -b["patch_pressure_exponent"]
@@ -237,7 +237,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
             do="correct patch_half_length_m, load or radius_m",
         )
     even = (line if task.point else parabola)(F, half, R)
-    return Site(F, half, R), even, tilted_parabola(F, half, R) if tilted else None
+    site = Site(F, half, R, b["reference_load_N"])
+    return site, even, tilted_parabola(F, half, R) if tilted else None
 
 
 def _contact_state(task: Task, load_N: FloatArray) -> contact_modes.ContactState:
