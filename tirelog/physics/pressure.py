@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.special import spherical_jn
@@ -60,22 +61,44 @@ def saddled_parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: fl
     return (load_N / (2.0 * np.pi * radius_m)) * shape
 
 
+_FORM_ORDERS = np.arange(1, FORM_DEGREES + 1)
+#: step of a table of spherical Bessel functions: cubics between its values are off by 1e-11; with
+#: twice the step by sixteen times as much
+_TABLE_STEP = 0.01
+
+
+@cache
+def _bessel_table(end: int) -> tuple[FloatArray, FloatArray]:
+    """j_n at 0, step ... end and n = 1 ... 14, and its slope times the step, (k, 14) each."""
+    x = _TABLE_STEP * np.arange(end / _TABLE_STEP + 2.0)[:, None]
+    return spherical_jn(_FORM_ORDERS, x), _TABLE_STEP * spherical_jn(_FORM_ORDERS, x, True)
+
+
+def _near_bessel(x: FloatArray) -> FloatArray:
+    """j_n(x) (..., 14) for n = 1 ... 14, by cubics through a table."""
+    values, slopes = _bessel_table(10 * math.ceil(x.max() / 10.0))
+    place = (x / _TABLE_STEP).astype(np.int64)
+    t = (x / _TABLE_STEP - place)[..., None]
+    here, there, low, high = values[place], values[place + 1], slopes[place], slopes[place + 1]
+    bend, turn = 3.0 * (there - here) - 2.0 * low - high, 2.0 * (here - there) + low + high
+    return np.asarray(here + t * (low + t * (bend + t * turn)), dtype=np.float64)
+
+
 def legendre_modes(half_length_m: FloatArray, radius_m: float) -> FloatArray:
     """Spherical Bessel functions j_n(q L), n = 1 ... 14, (14, n, K).
 
     (-i)^n j_n are the modes of the Legendre polynomial P_n(xi / L) on the patch, times C / (2 L).
-    Beyond x = q L = 10 they follow from each other, j_(n+1) = (2 n + 1) / x j_n - j_(n-1), in a
-    tenth of the time.
+    Up to x = q L = 10 they are read from a table; beyond it they follow from each other,
+    j_(n+1) = (2 n + 1) / x j_n - j_(n-1).
     """
     x = half_length_m / radius_m * np.arange(MODES)
     near = min(int(np.ceil(10.0 * radius_m / half_length_m.min())) + 1, MODES)
-    degrees = np.arange(1, FORM_DEGREES + 1)
     waves = np.empty((FORM_DEGREES, *x.shape))
-    waves[..., :near] = spherical_jn(degrees[:, None, None], x[:, :near])
+    waves[..., :near] = np.moveaxis(_near_bessel(x[:, :near]), -1, 0)
     per_x, turn = 1.0 / x[:, near:], powers(half_length_m / radius_m)[:, near:]
     before = turn.imag * per_x
     own = before * per_x - turn.real * per_x
-    for n in degrees:
+    for n in _FORM_ORDERS:
         waves[n - 1, :, near:] = own
         before, own = own, (2 * n + 1) * per_x * own - before
     return waves
