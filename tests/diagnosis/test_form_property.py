@@ -28,20 +28,30 @@ def pressure(xi_m: FloatArray, half_m: float) -> FloatArray:
     return np.where(np.abs(u) < 1.0, (1.0 - u**6) * 7.0 / 6.0, 0.0)
 
 
-def strain(speed: float, load_N: float) -> FloatArray:
-    """Strain around the wheel from angle -pi on, (POINTS,)."""
+def parabola(xi_m: FloatArray, half_m: float) -> FloatArray:
+    return 1.5 * np.maximum(1.0 - (xi_m / half_m) ** 2, 0.0)
+
+
+def strain(speed: float, load_N: float, by_load: float = 0.0) -> FloatArray:
+    """Strain around the wheel from angle -pi on, (POINTS,).
+
+    `by_load`: how much more of the flat pressure the patch has per relative change of the load.
+    """
     step = 2.0 * np.pi * RADIUS_M / POINTS
     half = HALF_M * np.sqrt(load_N / LOAD_N)
     within = (np.arange(16) + 0.5) / 16 - 0.5  # the edges fall between points
     xi = (np.arange(POINTS)[:, None] - POINTS // 2 + within) * step
-    p = pressure(xi, half).mean(axis=1)
+    rounder = by_load * (1.0 - load_N / LOAD_N)
+    p = ((1.0 - rounder) * pressure(xi, half) + rounder * parabola(xi, half)).mean(axis=1)
     q = 2.0 * np.pi * np.fft.rfftfreq(POINTS, step)
     answer = STIFFNESS["EJ"] * q**4 + STIFFNESS["k"] - STIFFNESS["mu"] * speed**2 * q**2
     modes = np.fft.rfft(np.fft.ifftshift(p * load_N / (p.sum() * step))) / answer
     return -3e-4 * np.fft.fftshift(np.fft.irfft(modes * q**2, POINTS))
 
 
-def write_log(path: Path, seed: int, load_per_g: float) -> Path:
+def write_log(
+    path: Path, seed: int, load_per_g: float, load_N: float = LOAD_N, by_load: float = 0.0
+) -> Path:
     """A log of a drive with five cruises, and its setup beside it."""
     rng = np.random.default_rng(seed)
     targets = rng.permutation([9.0, 12.0, 15.0, 18.0, 21.0]) + rng.uniform(-0.5, 0.5, 5)
@@ -59,16 +69,16 @@ def write_log(path: Path, seed: int, load_per_g: float) -> Path:
     for number in np.unique(turn):
         rows = np.flatnonzero(turn == number)
         middle = rows[np.argmin(np.abs(angle[rows] - 2.0 * np.pi * number))]
-        load = LOAD_N * (1.0 + load_per_g * acceleration[middle] / 9.81)
+        load = load_N * (1.0 + load_per_g * acceleration[middle] / 9.81)
         load *= 1.0 + 0.004 * rng.standard_normal()
-        wave = strain(float(speed[middle]), load)
+        wave = strain(float(speed[middle]), load, by_load)
         read[rows] = np.interp(angle[rows] - 2.0 * np.pi * number, grid, wave)
     noisy = 1e6 * read + 0.7 * rng.standard_normal(read.size)
     lines = (f"{i / RATE_HZ:.4f},{value:.3f}" for i, value in enumerate(noisy))
     path.write_text("time_s,strain\n" + "\n".join(lines) + "\n", encoding="utf-8")
     path.with_suffix(".toml").write_text(
         f"[tire]\nunloaded_radius_m = {RADIUS_M * 1.02}\nrolling_radius_m = {RADIUS_M}\n"
-        f"[conditions]\nload_N = {LOAD_N}\ndriven = true\n"
+        f"[conditions]\nload_N = {load_N}\ndriven = true\n"
         '[channels.s]\nkind = "strain"\nsource = "strain"\nunit = "microstrain"\n'
         'surface = "outer"\n',
         encoding="utf-8",
@@ -114,9 +124,6 @@ def test_the_pressure_is_that_of_the_truth(bare: tuple[list[str], str], tmp_path
 def test_a_parabola_stays_in_its_place_and_does_not_pull(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def parabola(xi_m: FloatArray, half_m: float) -> FloatArray:
-        return 1.5 * np.maximum(1.0 - (xi_m / half_m) ** 2, 0.0)
-
     monkeypatch.setattr(f"{__name__}.pressure", parabola)
     logs, model = measured(tmp_path, 0.0)
     table = tmp_path / "form.csv"
@@ -208,6 +215,26 @@ def test_what_follows_the_drive_is_named_beside_the_form(
     (named,) = [e for e in answer["effects"] if e["selected"]]
     assert named["strengths"]["coefficient"]["value"] == pytest.approx(LOAD_PER_G, rel=0.1)
     assert answer["rmse_heldout_after"] < 1.05 * answer["noise_floor"]
+
+
+@pytest.mark.slow
+def test_a_form_may_follow_the_load(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two logs of two loads: no effect is named, and the pressure at their mean is read."""
+    loads = (0.84 * LOAD_N, 1.16 * LOAD_N)
+    logs = [
+        str(write_log(tmp_path / f"l{seed}.csv", seed, 0.0, load, 2.5))
+        for seed, load in zip((11, 12), loads, strict=True)
+    ]
+    model, table = str(tmp_path / "beam.toml"), tmp_path / "form.csv"
+    assert run(["model", "new", "--setup", str(tmp_path / "l11.toml"), "-o", model]) == 0
+    answer = answer_json(capsys, "diagnose", *logs, "--model", model)
+    assert (answer["verdict"], answer["selected"]) == ("nothing_missing", [])
+    assert answer["nuisances"]["form"]["stayed"]
+    assert run(["form", *logs, "--model", model, "-o", str(table)]) == 0
+    rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    own = rows[rows["quantity"] == "contact_pressure"]
+    off = own["contact_pressure_N_m"] * 2.0 * HALF_M / LOAD_N - pressure(own["xi_m"], HALF_M)
+    assert np.sqrt((off**2).mean()) < 0.05
 
 
 def test_a_number_per_revolution_has_no_form(bare: tuple[list[str], str], tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Conditions
-from tirelog.physics.effects import CATALOGUE, Drive, Site
+from tirelog.physics.effects import BY_ID, CATALOGUE, Drive, Site
 from tirelog.physics.effects.base import REACH, Structure
 from tirelog.physics.model.nuisances import ModelEffect
 from tirelog.physics.model.stages import Active, Task
@@ -22,7 +22,7 @@ CONDITIONS = Conditions.of(
     slip=0.01,
 )
 DRIVE = Drive.of(CONDITIONS)
-SITE = Site(np.array([[3500.0]]), np.array([[0.06]]), 0.3)
+SITE = Site(np.array([[3500.0]]), np.array([[0.06]]), 0.3, 3600.0)
 #: what a hook takes besides values and conditions
 MORE = {
     "pressure": (SITE,),
@@ -57,3 +57,18 @@ def test_a_hook_is_handed_out_bound_for_the_effects_that_have_it_and_no_other(ho
         if isinstance(own, Structure):
             handed, own = vars(handed), vars(own)
         np.testing.assert_equal(handed, own)
+
+
+def test_a_form_by_load_is_the_form_of_that_load() -> None:
+    form, place = BY_ID["form"], np.array([[0.05], [0.06]])
+    loads = np.array([[3000.0], [4500.0]])
+    rng = np.random.default_rng(5)
+    values = {p.name: float(rng.normal(0.0, p.prior[1])) for p in form.parameters if p.prior}
+    both = form.pressure(values, DRIVE, Site(loads, place, 0.3, 3600.0))
+    for row, (load, half) in enumerate(zip(loads, place, strict=True)):
+        own = dict(values)
+        for name in (name for name in values if name.endswith("_by_load")):
+            own[name] = 0.0
+            own[name.removesuffix("_by_load")] += (load[0] / 3600.0 - 1.0) * values[name]
+        alone = form.pressure(own, DRIVE, Site(load[None], half[None], 0.3, 3600.0))
+        np.testing.assert_allclose(both[row], alone[0], rtol=1e-12, atol=1e-9)
