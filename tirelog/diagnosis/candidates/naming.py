@@ -22,7 +22,13 @@ from functools import partial
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import Assessed, assess, gain_and_error, surely_gains
+from tirelog.diagnosis.candidates.assessment import (
+    Assessed,
+    assess,
+    flip_signs,
+    gain_and_error,
+    surely_gains,
+)
 from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
 from tirelog.diagnosis.candidates.effect_jacobians import (
     all_signatures,
@@ -32,6 +38,7 @@ from tirelog.diagnosis.candidates.effect_jacobians import (
     with_candidate,
 )
 from tirelog.diagnosis.rules import (
+    ALARM_P,
     BEYOND_DOUBT_P,
     CONTENDER,
     ESTABLISHED_SIGMAS,
@@ -475,20 +482,25 @@ def first_step(base: Base, extra: Iterable[Effect] = (), known: Known | None = N
     )
 
 
-def step_beside_form(base: Base, alarmed: Sequence[Assessed], known: Known) -> Step | None:
+def step_beside_form(base: Base, without: Sequence[Assessed], known: Known) -> Step | None:
     """A first effect beside a form that has learnt some of it, so that no slope shows it now.
 
-    `alarmed`: candidates that the base without the form lacks; the name is one of theirs with which
-    nothing is left, where form alone leaves something. None if there is no such name.
+    The contenders are those `without` the form; the name is the one with which nothing is left,
+    where the form alone leaves something. None if there is no such name. Its p is by flips of what
+    it gains in each manoeuvre, over all contenders.
     """
-    before, reasons = {a.id: a for a in alarmed}, known[1]
-    contenders = contend(base, alarmed, reasons)
+    reasons = known[1]
+    contenders = contend(base, without, reasons)
     if not contenders or not right_to_the_floor(contenders[0]):
         return None
-    if not worth_it(base, contenders[0].base, contenders[0].assessed.p):
+    gains = base.held_white - contenders[0].base.held_white
+    as_much = flip_signs(gains.size) @ gains >= gains.sum() * (1.0 - 1e-9)
+    p = float(min(1.0, len(contenders) * as_much.mean()))
+    if p > ALARM_P or not worth_it(base, contenders[0].base, p):
         return None
-    assessed = [before.get(a.id, a) for a in known[0]]
-    return Step.of(base, assessed, reasons, contenders, named=True)
+    best = replace(contenders[0], assessed=replace(contenders[0].assessed, p=p))
+    assessed = [best.assessed if a.id == best.id else a for a in known[0]]
+    return Step.of(base, assessed, reasons, [best, *contenders[1:]], named=True)
 
 
 def next_step(

@@ -304,7 +304,7 @@ def _climb(
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
     all nuisances; on none if one came in after an effect.
     """
-    climb, excess, alarmed = _Climb(base, base), base.excess, list[Assessed]()
+    climb, excess, without = _Climb(base, base), base.excess, list[Assessed]()
     while True:
         after = climb.after
         named = [s.named.id for s in climb.steps if s.named is not None]
@@ -314,7 +314,7 @@ def _climb(
             climb.rivals = rivals
         step, known = None, assess_all(after, extra)
         if after is base and FORM not in groups_of(base):
-            alarmed = [a for a in known[0] if a.alarms(base)]
+            without = known[0] if any(a.alarms(base) for a in known[0]) else []
         if FORM in groups_of(after) and least_left(after, known[0]) > most_left:
             return _Climb(after, None)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
@@ -324,7 +324,7 @@ def _climb(
                 else first_step(after, extra, known)
             )
         if step is not None and not (named or step.named) and FORM in groups_of(after):
-            step = step_beside_form(after, alarmed, known) or step
+            step = step_beside_form(after, without, known) or step
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now):
             climb.alike.append((groups_of(rival)[-1], named_now.id))

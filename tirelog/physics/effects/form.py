@@ -142,7 +142,7 @@ def form(drive: Drive, site: Site, **numbers: float) -> ComplexArray:
     sizes, by_load = (np.array([numbers[n] for n in names]) for names in (PRESSURE, BY_LOAD))
     more = site.load_N / site.reference_load_N - 1.0 if by_load.any() else np.zeros((1, 1))
     shares = (sizes + more * by_load) @ _SHARES * _TURNS
-    waves = np.empty((max(len(shares), site.legendre.shape[1]), MODES), np.complex128)
+    waves: ComplexArray = np.empty((max(len(shares), site.legendre.shape[1]), MODES), np.complex128)
     if len(shares) == 1:
         waves.imag = np.tensordot(shares[0, ::2].imag, site.legendre[::2], 1)
         waves.real = np.tensordot(shares[0, 1::2].real, site.legendre[1::2], 1)
