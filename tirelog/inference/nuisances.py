@@ -31,7 +31,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
 from tirelog.inference.fit.by_observable import fits_apart
-from tirelog.inference.fit.cells import LEAST_CHANGE, Fit
+from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model
@@ -234,6 +234,8 @@ def form(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects
     if not names or names[0] in fit.model.parameters:
         return None
     model = freed(fit.model, [FORM])
+    shown = free_names(model, whole)
+    names = tuple(name for name in names if name in shown)
     _, slopes = model.linearised(
         cells.conditions,
         names=names,

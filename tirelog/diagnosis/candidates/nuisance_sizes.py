@@ -130,7 +130,7 @@ def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
     """A nuisance that is parameters of the model: their changes from the values given."""
     given = (base.given or base.model).values
     parts = []
-    for name in frees(base.model, nuisance.name):
+    for name in (n for n in frees(base.model, nuisance.name) if n in base.fit.names):
         fitted = base.model.parameters[name]
         ordinary = nuisance.sizes[0].value if fitted.prior is None else fitted.prior[1]
         own = nuisance.sizes[0].name if fitted.prior is None else name.partition(".")[2]
