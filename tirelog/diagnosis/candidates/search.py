@@ -55,8 +55,8 @@ from tirelog.physics.effects import Effect
 
 Progress = Callable[[str], None]
 #: a search with a form of the tire's own ends if all candidates at once, in a linear fit, leave
-#: more than this share of what is left without it: of an unknown wave they left 0.5, of known
-#: effects nothing
+#: more than this share of what is left with it and without it: of effects that the form had partly
+#: learnt they left up to 0.45, of an unknown wave more than a half
 _MAY_BE_LEFT = 0.5
 
 
@@ -298,7 +298,7 @@ def _climb(
     """The search from a base upwards, to `most_effects` names.
 
     It ends without a step where the tire's form came in and all candidates at once would leave more
-    than `most_left` [unit^2] beside it.
+    than `most_left` [unit^2] beside it, and than half of what it leaves.
 
     Before each step the best of the `nuisances` that earns its place comes in if it leaves less
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
@@ -315,8 +315,10 @@ def _climb(
         step, known = None, assess_all(after, extra)
         if after is base and FORM not in groups_of(base):
             without = known[0] if any(a.alarms(base) for a in known[0]) else []
-        if FORM in groups_of(after) and least_left(after, known[0]) > most_left:
-            return _Climb(after, None)
+        if FORM in groups_of(after):
+            enough = max(most_left, _MAY_BE_LEFT * after.excess)
+            if least_left(after, known[0]) > enough:
+                return _Climb(after, None)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
             step = (
                 next_step(after, named, excess, extra, known)
