@@ -187,8 +187,6 @@ def override(name: str) -> str:
 #: ordinary sizes of a tire's own form: a shape of its contact pressure over the mean pressure, and
 #: the change of its stiffness at a wavelength; twice as large, forms take more of an effect
 FORM_PRESSURE, FORM_STIFFNESS = 0.3, 0.2
-#: and of the change of a shape per relative change of the load
-FORM_BY_LOAD = 1.0
 #: highest degree of the Legendre polynomials of a form's pressure: with 8 the kinks of a trapezoid
 #: move stiffnesses of short waves by a third; twice as many take longer to fit
 FORM_DEGREES = 14

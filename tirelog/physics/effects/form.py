@@ -19,7 +19,6 @@ from scipy.special import eval_legendre
 
 from tirelog.data.setup import (
     FORM_BELLS,
-    FORM_BY_LOAD,
     FORM_DEGREES,
     FORM_PRESSURE,
     FORM_STIFFNESS,
@@ -112,7 +111,7 @@ def _numbers() -> dict[str, Any]:
             "1",
             f"change of {shape} per relative change of the load",
             probe=0.1,
-            prior=(0.0, FORM_BY_LOAD * share_of_degree(n)),
+            prior=(0.0, share_of_degree(n)),
         )
         for name, shape, n in zip(BY_LOAD, PRESSURE, degrees, strict=True)
     }
