@@ -20,8 +20,12 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from benchmarks.cases import IN_CATALOGUE, Case, case
-from tirelog.diagnosis.candidates.assessment import assess, nuisance
-from tirelog.diagnosis.candidates.effect_jacobians import all_signatures, candidate_effects
+from tirelog.diagnosis.candidates.assessment import (
+    all_signatures,
+    assess,
+    base_projection,
+    candidate_effects,
+)
 from tirelog.diagnosis.candidates.naming import first_step
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import make_cells
@@ -40,7 +44,7 @@ class Seen:
     """
 
     def __init__(self, base: Base) -> None:
-        known = nuisance(base)
+        known = base_projection(base)
         residual = known.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
         found, _ = all_signatures(base, candidate_effects(base.model))
         best, _ = assess(base, found)

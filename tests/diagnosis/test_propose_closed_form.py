@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import MODEL, since_exit, stack
-from tirelog.diagnosis.candidates.effect_jacobians import hats_on
+from tirelog.diagnosis.candidates.assessment import hats_on
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import (
     Atom,
@@ -18,8 +18,7 @@ from tirelog.diagnosis.propose.formulas import (
     unit_columns,
 )
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
-from tirelog.diagnosis.propose.ground import Ground
-from tirelog.diagnosis.propose.measured_shapes import measured_shapes
+from tirelog.diagnosis.propose.ground import Ground, measured_shapes
 from tirelog.vocabulary.arrays import FloatArray
 
 

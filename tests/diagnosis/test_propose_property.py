@@ -15,15 +15,20 @@ import pytest
 from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis import ladder as climbing
+from tirelog.diagnosis.answer import next_command
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, Scanned, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
-from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
-from tirelog.diagnosis.propose.results import Proposal
+from tirelog.diagnosis.propose.propose import (
+    LOCK_EVERY,
+    Proposal,
+    _Climb,
+    _without_needless,
+    propose,
+)
 from tirelog.diagnosis.residual_structure import describe
-from tirelog.diagnosis.wording import next_command
 from tirelog.errors import UsageError
 from tirelog.inference.base import Base, refit
 from tirelog.physics import Model

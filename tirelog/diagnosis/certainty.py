@@ -31,13 +31,14 @@ import numpy as np
 
 from tirelog.diagnosis.answer import plain_fields
 from tirelog.diagnosis.candidates.assessment import (
+    all_signatures,
     best_variants,
+    candidate_effects,
     flip_signs,
     gain_and_error,
     scores_of,
     statistics,
 )
-from tirelog.diagnosis.candidates.effect_jacobians import all_signatures, candidate_effects
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import (

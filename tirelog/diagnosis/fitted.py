@@ -14,13 +14,13 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
-from tirelog.diagnosis.candidates.nuisance_selection import (
+from tirelog.diagnosis.candidates.nuisances import (
     form_explains,
     groups_of,
+    observed,
     with_best_nuisances,
     with_form_errors,
 )
-from tirelog.diagnosis.candidates.nuisance_sizes import observed
 from tirelog.diagnosis.compare import (
     Measured,
     measured_pieces,

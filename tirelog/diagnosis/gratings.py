@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import Scores, flip_test
-from tirelog.diagnosis.candidates.effect_jacobians import hats
+from tirelog.diagnosis.candidates.assessment import Scores, flip_test, hats
 from tirelog.diagnosis.compare import start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, fit_together

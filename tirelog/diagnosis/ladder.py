@@ -16,24 +16,28 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.answer import excess_of
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor, out_of_range
+from tirelog.diagnosis.answer import excess_of, probability
+from tirelog.diagnosis.candidates.assessment import at_noise_floor, out_of_range
 from tirelog.diagnosis.candidates.naming import Step, without_needless
-from tirelog.diagnosis.candidates.nuisance_selection import with_nuisances_on
-from tirelog.diagnosis.candidates.nuisance_sizes import (
+from tirelog.diagnosis.candidates.nuisances import (
     nuisance_sentences,
     nuisances_found,
     observed,
+    with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
-from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.compare import (
+    Measured,
+    locked_away,
+    measured_pieces,
+    remarks_of,
+    start,
+    untouched,
+)
 from tirelog.diagnosis.gratings import gathered
-from tirelog.diagnosis.holdout import locked_away, untouched
-from tirelog.diagnosis.propose.propose import propose
-from tirelog.diagnosis.propose.results import Proposal
+from tirelog.diagnosis.propose.propose import Proposal, propose
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
-from tirelog.diagnosis.wording import probability
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, with_scatter_estimated
 from tirelog.inference.cells.joint import JointPieces

@@ -22,13 +22,16 @@ from functools import partial
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import Assessed, assess, gain_and_error, surely_gains
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
-from tirelog.diagnosis.candidates.effect_jacobians import (
+from tirelog.diagnosis.candidates.assessment import (
+    Assessed,
     all_signatures,
+    assess,
+    at_noise_floor,
     candidate_effects,
     freedom_of_shape,
+    gain_and_error,
     idle_candidates,
+    surely_gains,
     with_candidate,
 )
 from tirelog.diagnosis.rules import (

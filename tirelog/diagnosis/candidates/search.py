@@ -12,8 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import Assessed, gain_and_error, least_left
-from tirelog.diagnosis.candidates.at_noise_floor import quiet_waveforms
+from tirelog.diagnosis.candidates.assessment import (
+    Assessed,
+    gain_and_error,
+    least_left,
+    quiet_waveforms,
+)
 from tirelog.diagnosis.candidates.naming import (
     Refitted,
     Step,
@@ -26,7 +30,7 @@ from tirelog.diagnosis.candidates.naming import (
     regrouped,
     without_needless,
 )
-from tirelog.diagnosis.candidates.nuisance_selection import (
+from tirelog.diagnosis.candidates.nuisances import (
     RefittedNuisance,
     allowed_nuisances,
     assess_nuisances,

@@ -18,10 +18,13 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.candidates.assessment import gain_and_error
-from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects, with_candidate
+from tirelog.diagnosis.candidates.assessment import (
+    candidate_effects,
+    gain_and_error,
+    with_candidate,
+)
 from tirelog.diagnosis.candidates.naming import Step
-from tirelog.diagnosis.candidates.nuisance_selection import groups_of
+from tirelog.diagnosis.candidates.nuisances import groups_of
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal

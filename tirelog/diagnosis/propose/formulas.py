@@ -27,7 +27,7 @@ from tirelog.diagnosis.propose.grammar import (
     forms,
     laws,
 )
-from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.ground import Ground, typical
 from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2, REST_SHARE
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, refit
@@ -55,10 +55,6 @@ _FLIPS = 4096
 #: a column of which less than this is left beside base and nuisances says nothing of its own, as
 #: for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
 _VISIBLE = 1e-4
-#: a condition varies if its range is above this share of its largest value; acceleration [m/s^2]
-#: and temperature [K] above these.  Half of it would take the scatter of a cruise for a variation
-_VARIES = 0.05
-_LEAST_RANGE = {"acceleration": 0.3, "temperature": 1.0}
 #: steps of a polish, and the relative change of what is left that ends it: a refit of the whole
 #: model follows; twice as many take longer before it
 _STEPS = 20
@@ -95,20 +91,6 @@ class Scanned:
     atoms: tuple[Atom, ...]
     tried: int
     p: float
-
-
-def typical(base: Base) -> dict[str, float]:
-    """A round value of each condition that varies in the cells and is known, by symbol."""
-    found = {}
-    known = {**CONDITIONS, "load": "load_N"}
-    for symbol, column in known.items():
-        values = getattr(base.cells.conditions, column)
-        if symbol in ("time", "speed") or not np.isfinite(values).all():
-            continue
-        largest, span = float(np.abs(values).max()), float(np.ptp(values))
-        if span > max(_VARIES * largest, _LEAST_RANGE.get(symbol, 0.0)):
-            found[symbol] = float(f"{float(np.abs(values).mean()) or largest:.1e}")
-    return found
 
 
 def unit_columns(
