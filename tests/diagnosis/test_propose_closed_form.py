@@ -88,7 +88,7 @@ def test_polishing_does_not_explain_less(ground: Ground) -> None:
     chosen = [form for form in forms() if form.words in words]
     assert len(chosen) == len(words)
     for form in chosen:
-        grid = {name: float(values[0]) for name, values in form.grid().items()}
+        grid = {name: float(values[0]) for name, values in next(form.grids(1)).items()}
         atom = Atom(form, grid, GivenLaw(LAWS[0], LAWS[0].text, {"n": 1.0}))
         assert polish(ground, atom).explained >= strengths(ground, atom)[1] * (1.0 - 1e-3)
 

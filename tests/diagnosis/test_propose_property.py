@@ -177,16 +177,15 @@ def test_a_term_that_a_later_one_made_needless_goes() -> None:
     for i, (atom, size) in enumerate(zip(atoms, sizes, strict=True), start=1):
         entry = entry_of(atom, size, f"proposed_{i}", "strain")
         draft = Draft(atom, entry, refit(climb.after, climb.after.model.with_entry(entry)))
-        climb.choices.append(Choice(draft, (draft, draft), (draft,)))
-        climb.scans.append(Scanned((), i, 0.001))
+        climb.choices.append(Choice(draft, (draft, draft), (draft,), Scanned((), i, 0.001)))
         climb.bases.append(draft.base)
     left = _without_needless(climb)
-    (choice,), (scanned,) = left.choices, left.scans
+    (choice,) = left.choices
     assert (choice.chosen.entry.id, choice.chosen.atom.form.profile.name) == (
         "proposed_1",
         "ringing",
     )
-    assert scanned.tried == 2
+    assert choice.scanned.tried == 2
     assert choice.as_good == (choice.chosen,)
     assert [entry.id for entry in left.after.model.effects] == ["proposed_1"]
     assert left.after.model.values["proposed_1.f"] == pytest.approx(120.0, rel=0.01)

@@ -305,7 +305,6 @@ def proposal(status: str = "formula") -> Proposal:
         model=None,
         locked=HoldoutErrors(6, 10.4e-6, 2.04e-6, 1.94e-6),
         observable="strain",
-        unit="1",
         rmse_heldout_before=13.2e-6,
         rmse_heldout_after=2.27e-6,
         noise_floor=2.28e-6,

@@ -12,7 +12,7 @@ with the coupling's low rank. With the coupling M, of an orthonormal U and a sma
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,7 +22,7 @@ import numpy as np
 from tirelog.diagnosis.candidates.assessment import ANGLES, base_projection, gain_and_error, hats_on
 from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, change_to
+from tirelog.inference.base import Base, change_to, with_fewer_cells
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import ProjectedOut, Whitener, side_by_side
 from tirelog.physics.effects import Effect
@@ -108,6 +108,12 @@ class Ground:
             "R": radius,
             "load": np.where(np.isfinite(load), load, model.values.get("load_N", np.nan)),
         }
+
+    @property
+    def few(self) -> Ground:
+        """The ground itself, or of many cells that of some, on which the grammar is scanned."""
+        many = len(self.base.cells) > FEW_CELLS
+        return Ground(with_fewer_cells(self.base, FEW_CELLS)) if many else self
 
     @property
     def square(self) -> float:
@@ -313,7 +319,7 @@ class _Hats:
 
 
 def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
-    """The best shapes by what they remove held out, each frame's best law; none if all fail.
+    """The best shape of each frame, by falling removal held out; none if all fail.
 
     `ground` may be of fewer cells than `full`, on which they are judged.
     """
@@ -339,7 +345,10 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     asked += [(key, law) for _, key, law in ranked[:3] if key == asked[0][0]][1:]
     tried = [_measured(full, key, law) for key, law in asked]
     found = [shape for shape in tried if not isinstance(shape, ModelError)]
-    return sorted(found, key=lambda shape: -shape.removed)
+    best_of: dict[tuple[str, str], MeasuredShape] = {}
+    for shape in sorted(found, key=lambda shape: -shape.removed):
+        best_of.setdefault((shape.frame, shape.acts_on), shape)
+    return list(best_of.values())
 
 
 def _hats(ground: Ground, frame: str, acts_on: str) -> _Hats:
@@ -427,11 +436,3 @@ def _held_out(base: Base, columns: FloatArray) -> tuple[float, float]:
     gain, error = gain_and_error(base.held_white, held_white)
     removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
     return removed, gain / error if error > 0.0 else 0.0
-
-
-def without_twins(shapes: Sequence[MeasuredShape]) -> list[MeasuredShape]:
-    """The best of each frame, by falling removal."""
-    best: dict[tuple[str, str], MeasuredShape] = {}
-    for shape in shapes:
-        best.setdefault((shape.frame, shape.acts_on), shape)
-    return list(best.values())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,18 +36,15 @@ from tirelog.diagnosis.propose.formulas import (
     Draft,
     Scanned,
     choose,
-    numbers_of,
     polished,
     scan,
     simplified,
     with_covering_errors,
 )
 from tirelog.diagnosis.propose.ground import (
-    FEW_CELLS,
     Ground,
     MeasuredShape,
     measured_shapes,
-    without_twins,
 )
 from tirelog.diagnosis.residual_structure import leading_shape
 from tirelog.diagnosis.rules import (
@@ -64,7 +62,6 @@ from tirelog.inference.base import (
     change_to,
     refit,
     refit_without,
-    with_fewer_cells,
     with_scatter_estimated,
 )
 from tirelog.inference.cells.joint import JointPieces
@@ -89,6 +86,11 @@ class FoundFormula:
     law: str
     left: float
 
+    @property
+    def said(self) -> str:
+        law = "always the same" if self.law == "1" else f"growing as {self.law}"
+        return f"{self.words}, {law}, acting on {self.acts_on}"
+
 
 @dataclass(frozen=True)
 class Term:
@@ -111,6 +113,11 @@ class Term:
         every = (self.formula, *self.as_good)
         return tuple(dict.fromkeys(formula.acts_on for formula in every))
 
+    def to_json(self) -> dict[str, Any]:
+        own = {"name": self.name, "stages": self.stages, "parameters": self.numbers}
+        good = {"p": self.p, "tried": self.tried, "as_good": [vars(one) for one in self.as_good]}
+        return own | vars(self.formula) | good
+
 
 @dataclass(frozen=True)
 class HoldoutErrors:
@@ -128,6 +135,15 @@ class HoldoutErrors:
         if before <= 0.0:
             return None
         return 1.0 - max(self.after**2 - self.floor**2, 0.0) / before
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "manoeuvres": self.manoeuvres,
+            "rmse_before": self.before,
+            "rmse_after": self.after,
+            "noise_floor": self.floor,
+            "share_removed": self.share,
+        }
 
 
 @dataclass(frozen=True, repr=False)
@@ -152,25 +168,28 @@ class Proposal(AnswerRecord):
 
     status: str
     reason: str
-    diagnosis: Diagnosis | None
-    terms: tuple[Term, ...]
-    shapes: tuple[MeasuredShape, ...]
-    written: tuple[str, ...]
-    model: Model | None
-    locked: HoldoutErrors | None
     observable: str
-    unit: str
-    rmse_heldout_before: float | None
-    rmse_heldout_after: float | None
-    noise_floor: float | None
     manoeuvres: int
-    nearest: tuple[tuple[str, float], ...]
-    separating_manoeuvres: tuple[Mapping[str, Any], ...]
-    notes: tuple[str, ...]
-    phi_rad: FloatArray
-    leading_before: FloatArray
-    leading_after: FloatArray
+    diagnosis: Diagnosis | None = None
+    terms: tuple[Term, ...] = ()
+    shapes: tuple[MeasuredShape, ...] = ()
+    written: tuple[str, ...] = ()
+    model: Model | None = None
+    locked: HoldoutErrors | None = None
+    rmse_heldout_before: float | None = None
+    rmse_heldout_after: float | None = None
+    noise_floor: float | None = None
+    nearest: tuple[tuple[str, float], ...] = ()
+    separating_manoeuvres: tuple[Mapping[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
+    phi_rad: FloatArray = field(default_factory=partial(np.zeros, 0))
+    leading_before: FloatArray = field(default_factory=partial(np.zeros, 0))
+    leading_after: FloatArray = field(default_factory=partial(np.zeros, 0))
     asked: bool = False
+
+    @property
+    def unit(self) -> str:
+        return OBSERVABLES[self.observable].unit
 
     @property
     def sentence(self) -> str:
@@ -179,7 +198,7 @@ class Proposal(AnswerRecord):
             return f"Nothing to propose: {self.reason}"
         factor, unit = shown(self.observable, self.unit)
         if self.status == "formula":
-            what = "; and ".join(_said(term.formula) for term in self.terms)
+            what = "; and ".join(term.formula.said for term in self.terms)
         else:
             shape = self.shapes[0]
             law = "" if shape.law == "1" else f", times {shape.law}"
@@ -229,35 +248,21 @@ class Proposal(AnswerRecord):
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the arrays of the picture and the whole diagnosis."""
+        names = (
+            *("status", "sentence", "reason", "observable", "unit", "written", "notes"),
+            *("rmse_heldout_before", "rmse_heldout_after", "noise_floor", "manoeuvres"),
+            "separating_manoeuvres",
+        )
         return plain_fields(
-            {
-                "status": self.status,
-                "sentence": self.sentence,
-                "reason": self.reason,
+            {name: getattr(self, name) for name in names}
+            | {
                 "verdict": self.diagnosis.verdict if self.diagnosis else "too_few",
-                "observable": self.observable,
-                "unit": self.unit,
-                "terms": [_term(term) for term in self.terms],
-                "shapes": [_shape(shape) for shape in self.shapes],
-                "written": self.written,
-                "rmse_heldout_before": self.rmse_heldout_before,
-                "rmse_heldout_after": self.rmse_heldout_after,
-                "noise_floor": self.noise_floor,
-                "manoeuvres": self.manoeuvres,
-                "locked": None
-                if self.locked is None
-                else {
-                    "manoeuvres": self.locked.manoeuvres,
-                    "rmse_before": self.locked.before,
-                    "rmse_after": self.locked.after,
-                    "noise_floor": self.locked.floor,
-                    "share_removed": self.locked.share,
-                },
+                "terms": [term.to_json() for term in self.terms],
+                "shapes": [vars(shape) for shape in self.shapes],
+                "locked": self.locked and self.locked.to_json(),
                 "nearest": [
                     {"effect": name, "excess_removed": share} for name, share in self.nearest
                 ],
-                "separating_manoeuvres": self.separating_manoeuvres,
-                "notes": self.notes,
             }
         )
 
@@ -283,31 +288,6 @@ class Proposal(AnswerRecord):
         return AnswerTable("Numbers of the formulas", names, rows)
 
 
-def _said(formula: FoundFormula) -> str:
-    law = "always the same" if formula.law == "1" else f"growing as {formula.law}"
-    return f"{formula.words}, {law}, acting on {formula.acts_on}"
-
-
-def _formula(formula: FoundFormula) -> dict[str, Any]:
-    return {name: getattr(formula, name) for name in FoundFormula.__dataclass_fields__}
-
-
-def _term(term: Term) -> dict[str, Any]:
-    return {
-        "name": term.name,
-        **_formula(term.formula),
-        "stages": term.stages,
-        "parameters": term.numbers,
-        "p": term.p,
-        "tried": term.tried,
-        "as_good": [_formula(formula) for formula in term.as_good],
-    }
-
-
-def _shape(shape: MeasuredShape) -> dict[str, Any]:
-    return {name: getattr(shape, name) for name in MeasuredShape.__dataclass_fields__}
-
-
 # ---- `propose`: the unknown effect written down, with its error on manoeuvres that nothing
 # touched.
 
@@ -325,9 +305,6 @@ _SHAPE_MORE = 0.05
 #: squared floors from which on what a term adds is plainly needed, and no refit without it asked
 #: for; half of it would ask of each, at a second each
 _PLAINLY = 1.0
-#: share of the excess on the locked manoeuvres that a proposal must remove, or it is not made:
-#: what is chance removes nothing; doubled, only what is right to the floor would be said
-_CONFIRMED = 0.5
 
 
 def propose(
@@ -362,7 +339,13 @@ def propose(
         )
     seen, locked = locked_away(pieces, 1, LOCK_EVERY, FEWEST_MANOEUVRES)
     if locked is None:
-        return _nothing(model, _too_few(pieces), int(np.unique(pieces.manoeuvre).size))
+        number = int(np.unique(pieces.manoeuvre).size)
+        left = (n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
+        reason = (
+            f"{number} manoeuvres are too few: a third is locked away before anything is looked "
+            f"at, and a test needs {FEWEST_MANOEUVRES} of the others; drive {next(left)} at least."
+        )
+        return Proposal("nothing", reason, model.observable, number)
     progress("fitting the model")
     base = start(seen, model)
     progress(
@@ -373,19 +356,27 @@ def propose(
     diagnosis = conclude(found, ())
     ground, reason = _ground(found, diagnosis, despite)
     if ground is None:
-        return _nothing(model, reason, base.cells.manoeuvres, diagnosis)
+        return _nothing(reason, base, diagnosis)
     # what no free shape alone shows to repeat must be beyond doubt over the whole grammar
     alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
     climb = _climb(ground, alarm, progress)
     return _proposal(climb, diagnosis, locked, shape, progress)
 
 
-def _too_few(pieces: Pieces) -> str:
-    number = int(np.unique(pieces.manoeuvre).size)
-    needed = next(n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
-    return (
-        f"{number} manoeuvres are too few: a third is locked away before anything is looked at, "
-        f"and a test needs {FEWEST_MANOEUVRES} of the others; drive {needed} at least."
+def _nothing(
+    reason: str, base: Base, diagnosis: Diagnosis, shapes: Iterable[MeasuredShape] = ()
+) -> Proposal:
+    """No proposal, and why."""
+    return Proposal(
+        "nothing",
+        reason,
+        base.model.observable,
+        base.cells.manoeuvres,
+        diagnosis,
+        shapes=tuple(shapes),
+        rmse_heldout_before=diagnosis.rmse_heldout_before,
+        rmse_heldout_after=diagnosis.rmse_heldout_after,
+        noise_floor=diagnosis.noise_floor,
     )
 
 
@@ -420,7 +411,6 @@ class _Climb:
 
     bases: list[Base]
     choices: list[Choice] = field(default_factory=list)
-    scans: list[Scanned] = field(default_factory=list)
     shapes: list[MeasuredShape] = field(default_factory=list)
     last: Scanned | None = None
     beside: list[str] = field(default_factory=list)
@@ -442,22 +432,19 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
             break
         full = Ground(at)
-        few = full if len(at.cells) <= FEW_CELLS else Ground(with_fewer_cells(at, FEW_CELLS))
+        few = full.few
         if number == 1:
             progress("measuring free shapes")
-            climb.shapes = _shapes(full, few)
+            climb.shapes = measured_shapes(few, full)
         progress(f"term {number}: trying every form of the grammar")
-        scanned = scan(few)
-        choice = None
+        scanned, choice = scan(few), None
         if scanned.p <= alarm:
-            choice = choose(full, polished(few, scanned.atoms), _free_name(base, number))
+            name = _free_name(base, "proposed", number)
+            choice = choose(full, scanned, polished(few, scanned.atoms), name)
             if choice and not worth_it(at, choice.chosen.base, scanned.p, held_out_only=True):
                 choice = None
-        rival = (
-            None
-            if at_noise_floor(at, at.floor.square)
-            else best_nuisance(at, allowed_nuisances(at))
-        )
+        quiet = at_noise_floor(at, at.floor.square)
+        rival = None if quiet else best_nuisance(at, allowed_nuisances(at))
         if rival is not None and (choice is None or _leaves_less(rival, choice)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
             climb.bases[-1] = with_scatter_estimated(rival)
@@ -467,18 +454,12 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
             climb.last = scanned
             break
         chosen = simplified(replace(choice.chosen, base=with_scatter_estimated(choice.chosen.base)))
-        new = chosen.base
-        if number > 1 and at.square_held - new.square_held < REST_SHARE * first_excess:
+        if number > 1 and at.square_held - chosen.base.square_held < REST_SHARE * first_excess:
             break
         progress(f"term {number}: {choice.chosen.atom.form.words}")
-        climb.scans.append(scanned)
         climb.choices.append(replace(choice, chosen=chosen))
-        climb.bases.append(new)
+        climb.bases.append(chosen.base)
     return _without_needless(_with_needed_nuisances(climb))
-
-
-def _shapes(full: Ground, few: Ground) -> list[MeasuredShape]:
-    return without_twins(measured_shapes(few, full))
 
 
 def _with_needed_nuisances(climb: _Climb) -> _Climb:
@@ -491,10 +472,8 @@ def _with_needed_nuisances(climb: _Climb) -> _Climb:
     if isinstance(first, ModelError) or isinstance(top, ModelError):
         return climb
     first, top = with_scatter_estimated(first), with_scatter_estimated(top)
-    full = Ground(first)
-    few = full if len(first.cells) <= FEW_CELLS else Ground(with_fewer_cells(first, FEW_CELLS))
-    climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], _shapes(full, few)
-    last = climb.choices[-1]
+    full, last = Ground(first), climb.choices[-1]
+    climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], measured_shapes(full.few, full)
     climb.choices[-1] = replace(last, chosen=replace(last.chosen, base=top))
     return climb
 
@@ -505,11 +484,11 @@ def _leaves_less(rival: Base, choice: Choice) -> bool:
     return float(rival.held_white.sum()) < best
 
 
-def _free_name(base: Base, number: int) -> str:
-    """The name of a term that no effect of the model has."""
+def _free_name(base: Base, stem: str, number: int = 1) -> str:
+    """The first name of that stem, or a later one, that no effect of the model has."""
     held = {effect.id for effect in base.model.effects}
-    free = (name for i in range(1, 100) if (name := f"proposed_{i}") not in held)
-    return next(name for i, name in enumerate(free, start=1) if i == number)
+    free = [name for i in range(1, 100) if (name := f"{stem}_{i}") not in held]
+    return free[number - 1]
 
 
 def _without_needless(climb: _Climb) -> _Climb:
@@ -519,46 +498,40 @@ def _without_needless(climb: _Climb) -> _Climb:
     """
     after = climb.after
     names = [choice.chosen.entry.id for choice in climb.choices]
-    needed = list(names)
-    for name in names[:-1]:
-        if _share(after, name) > _PLAINLY:
+    kept = list(climb.choices)
+    for choice in climb.choices[:-1]:
+        lost = change_to(after, after.model.without_effect(choice.chosen.entry.id))
+        if isinstance(lost, ModelError):
             continue
-        less = refit_without(after, name)
+        added = after.plain(np.nan_to_num(lost))
+        if float((added**2).sum()) / after.plain.weight > _PLAINLY * after.floor.square:
+            continue
+        less = refit_without(after, choice.chosen.entry.id)
         least = LEAST_SHARE_OF_FLOOR * after.floor.square
         if not isinstance(less, ModelError) and less.square_held - after.square_held < least:
             after = less
-            needed.remove(name)
-    if needed == names:
+            kept = [other for other in kept if other is not choice]
+    if len(kept) == len(names):
         return climb
-    model = after.model
-    entries = {entry.id: entry for entry in model.effects}
-    model = model.without_effect(*needed)
-    kept = [i for i, name in enumerate(names) if name in needed]
-    renamed = []
-    for new, i in zip(names, kept, strict=False):
-        old = entries[names[i]]
-        renamed.append(replace(old, effect=replace(old.effect, id=new)))
-        model = model.with_entry(renamed[-1])
+    entries = {entry.id: entry for entry in after.model.effects}
+    own = [entries[choice.chosen.entry.id] for choice in kept]
+    model = after.model.without_effect(*(entry.id for entry in own))
+    renamed = [
+        replace(old, effect=replace(old.effect, id=new))
+        for new, old in zip(names, own, strict=False)
+    ]
+    for entry in renamed:
+        model = model.with_entry(entry)
     again = refit(after, model)
     if isinstance(again, ModelError):
         return climb
     top = with_scatter_estimated(again)
-    climb.scans = [climb.scans[i] for i in kept]
-    choices = []
-    for entry, i in zip(renamed, kept, strict=True):
-        chosen = replace(climb.choices[i].chosen, entry=entry, base=top)
-        choices.append(replace(climb.choices[i], chosen=chosen, as_good=(chosen,)))
-    climb.choices, climb.bases = choices, [climb.bases[0], top]
+    climb.choices = []
+    for entry, choice in zip(renamed, kept, strict=True):
+        chosen = replace(choice.chosen, entry=entry, base=top)
+        climb.choices.append(replace(choice, chosen=chosen, as_good=(chosen,)))
+    climb.bases = [climb.bases[0], top]
     return climb
-
-
-def _share(base: Base, name: str) -> float:
-    """What an effect adds to the waveforms, in squared floors; infinite if it has to stay."""
-    lost = change_to(base, base.model.without_effect(name))
-    if isinstance(lost, ModelError):
-        return float("inf")
-    added = base.plain(np.nan_to_num(lost))
-    return float((added**2).sum()) / base.plain.weight / base.floor.square
 
 
 def _proposal(
@@ -570,56 +543,38 @@ def _proposal(
 ) -> Proposal:
     """What is written down in the end, and its error on the locked manoeuvres."""
     base, after = climb.bases[0], climb.after
-    status = "formula" if climb.choices else "nothing"
-    repeats = diagnosis.verdict != "scatter" or climb.choices
-    p = diagnosis.unexplained["p"]
-    by_shape = _with_shape(base, climb.shapes, p) if repeats else None
+    scattered = diagnosis.verdict == "scatter"
+    formula = bool(climb.choices)
+    by_shape = None
+    if formula or not scattered:
+        by_shape = _with_shape(base, climb.shapes, diagnosis.unexplained["p"])
     if by_shape is not None:
         more = after.square_held - by_shape.square_held
-        if shape_wanted or more > max(
-            LEAST_SHARE_OF_FLOOR * base.floor.square, _SHAPE_MORE * base.excess
-        ):
-            after, status = by_shape, "shape"
-    if status == "nothing" and diagnosis.verdict == "scatter":
-        return _nothing(
-            base.model, diagnosis.sentence, base.cells.manoeuvres, diagnosis, climb.shapes
-        )
-    if status == "nothing":
-        return _nothing(base.model, _doubt(climb), base.cells.manoeuvres, diagnosis, climb.shapes)
+        least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, _SHAPE_MORE * base.excess)
+        if shape_wanted or more > least:
+            after, formula = by_shape, False
+    if not formula and after is not by_shape:
+        reason = diagnosis.sentence if scattered else _doubt(climb)
+        return _nothing(reason, base, diagnosis, climb.shapes)
     progress("asking the manoeuvres that were locked away")
-    number = int(np.unique(locked.manoeuvre).size)
-    before_there, after_there = untouched(base, locked), untouched(after, locked)
-    result, doubt = None, ""
-    for there in (before_there, after_there):
-        if isinstance(there, ModelError):
-            doubt = f"of the manoeuvres that were locked away nothing is known: {there.what}."
-    if not isinstance(before_there, ModelError) and not isinstance(after_there, ModelError):
-        result = HoldoutErrors(number, before_there[0], *after_there)
-        if result.share is None or result.share < _CONFIRMED:
-            held = percent(max(result.share or 0.0, 0.0))
-            doubt = (
-                f"what was found removes {held} of the excess on the {number} manoeuvres that were "
-                "locked away, too little to be claimed."
-            )
-    if doubt:
-        return _nothing(base.model, doubt, base.cells.manoeuvres, diagnosis, climb.shapes)
+    result = _on_locked(base, after, locked)
+    if isinstance(result, str):
+        return _nothing(result, base, diagnosis, climb.shapes)
     own = {effect.id for effect in base.model.effects}
     written = tuple(e.id for e in after.model.effects if e.id not in own)
     covering = with_covering_errors(after, written)
-    terms = tuple(_terms(climb, covering)) if status == "formula" else ()
-    rows, notes = _advice(climb) if status == "formula" else ([], [])
+    rows, notes = _advice(climb) if formula else ([], [])
     near = sorted(diagnosis.effects, key=lambda c: -c.excess_removed)[:2]
     return Proposal(
-        status=status,
+        status="formula" if formula else "shape",
         reason="",
         diagnosis=diagnosis,
-        terms=terms,
+        terms=tuple(_term(choice, covering) for choice in climb.choices) if formula else (),
         shapes=tuple(climb.shapes),
         written=written,
         model=with_nuisances_on(replace(after, fit=replace(after.fit, model=covering))),
         locked=result,
         observable=base.model.observable,
-        unit=OBSERVABLES[base.model.observable].unit,
         rmse_heldout_before=base.rmse_held,
         rmse_heldout_after=after.rmse_held,
         noise_floor=float(np.sqrt(after.floor.square)),
@@ -631,6 +586,24 @@ def _proposal(
         leading_before=leading_shape(base),
         leading_after=leading_shape(after),
         asked=shape_wanted,
+    )
+
+
+def _on_locked(base: Base, after: Base, locked: Pieces) -> HoldoutErrors | str:
+    """The errors on the locked manoeuvres, or why what was found is not claimed."""
+    there, before = untouched(after, locked), untouched(base, locked)
+    unknown = "of the manoeuvres that were locked away nothing is known"
+    if isinstance(there, ModelError):
+        return f"{unknown}: {there.what}."
+    if isinstance(before, ModelError):
+        return f"{unknown}: {before.what}."
+    result = HoldoutErrors(int(np.unique(locked.manoeuvre).size), before[0], *there)
+    # what is chance removes nothing; with twice the share only what is right to the floor is said
+    if result.share is not None and result.share >= 0.5:
+        return result
+    return (
+        f"what was found removes {percent(max(result.share or 0.0, 0.0))} of the excess on the "
+        f"{result.manoeuvres} manoeuvres that were locked away, too little to be claimed."
     )
 
 
@@ -656,27 +629,23 @@ def _with_shape(base: Base, shapes: list[MeasuredShape], p: float) -> Base | Non
     surely = surely_gains(best.gain, 1.0, p, base.share(best.removed))
     if not surely or best.removed < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return None
-    entered = or_refusal(base.model.with_entry)(best.entry(_shape_name(base)))
+    entered = or_refusal(base.model.with_entry)(best.entry(_free_name(base, "proposed_shape")))
     refitted = entered if isinstance(entered, ModelError) else refit(base, entered)
     return None if isinstance(refitted, ModelError) else with_scatter_estimated(refitted)
 
 
-def _shape_name(base: Base) -> str:
-    held = {effect.id for effect in base.model.effects}
-    return next(n for i in range(1, 100) if (n := f"proposed_shape_{i}") not in held)
-
-
-def _terms(climb: _Climb, model: Model) -> Iterable[Term]:
-    """The chosen formulas with their numbers in the model at the top."""
-    for choice, scanned in zip(climb.choices, climb.scans, strict=False):
-        yield Term(
-            name=choice.chosen.entry.id,
-            formula=_formula_of(choice.chosen, choice.chosen.text),
-            as_good=tuple(_formula_of(draft, draft.read) for draft in choice.as_good[1:]),
-            numbers=numbers_of(choice.chosen.entry, model),
-            p=scanned.p,
-            tried=scanned.tried,
-        )
+def _term(choice: Choice, model: Model) -> Term:
+    """A chosen formula with its numbers in the model at the top."""
+    chosen = choice.chosen
+    own = {p.name: model.parameters[f"{chosen.entry.id}.{p.name}"] for p in chosen.entry.parameters}
+    return Term(
+        name=chosen.entry.id,
+        formula=_formula_of(chosen, chosen.text),
+        as_good=tuple(_formula_of(draft, draft.read) for draft in choice.as_good[1:]),
+        numbers={n: {"value": p.value, "se": p.se, "unit": p.unit} for n, p in own.items()},
+        p=choice.scanned.p,
+        tried=choice.scanned.tried,
+    )
 
 
 def _formula_of(draft: Draft, text: str) -> FoundFormula:
@@ -698,22 +667,3 @@ def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
             rows, notes = advise(base, rivals)
             return [by_the_minute(rows)[0]] if rows else [], notes
     return [], []
-
-
-def _nothing(
-    model: Model,
-    reason: str,
-    manoeuvres: int,
-    diagnosis: Diagnosis | None = None,
-    shapes: Iterable[MeasuredShape] = (),
-) -> Proposal:
-    """No proposal, and why."""
-    empty = np.zeros(0)
-    return Proposal(
-        "nothing", reason, diagnosis, (), tuple(shapes), (), None, None, model.observable,
-        OBSERVABLES[model.observable].unit,
-        None if diagnosis is None else diagnosis.rmse_heldout_before,
-        None if diagnosis is None else diagnosis.rmse_heldout_after,
-        None if diagnosis is None else diagnosis.noise_floor,
-        manoeuvres, (), (), (), empty, empty, empty,
-    )  # fmt: skip
