@@ -143,10 +143,6 @@ def plain_values(value: Any) -> Any:
 # conditions of the cells, the catalogue's `follows`
 #     -> one sentence, or none if everything that effects follow varies
 
-#: a range below this share of the largest value is none: what follows the square of it then changes
-#: by 4 %; doubled, by 8 %
-_SAME = 0.02
-
 
 def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     """The sentence, '' if there is nothing to say."""
@@ -160,7 +156,9 @@ def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
         ]
         values = getattr(conditions, field)
         known = bool(np.isfinite(values).all())
-        if not followers or (known and np.ptp(values) > _SAME * np.abs(values).max()):
+        # a range below this share of the largest value is none: what follows the square of it then
+        # changes by 4 %; doubled, by 8 %
+        if not followers or (known and np.ptp(values) > 0.02 * np.abs(values).max()):
             continue
         condition = CONDITIONS[field]
         (same if known else unknown).append(
@@ -188,14 +186,6 @@ _WHERE = {
 _SHAPELESS = "is not shown to repeat from manoeuvre to manoeuvre, or is too small to matter"
 #: wrong conditions look like missing physics, and are likelier
 FIRST_CHECK = "First check what the setups say of load, pressure, water depth and radius."
-#: an error is below what rounding leaves from this share of its mean square on: 5 % in size, more
-#: than chance does on a short log. Half of it would pass copied values by
-BELOW_ROUNDING = 0.9
-#: share of the floor's mean square from which on rounding is said; doubling it would say it never
-MUCH_ROUNDING = 0.5
-#: more logs than these are not spelled out in a command; twice as many make a line that few
-#: terminals show whole
-_MOST_LOGS = 12
 #: nuisances as a part of a sentence
 NUISANCES_SAID = {
     "wheel": "the wheel's own run-out and force variation",
@@ -378,7 +368,9 @@ def rounding_sentences(observable: str, held: float, floor: float, rounding: flo
     """What to say, if anything, of mean squares beside what rounding leaves in single values."""
     factor, unit = OBSERVABLES[observable].shown_factor, OBSERVABLES[observable].shown_unit
     size = f"{rounding**0.5 * factor:.3g} {unit}"
-    if rounding > 0.0 and min(held, floor) < BELOW_ROUNDING * rounding:
+    # an error is below what rounding leaves from this share of its mean square on: 5 % in size,
+    # more than chance does on a short log. Half of it would pass copied values by
+    if rounding > 0.0 and min(held, floor) < 0.9 * rounding:
         return [
             f"the error held out is {max(held, 0.0) ** 0.5 * factor:.3g} {unit} at a floor of "
             f"{floor**0.5 * factor:.3g}, and the steps in "
@@ -386,7 +378,9 @@ def rounding_sentences(observable: str, held: float, floor: float, rounding: flo
             "as when the noise is far below a step, or values were copied, interpolated or "
             "made; the error is no measure of the model then; log finer steps"
         ]
-    if rounding > MUCH_ROUNDING * floor:
+    # share of the floor's mean square from which on rounding is said; doubling it would say it
+    # never
+    if rounding > 0.5 * floor:
         return [
             f"{percent(rounding / floor)} of the floor's mean square is rounding: "
             f"the steps in which the values come leave {size}; "
@@ -495,7 +489,9 @@ def next_command(
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
     file = shlex.quote(file)
-    given = shlex.join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
+    # more logs than these are not spelled out in a command; twice as many make a line that few
+    # terminals show whole
+    given = shlex.join(logs) if len(logs) <= 12 else "LOG..."
     # a shape is sought in one waveform: `propose` refuses a model of several observables
     one_waveform = model.observable in WAVEFORMS and len(model.observables) == 1
     if (verdict == "unknown" or large_rest) and one_waveform:

@@ -73,8 +73,6 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
 _FAR = 10.0
 #: logs of at most so many times the manoeuvres that the cases had, or so few, are still like them
 _REACH = 1.5
-#: held-out error above the floor that counts as one step [floors]: QUIET_FLOORS allows one
-_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -150,7 +148,8 @@ class CertaintyTerm:
 
 
 def _above(error: float) -> float:
-    return max(error - 1.0, 0.0) / _STEP
+    # held-out error above the floor that counts as one step [floors]: QUIET_FLOORS allows one
+    return max(error - 1.0, 0.0) / 0.05
 
 
 def _decades(x: float, y: float) -> float:

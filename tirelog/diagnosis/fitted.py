@@ -77,7 +77,7 @@ class FitOfLogs(AnswerRecord):
             "what is left is more than noise: the errors hold only as far as the model's form "
             "does; `tirelog diagnose` tells more",
         )
-        in_doubt = self.found.reduced_chi2 > FORM_IN_DOUBT
+        in_doubt = self.found.reduced_chi2 > QUIET_CHI2
         return (*(form if in_doubt else ()), *self.found.degenerate)
 
     def to_json(self) -> dict[str, Any]:
@@ -271,10 +271,6 @@ _WAVES = np.unique(np.geomspace(2.0, 120.0, 30).round())
 #: a pressure below zero by more of its errors, or of this share of the highest, is said to pull;
 #: twice as many leave a pull of a tenth without a word
 _PULLS, _LEAST = 2.0, 0.01
-#: models that are drawn for an error: with 200 of them it is known to a twentieth
-_DRAWS = 200
-#: rounds at most until a drawn model keeps what it must; more only matter if many places pull
-_ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -439,9 +435,12 @@ def draws(fit: Fit) -> list[Model]:
     rows, floor = inequalities(fit.model, names)
     mean = np.array([fit.model.values[name] for name in names])
     models = []
-    for theta in np.random.default_rng(0).multivariate_normal(mean, covariance, _DRAWS):
+    # models that are drawn for an error: with 200 of them it is known to a twentieth
+    for theta in np.random.default_rng(0).multivariate_normal(mean, covariance, 200):
         moved, below = theta, np.zeros(floor.size, bool)
-        for _ in range(_ROUNDS):
+        # rounds at most until a drawn model keeps what it must; more only matter if many places
+        # pull
+        for _ in range(20):
             before, below = below, rows @ moved + floor < 0.0
             if np.array_equal(before, below):
                 break

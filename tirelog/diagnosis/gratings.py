@@ -187,11 +187,6 @@ class GratingsFound:
 # ---- Each grating of several at the parameters of one fit, fitted or held to it.
 
 
-#: means of like revolutions that each grating is asked on: thirty tell a twentieth of a squared
-#: floor and take a third of a second; twice as many tell no more that matters
-_ASKED = 30
-
-
 @dataclass(frozen=True)
 class Member:
     """One grating at the parameters of a fit to several.
@@ -236,7 +231,9 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
     model = replace(model, nuisances=tuple(n.used("auto") for n in model.nuisances))
     free = [name for name in model.free if name != LEVER]
     held = model.with_parameters({name: model.parameters[name].fixed() for name in free})
-    rows = [np.linspace(0, len(p) - 1, min(_ASKED, len(p))).round() for p in pieces.parts]
+    # means of like revolutions that each grating is asked on: thirty tell a twentieth of a squared
+    # floor and take a third of a second; twice as many tell no more that matters
+    rows = [np.linspace(0, len(p) - 1, min(30, len(p))).round() for p in pieces.parts]
     parts = [p.take(np.unique(r.astype(int))) for p, r in zip(pieces.parts, rows, strict=True)]
     number = np.unique(replace(pieces, parts=tuple(parts)).manoeuvre, return_inverse=True)[1]
     numbers = np.split(number, np.cumsum([len(part) for part in parts])[:-1])
@@ -273,18 +270,6 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
 
 
 _BASE, _EFFECT, _LEVER = " base", " effect", " lever arm"
-#: share of the largest frame that its free shape may leave, since its nodes are 3 to 10 degrees
-#: apart: a splice of 6 degrees leaves 3 %. Twice as much would hide a bad grating beside an effect
-#: of eight times its size
-_FORM = 0.06
-#: shapes are asked as they are and growing with the speed, from this one on: what an effect of
-#: v^2, a lag or a bandwidth leaves at one speed is not what it leaves at another.  Another speed
-#: spans the same columns
-_SPEED_M_S = 15.0
-#: a column of which less than this share is left beside the others is one of them
-_NOTHING = 1e-9
-#: eigenvalues of the normal equations below this share of the largest are rounding
-_RANK = 1e-10
 
 
 @dataclass(frozen=True)
@@ -316,7 +301,10 @@ def frames_of(members: Iterable[Member]) -> tuple[Frame, ...]:
         asked = [_evidence(parts, prior, taken, [frame]) for frame in frames]
         statistic, p = flip_test([scores for scores, _ in asked], manoeuvres)
         rows = [Frame(f, asked[i][1], float(p[i])) for i, f in enumerate(frames)]
-        least = _FORM * max((frame.size for frame in found), default=0.0)
+        # share of the largest frame that its free shape may leave, since its nodes are 3 to 10
+        # degrees apart: a splice of 6 degrees leaves 3 %. Twice as much would hide a bad grating
+        # beside an effect of eight times its size
+        least = 0.06 * max((frame.size for frame in found), default=0.0)
         order = np.argsort(-statistic).tolist()
         large = [rows[i] for i in order if rows[i].matters and rows[i].size > least]
         if not large:
@@ -385,7 +373,10 @@ def _parts(
         if shapes:
             lever = lever or fit.model.values.get(LEVER, 1.0)
             ratio = fit.model.values.get(LEVER, 1.0) / lever
-            faster = (cells.conditions.speed_m_s / _SPEED_M_S - 1.0)[:, None, None]
+            # shapes are asked as they are and growing with the speed, from this one on: what an
+            # effect of v^2, a lag or a bandwidth leaves at one speed is not what it leaves at
+            # another.  Another speed spans the same columns
+            faster = (cells.conditions.speed_m_s / 15.0 - 1.0)[:, None, None]
             for block, angle in ((ROAD, cells.phi), (WHEEL, cells.phi + cells.place_rad)):
                 still = ratio * hats(angle)
                 blocks[block] += [still, still * faster]
@@ -458,7 +449,8 @@ def _evidence(
     left = right - gram[:, :, :n] @ ground
     turn = inverse @ whole[:n, n:]
     square = whole[n:, n:] - whole[:n, n:].T @ turn
-    seen = np.diag(square) > _NOTHING * np.diag(whole[n:, n:])
+    # a column of which less than this share is left beside the others is one of them
+    seen = np.diag(square) > 1e-9 * np.diag(whole[n:, n:])
     square = square * seen * seen[:, None]
     evidence = Scores((left[:, n:] - left[:, :n] @ turn) * seen, 0.5 * (square + square.T))
     root = evidence.root()
@@ -472,7 +464,8 @@ def _evidence(
 def _inverse(whole: FloatArray) -> FloatArray:
     """The inverse of normal equations, whatever units their columns have."""
     size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-    scaled = np.linalg.pinv(whole / size[:, None] / size, rcond=_RANK, hermitian=True)
+    # eigenvalues of the normal equations below this share of the largest are rounding
+    scaled = np.linalg.pinv(whole / size[:, None] / size, rcond=1e-10, hermitian=True)
     return np.asarray(scaled / size[:, None] / size, dtype=np.float64)
 
 
@@ -482,12 +475,6 @@ def _inverse(whole: FloatArray) -> FloatArray:
 #: gratings that effects are searched on if there are more: a wheel's three harmonics are parted
 #: from the road by four places; three would take a third less, and five add what all say again
 MOST_SEARCHED = 4
-#: means of like revolutions that a search of them takes, or as many as one grating has: a search
-#: takes 0.2 to 0.4 s for each
-_ENOUGH = 80
-#: share of what a grating showed alone that stays with it beside a named effect: all of it if the
-#: grating is bad, a tenth if it is what a free shape left of the effect
-_STAYS = 0.5
 
 
 @dataclass(frozen=True)
@@ -514,7 +501,9 @@ class Gathered:
             return self.found
         found = self.found
         if found.alone:
-            before = {frame.frame: _STAYS * frame.size for frame in found.frames}
+            # share of what a grating showed alone that stays with it beside a named effect: all of
+            # it if the grating is bad, a tenth if it is what a free shape left of the effect
+            before = {frame.frame: 0.5 * frame.size for frame in found.frames}
             after = frames_of(members_held(self.every, result))
             still = {f.frame for f in after if f.matters and f.size > before.get(f.frame, 0.0)}
             found = replace(found, agreeing=tuple(n for n in found.alone if n not in still))
@@ -570,6 +559,8 @@ def spread_out(pieces: JointPieces) -> JointPieces:
     rest = [pieces.members[i] for i in gratings if i not in chosen]
     some = pieces.without(rest) if rest else pieces
     total = sum(len(part) for part in some.parts)
-    every = int(np.clip(np.ceil(total / _ENOUGH), 1, MOST_SEARCHED))
+    # means of like revolutions that a search of them takes, or as many as one grating has: a search
+    # takes 0.2 to 0.4 s for each
+    every = int(np.clip(np.ceil(total / 80), 1, MOST_SEARCHED))
     kept = [(np.arange(len(part)) + i) % every == 0 for i, part in enumerate(some.parts)]
     return some.take(np.concatenate(kept)) if every > 1 else some

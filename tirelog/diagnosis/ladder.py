@@ -46,14 +46,6 @@ from tirelog.inference.metric import Normal, solve_scaled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
-#: every so many manoeuvres one is locked away, if at least so many remain: these leave sign flips a
-#: least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single one
-_LOCK_EVERY = 7
-#: the fourth is the first: those before it are as a rule the slowest
-_LOCK_FIRST = 3
-#: with twice as many, logs of fewer than 27 manoeuvres have none locked
-_LOCK_LEAST = 12
-
 
 def ladder(
     measured: Measured,
@@ -68,7 +60,12 @@ def ladder(
     `effects`: the user's own candidates beside the catalogue. `proposing`: if they end above the
     floor, what is unknown is written down (`propose`) and is the last step.
     """
-    seen, locked = locked_away(measured_pieces(measured), _LOCK_FIRST, _LOCK_EVERY, _LOCK_LEAST)
+    # every so many manoeuvres one is locked away, if at least so many remain: these leave sign
+    # flips a least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single
+    # one
+    # the fourth is the first: those before it are as a rule the slowest
+    # with twice as many, logs of fewer than 27 manoeuvres have none locked
+    seen, locked = locked_away(measured_pieces(measured), first=3, every=7, least=12)
     progress("fitting the model")
     said: list[str] = []
     base: Base

@@ -56,16 +56,10 @@ NUISANCES = 4
 #: The patch centre of the model is sought this far [rad] from the passages, and compared at so
 #: many angles. Twice as far reaches shapes that lie on the wrong side of the patch.
 _ALIGNED_RAD, _ALIGNED_AT = 0.15, 1024
-#: Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for what
-#: the start leaves to die away; twice as much drives that metre more.
-_RUN_UP_M = 1.0
 #: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns]
 #: from the rough time; then beside the best few on a fine grid and unsmoothed. Twice as coarse a
 #: grid needs signals smoothed as much more; twice as many of the best take twice as long.
 _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
-#: Angle [rad] from the patch centre within which the steady waveform is steep. Twice as much
-#: leaves an eighth less of the turn to find a hit's time by.
-_STEEP_RAD = 0.4
 #: Turns before and after the rough time between which the hit is sought. Twice as far takes in the
 #: passages before and after the one that was hit.
 _BEFORE, _AFTER = 1.25, 0.5
@@ -115,7 +109,9 @@ def motion_at(
     radius = free_rolling_radius(
         model, replace(conditions, speed_m_s=np.array([log.radius_m * spin]))
     )
-    run_up = _RUN_UP_M / (radius * spin)
+    # Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for
+    # what the start leaves to die away; twice as much drives that metre more.
+    run_up = 1.0 / (radius * spin)
     length = run_up + window_s + 0.02
     speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
     speed = (
@@ -199,7 +195,9 @@ def _sought(view: View, times: FloatArray, width: int) -> float:
     """The time [s] at which the model's answer is most like the measured one."""
     # where the waveform is steep, a wheel that was turned a little off weighs more than the time of
     # the hit
-    apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > _STEEP_RAD
+    # Angle [rad] from the patch centre within which the steady waveform is steep. Twice as much
+    # leaves an eighth less of the turn to find a hit's time by.
+    apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > 0.4
     losses = np.array(
         [
             np.sum(uniform_filter1d(view.left(float(time), 0.0) * apart, width) ** 2)
@@ -524,9 +522,6 @@ BANDS_HZ = np.array(
 #: Angles over which errors off the obstacle are averaged. Twice as many leave half as many samples
 #: for each mean.
 _ANGLES = 128
-#: A hit of which the model covers less than this share may be something else than the obstacle.
-#: Twice as much marks also hits of which a third is explained.
-_COVERED = 0.2
 
 
 @dataclass(frozen=True)
@@ -572,6 +567,8 @@ class HitResult:
         floor = float(np.sqrt(np.mean(self.floor)))
         rmse = float(np.sqrt(np.mean(left**2) * self._charged))
         covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
+        # A hit of which the model covers less than this share may be something else than the
+        # obstacle. Twice as much marks also hits of which a third is explained.
         return {
             "log": self.log.log, "channel": self.log.channel, "hit": self.ordinal,
             "time_s": hit.time_s, "time_se_s": hit.time_se_s, "speed_m_s": hit.speed_m_s,
@@ -581,7 +578,7 @@ class HitResult:
             "rmse_steady": float(np.sqrt(np.mean(self.steady))), "noise_floor": floor,
             "excess": excess_of(rmse, floor), "added": float(added), "missed": float(missed),
             "covered": float(covered),
-            "quality": quality_text(0 if covered > _COVERED else Quality.UNLIKE),
+            "quality": quality_text(0 if covered > 0.2 else Quality.UNLIKE),
         }  # fmt: skip
 
     def time_rows(self) -> list[dict[str, Any]]:

@@ -60,15 +60,6 @@ from tirelog.vocabulary.conditions import CONDITIONS
 
 #: exponents of speed that are tested: each is one more candidate for chance
 EXPONENTS = (0.0, 1.0, 2.0)
-#: single logs that a remainder may follow: each is one more factor that may fit by chance; the
-#: family-wise p counts them all, so that twice as many ask more of each
-MOST_LOGS = 4
-#: a quantity is named in place of a log from this share of its statistic on; half as much would
-#: name a quantity that explains half of what the log does
-_NAMED_FIRST = 0.95
-#: two quantities that move together beyond this correlation are not told apart: a fifth of the one
-#: in size is its own then; at 0.96 it would be 28 %
-_TOGETHER = 0.98
 #: a rest is looked at over powers of the speed, and over the size of what has a sign
 SPEED = CONDITIONS["speed_m_s"].symbol
 SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
@@ -89,7 +80,9 @@ def factors_of(base: Base) -> dict[str, FloatArray]:
                 values - (0.0 if condition.signed else values.mean())
             ) / np.abs(values).max()
     logs = np.unique(base.cells.log)
-    for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
+    # single logs that a remainder may follow: each is one more factor that may fit by chance; the
+    # family-wise p counts them all, so that twice as many ask more of each
+    for number in logs[: 4 if logs.size > 2 else logs.size - 1]:
         result[f"log {number}"] = (base.cells.log == number) - float(
             np.mean(base.cells.log == number)
         )
@@ -104,10 +97,12 @@ def best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
     best = int(np.argmax(statistic))
     names = list(factors)
     if names[best].startswith("log "):
+        # a quantity is named in place of a log from this share of its statistic on; half as much
+        # would name a quantity that explains half of what the log does
         near = [
             i
             for i, name in enumerate(names)
-            if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]
+            if not name.startswith("log ") and statistic[i] >= 0.95 * statistic[best]
         ]
         best = max(near, key=lambda i: statistic[i]) if near else best
     return best
@@ -126,7 +121,9 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
         for n, x in factors.items()
         if n != name and not n.startswith((SPEED, "log ")) and np.ptp(x) > 0.0
     ]
-    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
+    # two quantities that move together beyond this correlation are not told apart: a fifth of the
+    # one in size is its own then; at 0.96 it would be 28 %
+    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > 0.98)
 
 
 # ---- Free shapes of the contact pressure as columns of the observable.
@@ -142,10 +139,6 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
 # these few columns explain as much as free shapes of the strain do, they tell the exponent.
 
 
-#: centres over L, width over L, height over the mean pressure
-_CENTRES = np.linspace(-1.8, 1.8, 19)
-#: half of it leaves gaps between the centres, twice as much tells neighbours apart half as well
-_WIDTH = 0.15
 #: twice as much doubles the share of the response that is not linear in it
 _HEIGHT = 0.02
 
@@ -155,7 +148,9 @@ def _probe(centre: float) -> Effect:
 
     def pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
         height = v["height"] * site.mean_pressure
-        return bell(height, centre * site.half_length_m, _WIDTH * site.half_length_m, site.radius_m)
+        # half of it leaves gaps between the centres, twice as much tells neighbours apart half as
+        # well
+        return bell(height, centre * site.half_length_m, 0.15 * site.half_length_m, site.radius_m)
 
     return Effect(
         id="probe",
@@ -181,7 +176,8 @@ def pressure_columns(base: Base) -> FloatArray | None:
     None if the model cannot be computed with one of them.
     """
     changes = []
-    for centre in _CENTRES:
+    # centres over L, width over L, height over the mean pressure
+    for centre in np.linspace(-1.8, 1.8, 19):
         pressed = with_candidate(base.model, _probe(float(centre)), {"height": _HEIGHT})
         change = change_to(base, pressed)
         if isinstance(change, ModelError):
@@ -198,8 +194,6 @@ _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
 _DECAYS_M = (0.1, 0.3)
-#: a ringing turns so often before it has fallen to 1/e: with half of it a single bump would be one
-_TURNS = 1.0
 #: a fixed frequency must explain so much more than a fixed wavelength, and so much of what is left:
 #: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
 _RINGS_MORE = 1.15
@@ -211,14 +205,10 @@ _PARITY = 0.9
 #: of its side (a wake is longer)
 _NEAR = 3.5
 _WAKE = 6.0
-#: cells that a ring-down is looked for in: the time goes with their number
-_SOME_CELLS = 24
 #: share of what both sides explain that one side alone must, and its ratio to the other side's;
 #: half as much would call a shape of both sides one-sided if one of them is the larger
 _ONE_SIDED = 0.93
 _MORE = 1.03
-#: a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave none
-_ONE_SIGN = 0.8
 
 
 #: nodes of free shapes over the time since the exit edge [s]: as many as over the angle; half as
@@ -455,7 +445,9 @@ def _crosses_zero(base: Base) -> bool:
     if cells.phi.shape[1] > 1:
         return False
     left = base.plain(np.nan_to_num(cells.values - base.fit.prediction))
-    return bool(abs(left.sum()) < _ONE_SIGN * np.abs(left).sum())
+    # a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave
+    # none
+    return bool(abs(left.sum()) < 0.8 * np.abs(left).sum())
 
 
 def _one_side(
@@ -535,7 +527,8 @@ def _frequency(base: Base) -> float | None:
 
     Only if a fixed frequency in time explains more than a fixed wavelength.
     """
-    base = with_fewer_cells(base, _SOME_CELLS)
+    # cells that a ring-down is looked for in: the time goes with their number
+    base = with_fewer_cells(base, 24)
     cells = base.cells
     taken = base_projection(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
@@ -549,7 +542,9 @@ def _frequency(base: Base) -> float | None:
         found = []
         for number in numbers:
             for decay in decays:
-                if decays is _DECAYS_S and number * decay < _TURNS:
+                # a ringing turns so often before it has fallen to 1/e: with half of it a single
+                # bump would be one
+                if decays is _DECAYS_S and number * decay < 1.0:
                     continue
                 turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
                 wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
@@ -670,11 +665,6 @@ def _ranks(x: FloatArray) -> FloatArray:
 #: fails
 _DRAWN = 200
 _WITHIN = 3.3
-#: a direction shrunk by so much is free, and no residual has a part in it
-_FREE = 0.99
-#: a suspect is said from this share of the excess on, that it would remove; twice as much names
-#: only what removes more than half of it
-_SUSPECT = 0.3
 
 
 @dataclass(frozen=True)
@@ -715,7 +705,8 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
     for row in drawn:
         noise = random.standard_normal(measured.shape) * used
         along = np.swapaxes(white.basis, 1, 2) @ noise[..., None]
-        free = (white.shrink > _FREE)[..., None]
+        # a direction shrunk by so much is free, and no residual has a part in it
+        free = (white.shrink > 0.99)[..., None]
         noise = other.without(noise - (white.basis @ (free * along))[..., 0])
         row[:] = [statistic(noise) for statistic in statistics.values()]
     mean, spread = drawn.mean(axis=0), drawn.std(axis=0, ddof=1)
@@ -803,7 +794,9 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
     for ((condition, log), column), (white, plain) in zip(columns.items(), losses, strict=True):
         gain, error = gain_and_error(base.held_white, white)
         share = float((base.held_plain - plain).sum()) / base.plain.weight / base.excess
-        if gain <= GAIN_SIGMAS * error or share < _SUSPECT:
+        # a suspect is said from this share of the excess on, that it would remove; twice as much
+        # names only what removes more than half of it
+        if gain <= GAIN_SIGMAS * error or share < 0.3:
             continue
         left = other.without(base.white(column)).reshape(-1, 1)
         change = solve_scaled(left.T @ left, left.T @ residual.ravel())[0]

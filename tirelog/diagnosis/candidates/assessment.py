@@ -41,15 +41,6 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import OWN_ZERO
 
-#: shape parameters are tried at these factors of their probe
-_FACTORS = (0.5, 2.0)
-#: what differs by less than this share of a change within a log is its zero; a tenth of it is what
-#: a pressure moves while the tire warms in a minute, and twice as much decides nothing
-_SAME = 0.05
-#: a change below this share of the waveform is rounding; doubling it decides nothing, since what
-#: acts at its probe strength does far more
-_NOTHING = 1e-9
-
 
 @dataclass(frozen=True)
 class Signature:
@@ -108,10 +99,11 @@ def variants(effect: Effect) -> list[dict[str, float]]:
     """Values of the free shape parameters to try: their start, then each moved alone."""
     shapes = [p for p in effect.parameters if p.name not in effect.strength and p.free]
     start = {p.name: p.value for p in shapes}
+    # shape parameters are tried at these factors of their probe
     moved = [
         {**start, p.name: float(np.clip(f * p.probe, p.min, p.max))}
         for p in shapes
-        for f in _FACTORS
+        for f in (0.5, 2.0)
     ]
     return [start, *(m for m in moved if m != start)]
 
@@ -147,7 +139,9 @@ def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
             change = change_to(base, added.resolved(cells.conditions))
             if isinstance(change, ModelError):
                 return change
-            if np.nanmax(np.abs(change)) > _NOTHING * size:
+            # a change below this share of the waveform is rounding; doubling it decides nothing,
+            # since what acts at its probe strength does far more
+            if np.nanmax(np.abs(change)) > 1e-9 * size:
                 columns.append(change / own[name].probe)
                 names.append(name)
         several = np.unique(cells.log).size > 1
@@ -191,7 +185,9 @@ def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
             for log in np.unique(cells.log[rows]):
                 own = rows[cells.log[rows] == log]
                 moved[own] -= np.nanmean(change[own])
-    return bool(np.nanmax(np.abs(moved)) < _SAME * np.nanmax(np.abs(change)))
+    # what differs by less than this share of a change within a log is its zero; a tenth of it is
+    # what a pressure moves while the tire warms in a minute, and twice as much decides nothing
+    return bool(np.nanmax(np.abs(moved)) < 0.05 * np.nanmax(np.abs(change)))
 
 
 def all_signatures(base: Base, effects: Iterable[Effect]) -> tuple[list[Signature], dict[str, str]]:
@@ -442,12 +438,6 @@ def gain_and_error(before: FloatArray, after: FloatArray) -> tuple[float, float]
     ) if gain.size > 1 else float("inf")
 
 
-#: a projected signature with less than this share of its norm left shows nothing of its own: the
-#: effect would have to be a thousand times as large as what is seen of it; twice as much refuses
-#: effects that are seen to a five hundredth
-_INVISIBLE = 1e-3
-
-
 @dataclass(frozen=True)
 class Assessed:
     """A candidate's best variant, with its evidence.
@@ -556,7 +546,10 @@ def scores_of(
         visible = np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) / np.linalg.norm(
             white.reshape(-1, white.shape[-1]), axis=0
         )
-        if not np.any(visible > _INVISIBLE):
+        # a projected signature with less than this share of its norm left shows nothing of its own:
+        # the effect would have to be a thousand times as large as what is seen of it; twice as much
+        # refuses effects that are seen to a five hundredth
+        if not np.any(visible > 1e-3):
             reasons[signature.effect.id] = "does here only what the model's own parameters do"
             continue
         flat = left.reshape(-1, left.shape[-1])

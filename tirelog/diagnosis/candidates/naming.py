@@ -78,11 +78,6 @@ from tirelog.vocabulary.arrays import FloatArray
 #: all cells; the time goes with both
 _TRIAL_CELLS = 24
 _TRIAL_STEPS = 12
-#: starts that end so near the least chi-square, as a share of it, fit alike; of these the one
-#: counts that stays nearest to the values given: EJ, k, y and tension share a scale, and along it a
-#: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
-#: nothing seen
-SAME_CHI2 = 1e-3
 #: a model with a candidate where its trial ended, and chi-square there
 Trial = tuple[Model, float]
 #: a refit as it comes from another process: fit and held-out losses
@@ -137,7 +132,11 @@ def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) ->
     if not trials:
         raise ModelError(f"the fit with {name} failed")
     least = min(chi2 for _, chi2 in trials)
-    reached = [model for model, chi2 in trials if chi2 <= (1.0 + SAME_CHI2) * least]
+    # starts that end so near the least chi-square, as a share of it, fit alike; of these the one
+    # counts that stays nearest to the values given: EJ, k, y and tension share a scale, and along
+    # it a fit may drift until something stands at a bound.  Ten times what settles a fit; doubling
+    # changes nothing seen
+    reached = [model for model, chi2 in trials if chi2 <= (1.0 + 1e-3) * least]
     best = refit(base, min(reached, key=lambda model: _moved(base, model)))
     if isinstance(best, ModelError):
         raise best
@@ -185,11 +184,6 @@ def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError
         fit, white, plain = again
         found.append(replace(base, cells=fit.cells, fit=fit, held_white=white, held_plain=plain))
     return found
-
-
-#: share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
-#: strength be told of which a fifth cannot be seen
-_UNDETERMINED = 0.1
 
 
 @dataclass(frozen=True)
@@ -337,10 +331,9 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
         columns[:, seen].T @ columns[:, seen] / norm[seen][:, None] / norm[seen]
     )
     good = size > NULL * size[-1]
-    if (
-        base.cells.phi.shape[1] == 1
-        and np.abs(direction[mine][:, ~good]).max(initial=0.0) > _UNDETERMINED
-    ):
+    # share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
+    # strength be told of which a fifth cannot be seen
+    if base.cells.phi.shape[1] == 1 and np.abs(direction[mine][:, ~good]).max(initial=0.0) > 0.1:
         return 0.0
     root = direction[mine][:, good] / np.sqrt(size[good])
     spread, axes = np.linalg.eigh(root @ root.T)

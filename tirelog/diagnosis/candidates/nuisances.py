@@ -57,14 +57,6 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown
 
-#: alarming nuisances that are fitted in full, the best first; twice as many take twice as many
-#: fits of the whole model
-_MOST_REFITTED = 2
-#: a form of the tire's own that does not end the search at the floor counts if it leaves less than
-#: this share of what is left without it: an unknown effect is no form, though so many numbers fit
-#: some of it. Of a ringing they leave 0.18; half the share asks more of a form with sharp edges
-_FORM_LEAVES = 0.05
-
 
 @dataclass(frozen=True)
 class AssessedNuisance:
@@ -168,7 +160,9 @@ def rival_nuisances(
         for a in assess_nuisances(base, allowed)
         if a.alarms and (least <= 0.0 or _linear_share(base, a.effects) >= least)
     ]
-    for a in alarming[:_MOST_REFITTED]:
+    # alarming nuisances that are fitted in full, the best first; twice as many take twice as many
+    # fits of the whole model
+    for a in alarming[:2]:
         refitted = with_nuisance(base, a.effects)
         if isinstance(refitted, ModelError) or (a.group == "drift" and not _drifts(refitted)):
             continue
@@ -221,7 +215,11 @@ def with_best_nuisances(base: Base) -> Base:
 
 def form_explains(formed: Base, without: Base) -> bool:
     """Does the tire's form explain what is left without it?"""
-    enough = formed.excess < _FORM_LEAVES * without.excess
+    # a form of the tire's own that does not end the search at the floor counts if it leaves less
+    # than this share of what is left without it: an unknown effect is no form, though so many
+    # numbers fit some of it. Of a ringing they leave 0.18; half the share asks more of a form with
+    # sharp edges
+    enough = formed.excess < 0.05 * without.excess
     return FORM in groups_of(formed) and (enough or quiet_waveforms(formed))
 
 
@@ -367,9 +365,6 @@ _MUCH_RUN_OUT = 1e-4
 #: an effect may be in the form if that leaves less than this share of its waveforms' square: of
 #: what the series cannot follow a half is left; twice the share adds none
 _HELD = 0.05
-#: below this share of its square an effect is what the other parameters do already; a hundred times
-#: as much would leave out ring_curvature
-_SEEN = 1e-3
 #: factors on a condition in every other manoeuvre, as other logs may have them: they part an effect
 #: from the form if twice the share is left
 _OTHER_LOGS: Mapping[str, tuple[str, float, float]] = {
@@ -605,7 +600,9 @@ def _left_by_form(
             continue
         columns = base.white(signatures[0].columns)
         seen = float((without.without(columns) ** 2).sum())
-        if seen > _SEEN * float((columns**2).sum()):
+        # below this share of its square an effect is what the other parameters do already; a
+        # hundred times as much would leave out ring_curvature
+        if seen > 1e-3 * float((columns**2).sum()):
             shares[effect.id] = float((with_it.without(columns) ** 2).sum()) / seen
     return shares
 

@@ -57,10 +57,6 @@ from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
 Progress = Callable[[str], None]
-#: a search with a form of the tire's own ends if all candidates at once, in a linear fit, leave
-#: more than this share of what is left without it: of an unknown wave they left 0.5, of known
-#: effects nothing
-_MAY_BE_LEFT = 0.25
 
 
 @dataclass(frozen=True)
@@ -162,7 +158,10 @@ def _formed(
     """
     progress("once more with a form of the tire's own")
     at_floor = quiet_waveforms(without)
-    most_left = np.inf if at_floor else _MAY_BE_LEFT * without.excess
+    # a search with a form of the tire's own ends if all candidates at once, in a linear fit, leave
+    # more than this share of what is left without it: of an unknown wave they left 0.5, of known
+    # effects nothing
+    most_left = np.inf if at_floor else 0.25 * without.excess
     climb = _climb(base, extra, progress, allowed, most_left, most_effects)
     if not climb.steps or (at_floor and not quiet_waveforms(climb.after)):
         return None

@@ -314,11 +314,6 @@ LEAST_GAIN = 0.005
 _MOST = 3
 _MOST_RIVALS = 4
 _MOST_REPEATS = 20
-#: probability that any effect of the catalogue is missing, before anything is measured: as in the
-#: priors of the calibration
-_MISSING_AT_ALL = 0.45
-#: a verdict without a calibration is taken to be as likely as not
-_EVEN = 0.5
 
 
 @dataclass(frozen=True)
@@ -369,7 +364,8 @@ def drive_next(
     separation_sigma of the first pair and run, and whether the probability that it starts from is
     calibrated or even odds. None if nothing on the list is worth it.
     """
-    p = _EVEN if probability is None else probability
+    # a verdict without a calibration is taken to be as likely as not
+    p = 0.5 if probability is None else probability
     base, rivals = _rivals(found, verdict, p)
     if base is None or not rivals:
         return []
@@ -503,7 +499,9 @@ def _hidden(found: SearchResult, p: float) -> list[Rival]:
     for effect in effects:
         probes = {q.name: q.probe for q in effect.parameters if q.name in effect.strength}
         shown = with_candidate(model, effect, probes)
-        mass = _MISSING_AT_ALL / max(count, 1)
+        # probability that any effect of the catalogue is missing, before anything is measured: as
+        # in the priors of the calibration
+        mass = 0.45 / max(count, 1)
         rivals.append(Rival("nothing", effect.id, shown, model, mass, (), p))
     return rivals
 

@@ -46,14 +46,9 @@ from tirelog.vocabulary.observables import OBSERVABLES
 # the best of each form -> its numbers and exponents polished by variable projection
 
 
-#: columns of a form that are worked on at a time: 20 MB for 50 cells
-_SOME = 48
 #: patterns of signs that are tried: they tell p to 2.4e-4, and a p of 0.01 to 16 % of it; twice as
 #: many tell it to 11 %, in twice the time
 _FLIPS = 4096
-#: a column of which less than this is left beside base and nuisances says nothing of its own, as
-#: for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
-_VISIBLE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -153,7 +148,8 @@ def scan(ground: Ground) -> Scanned:
     best: dict[tuple[str, str, str], Atom] = {}
     tried = 0
     for form in forms():
-        for numbers in form.grids(_SOME):
+        # columns of a form that are worked on at a time: 20 MB for 50 cells
+        for numbers in form.grids(48):
             columns = or_refusal(unit_columns)(ground, form, numbers, in_bins=False)
             if isinstance(columns, ModelError):
                 continue
@@ -182,7 +178,9 @@ def _turned(
 ) -> tuple[FloatArray, np.ndarray]:
     """Scores (K, M, k) in an orthonormal basis, and which say anything: T is their length."""
     length = np.einsum("kii->ki", gram)
-    good = np.all(length > _VISIBLE * np.maximum(size, 1e-300), axis=1)
+    # a column of which less than this is left beside base and nuisances says nothing of its own, as
+    # for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
+    good = np.all(length > 1e-4 * np.maximum(size, 1e-300), axis=1)
     if scores.shape[-1] == 1:
         return scores / np.sqrt(np.where(good[:, None], length, 1.0))[:, None, :], good
     safe = np.where(good[:, None, None], gram, np.eye(2))
@@ -280,14 +278,6 @@ def polish(ground: Ground, atom: Atom) -> Atom:
         ftol=1e-4,
     )
     return replace(at(reached.x), explained=ground.square - 2.0 * float(reached.cost))
-
-
-#: standard errors that a number may lie from a round one: beyond them rounding would push the
-#: others out of their errors; twice as much makes rounder formulas that fit worse
-ROUNDED_SIGMAS = 2.0
-#: a step of an exponent that is small: over a decade of speed an effect changes by 12 % at most,
-#: and no law that is known lies so near to a half; twice as much would round 0.4
-_ROUND_NEAR = 0.05
 
 
 @dataclass(frozen=True)
@@ -480,7 +470,10 @@ def simplified(draft: Draft) -> Draft:
         for wanted in dict.fromkeys((float(round(value)), round(2.0 * value) / 2.0)):
             atom = replace(best.atom.at({number: wanted}), fixed=(*best.atom.fixed, number))
             trial = _with_fixed(best, atom, best.quarter)
-            near = abs(wanted - value) <= _ROUND_NEAR
+            # a step of an exponent that is small: over a decade of speed an effect changes by 12 %
+            # at most, and no law that is known lies so near to a half; twice as much would round
+            # 0.4
+            near = abs(wanted - value) <= 0.05
             if isinstance(trial, Draft) and _costs_nothing(best.base, trial.base, small=near):
                 best = trial
                 break
@@ -510,7 +503,9 @@ def _costs_nothing(before: Base, rounded: Base, *, small: bool = False) -> bool:
     Held out too if the step is `small`: of a large effect chi-square sees more than matters.
     """
     worse = rounded.noise_chi2 - before.noise_chi2
-    if worse <= ROUNDED_SIGMAS**2 * max(1.0, before.reduced_chi2):
+    # standard errors that a number may lie from a round one: beyond them rounding would push the
+    # others out of their errors; twice as much makes rounder formulas that fit worse
+    if worse <= 2.0**2 * max(1.0, before.reduced_chi2):
         return True
     return (small or before.reduced_chi2 > QUIET_CHI2) and _as_good(before, rounded, before.excess)
 

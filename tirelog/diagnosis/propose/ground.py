@@ -34,8 +34,6 @@ from tirelog.vocabulary.arrays import FloatArray
 #: cells of which the coupling is kept as a low rank, and on which the grammar is scanned: the time
 #: goes with them, and 60 span 20 manoeuvres
 FEW_CELLS = 60
-#: eigenvalues of a coupling below this are directions that it leaves alone
-_ALONE = 1e-10
 
 
 #: a condition varies if its range is above this share of its largest value; acceleration [m/s^2]
@@ -180,7 +178,8 @@ class Ground:
         columns = np.concatenate(parts, axis=1)
         norm = np.linalg.norm(columns, axis=0)
         basis, found, _ = np.linalg.svd(columns[:, norm > 0] / norm[norm > 0], full_matrices=False)
-        basis = basis[:, found > _ALONE * found[0]] if found.size else basis
+        # eigenvalues of a coupling below this are directions that it leaves alone
+        basis = basis[:, found > 1e-10 * found[0]] if found.size else basis
         image = self.coupled(basis.reshape(*shape, -1)).reshape(size, -1)
         return basis, basis.T @ image
 
@@ -255,19 +254,10 @@ NODES: Mapping[tuple[str, str], FloatArray] = {
     ("patch", "contact_pressure"): _PRESSED,
     ("speed", "load"): np.zeros(0),
 }
-#: nodes over the range of speeds for what acts on the load: it is smooth; twice as many share the
-#: same cells, and each is known half as well
-_SPEEDS = 6
 #: heights that are likely before anything is measured: of a waveform in roots of the mean square
 #: that is left, of a pressure in mean pressures, of a load in mean loads.  They hold back what
 #: the base does as well; doubled, no shape that is seen changes
 _LIKELY = {"": 10.0, "contact_pressure": 1.0, "load": 0.3}
-#: small amplitudes of a hat for its response; twice as much doubles the share of the response that
-#: is not linear in it
-_PROBE = {"contact_pressure": 0.02, "load": 20.0}
-#: shapes that are tried on held-out manoeuvres, the best of each frame first; twice as many take
-#: twice as long
-_TRIED = 4
 
 
 @dataclass(frozen=True)
@@ -340,7 +330,9 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     best: dict[tuple[str, str], GivenLaw] = {}
     for _, key, law in ranked:
         best.setdefault(key, law)
-    asked = list(best.items())[:_TRIED]
+    # shapes that are tried on held-out manoeuvres, the best of each frame first; twice as many take
+    # twice as long
+    asked = list(best.items())[:4]
     # the runner-up laws of the best frame: an exponent by what is held out
     asked += [(key, law) for _, key, law in ranked[:3] if key == asked[0][0]][1:]
     tried = [_measured(full, key, law) for key, law in asked]
@@ -362,7 +354,9 @@ def _hats(ground: Ground, frame: str, acts_on: str) -> _Hats:
         return _Hats(frame, acts_on, nodes, np.stack(ends + inner + ends, -1), _LIKELY[acts_on])
     coordinate = ground.expression(known.coordinate, {})
     if acts_on == "load":
-        nodes = np.linspace(float(coordinate.min()), float(coordinate.max()), _SPEEDS)
+        # nodes over the range of speeds for what acts on the load: it is smooth; twice as many
+        # share the same cells, and each is known half as well
+        nodes = np.linspace(float(coordinate.min()), float(coordinate.max()), 6)
         whole = np.array([0.0, 1e3])
         change = _response(ground, acts_on, frame, whole, np.ones(2))
         columns = change[..., None] * hats_on(coordinate, nodes)
@@ -387,7 +381,9 @@ def _response(
     ground: Ground, acts_on: str, frame: str, nodes: FloatArray, values: FloatArray
 ) -> FloatArray:
     """The change of the prediction by a shape of these values, per unit of them, (C, m)."""
-    probe = _PROBE[acts_on]
+    # small amplitudes of a hat for its response; twice as much doubles the share of the response
+    # that is not linear in it
+    probe = {"contact_pressure": 0.02, "load": 20.0}[acts_on]
     effect = effect_by_shape(
         "probe_", acts_on, frame, "1", nodes.tolist(), (probe * values).tolist()
     )

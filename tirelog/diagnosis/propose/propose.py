@@ -295,16 +295,6 @@ class Proposal(AnswerRecord):
 #: every so many manoeuvres one is locked away before anything is looked at; twice as rarely leaves
 #: the number that is said to two or three manoeuvres
 LOCK_EVERY = 3
-#: terms of a proposal at most: what needs more is better told by its measured shape; each further
-#: one has to pass the same test, so that twice as many are reached only by what repeats
-MOST_TERMS = 3
-#: share of the excess that a measured shape must remove beyond the formulas to stand in their
-#: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
-#: much
-_SHAPE_MORE = 0.05
-#: squared floors from which on what a term adds is plainly needed, and no refit without it asked
-#: for; half of it would ask of each, at a second each
-_PLAINLY = 1.0
 
 
 def propose(
@@ -427,7 +417,9 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
     """
     climb = _Climb([base])
     first_excess = max(base.excess, 1e-300)
-    while len(climb.choices) < MOST_TERMS:
+    # terms of a proposal at most: what needs more is better told by its measured shape; each
+    # further one has to pass the same test, so that twice as many are reached only by what repeats
+    while len(climb.choices) < 3:
         at, number = climb.after, len(climb.choices) + 1
         if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
             break
@@ -504,7 +496,9 @@ def _without_needless(climb: _Climb) -> _Climb:
         if isinstance(lost, ModelError):
             continue
         added = after.plain(np.nan_to_num(lost))
-        if float((added**2).sum()) / after.plain.weight > _PLAINLY * after.floor.square:
+        # squared floors from which on what a term adds is plainly needed, and no refit without it
+        # asked for; half of it would ask of each, at a second each
+        if float((added**2).sum()) / after.plain.weight > after.floor.square:
             continue
         less = refit_without(after, choice.chosen.entry.id)
         least = LEAST_SHARE_OF_FLOOR * after.floor.square
@@ -550,7 +544,10 @@ def _proposal(
         by_shape = _with_shape(base, climb.shapes, diagnosis.unexplained["p"])
     if by_shape is not None:
         more = after.square_held - by_shape.square_held
-        least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, _SHAPE_MORE * base.excess)
+        # share of the excess that a measured shape must remove beyond the formulas to stand in
+        # their place: a reader would rather have a formula; doubled, forms outside of the grammar
+        # leave twice as much
+        least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, 0.05 * base.excess)
         if shape_wanted or more > least:
             after, formula = by_shape, False
     if not formula and after is not by_shape:
