@@ -120,13 +120,9 @@ def motion_at(
         else Schedule.constant(float(radius * spin))
     )
     folder = Path(log.folder).parent if log.folder else None
-    road = road_of(replace(log.road, spacing_m=None), _driven(speed, run_up), folder=folder)
+    begins = 0.5 * (speed(0.0) + speed(run_up)) * run_up
+    road = road_of(replace(log.road, spacing_m=None), begins, folder=folder)
     return driven(model, conditions, Course(speed, Schedule.constant(load), road, length)), run_up
-
-
-def _driven(speed: Schedule, time_s: float) -> float:
-    """Distance [m] after `time_s` of a straight schedule."""
-    return 0.5 * (speed(0.0) + speed(time_s)) * time_s
 
 
 def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = WINDOW_S) -> Hit:
@@ -135,26 +131,8 @@ def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = W
     The window ends after `window_s` or with the log.
     """
     window_s = min(window_s, log.time_s[-1] - rough_s)
-    transient, reached = motion_at(log, model, rough_s, window_s)
-    return _fitted(log, transient, reached, rough_s, window_s)
-
-
-def view_of(
-    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
-) -> View:
-    """The samples from before to after the hit beside the motion."""
-    early = rough_s - _BEFORE * 2.0 * np.pi / log.spin_rad_s
-    rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
-    return View(
-        log, transient, reached, rows, alignment(log, transient.model, transient.conditions)
-    )
-
-
-def _fitted(
-    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
-) -> Hit:
     turn = 2.0 * np.pi / log.spin_rad_s
-    view = view_of(log, transient, reached, rough_s, window_s)
+    view = view_of(log, model, rough_s, window_s)
     times = np.arange(rough_s - _BEFORE * turn, rough_s + _AFTER * turn, _GRID_S)
     best = _sought(view, times, max(round(_SMOOTH_S * log.rate_Hz), 1))
 
@@ -164,12 +142,19 @@ def _fitted(
     bounds = ([-1.0, -_PHASE_RAD], [1.0, _PHASE_RAD])
     found = least_squares(left_at, np.zeros(2), bounds=bounds, diff_step=[1e-3, 1e-3])
     time, phase = best + 1e-3 * float(found.x[0]), float(found.x[1])
-    left = view.left(time, phase)
-    freedom = max(left.size - NUISANCES, 1)
-    slopes: FloatArray = np.asarray(found.jac, dtype=np.float64)
-    variance = float(left @ left) / freedom
+    left, slopes = view.left(time, phase), np.asarray(found.jac, dtype=np.float64)
+    variance = float(left @ left) / max(left.size - NUISANCES, 1)
     error = 1e-3 * float(np.sqrt(variance * np.linalg.pinv(slopes.T @ slopes)[0, 0]))
     return view.hit(time, error, phase, window_s)
+
+
+def view_of(log: TransientLog, model: Model, rough_s: float, window_s: float) -> View:
+    """The samples from before to after the hit beside the model's motion."""
+    transient, reached = motion_at(log, model, rough_s, window_s)
+    early = rough_s - _BEFORE * 2.0 * np.pi / log.spin_rad_s
+    rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
+    aligned = alignment(log, transient.model, transient.conditions)
+    return View(log, transient, reached, rows, aligned)
 
 
 def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
@@ -223,35 +208,29 @@ class View:
     rows: NDArray[np.bool_]
     aligned_rad: float
 
-    def _angles(self, when: FloatArray, time_s: float, phase_rad: float) -> FloatArray:
-        """The wheel's angle among the passages at the samples, (m,), if the hit is at `time_s`.
-
-        Passages before and after tell it; between, where the obstacle disturbs them, it swings as
-        the model's does.
-        """
-        motion, turn = self.transient.motion, 2.0 * np.pi / self.log.spin_rad_s
-        begin, end = self.reached, min(self.reached + DISTURBED[1] * turn, motion.time_s[-1])
-        at = np.clip(when, begin, end)
-        psi = np.interp(at, motion.time_s, motion.psi_rad)
-        first, last = np.interp([begin, end], motion.time_s, motion.psi_rad)
-        swing: FloatArray = psi - first - (last - first) * (at - begin) / (end - begin)
-        return self.log.wheel.theta(when - self.reached + time_s) + phase_rad + swing
-
     def _parts(
         self, time_s: float, phase_rad: float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """(added by the model, steady as measured, motion's time, wheel's angle), (m,) each.
 
-        The angle is that among the passages.
+        The angle is that among the passages, if the hit is at `time_s`. Passages before and after
+        tell it; between, where the obstacle disturbs them, it swings as the model's does.
         """
-        when = self.log.time_s[self.rows] - time_s + self.reached
-        theta = self._angles(when, time_s, phase_rad)
+        log, motion = self.log, self.transient.motion
+        when = log.time_s[self.rows] - time_s + self.reached
+        begin = self.reached
+        end = min(begin + DISTURBED[1] * 2.0 * np.pi / log.spin_rad_s, motion.time_s[-1])
+        at = np.clip(when, begin, end)
+        first, last = np.interp([begin, end], motion.time_s, motion.psi_rad)
+        swing = np.interp(at, motion.time_s, motion.psi_rad) - first
+        swing -= (last - first) * (at - begin) / (end - begin)
+        theta = log.wheel.theta(when - self.reached + time_s) + phase_rad + swing
         added = self.transient.added(
-            self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface
+            log.observable, theta + self.aligned_rad, when, surface=log.surface
         )
-        added = np.where(when < self.transient.motion.time_s[0], 0.0, added)
-        spin = np.interp(when, self.transient.motion.time_s, self.transient.motion.omega_rad_s)
-        return added, self.log.steady_at(theta, spin), when, theta
+        added = np.where(when < motion.time_s[0], 0.0, added)
+        spin = np.interp(when, motion.time_s, motion.omega_rad_s)
+        return added, log.steady_at(theta, spin), when, theta
 
     def left(self, time_s: float, phase_rad: float) -> FloatArray:
         """Measured less steady as measured less added by the model, without its mean, (m,)."""
@@ -296,7 +275,6 @@ class View:
 #: the other. The first stages see the blow alone, before an error of a frequency has become one of
 #: phase; in stages twice as long it has become twice as large.
 _STAGES = ((0.03, 2e-3), (0.06, 1e-3), (0.12, 0.0), (0.2, 0.0))
-_WINDOW_S = _STAGES[-1][0]
 #: Steps of a stage at most, the share of the sum of squares that a further one has to gain, and
 #: the step of a parameter for its derivative, relative. Twice as many steps take twice as long;
 #: twice as long ones double what is not linear in a slope.
@@ -320,21 +298,6 @@ class FittedMotion:
     hits: int
 
 
-@dataclass(frozen=True)
-class _Event:
-    """A hit: its log around it, rough time and window."""
-
-    log: TransientLog
-    rough_s: float
-    window_s: float
-
-    def view(self, model: Model, window_s: float) -> View:
-        """The log beside the motion, for so long after the hit, at most to the window's end."""
-        window_s = min(window_s, self.window_s)
-        motion = motion_at(self.log, model, self.rough_s, window_s)
-        return view_of(self.log, *motion, self.rough_s, window_s)
-
-
 def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
     """The free parameters of `motion_names` fitted to all hits.  UsageError if none is free."""
     names = motion_names(model)
@@ -344,7 +307,7 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
             allowed=f"allowed are {', '.join(MOTION)}",
             do="free one in the model file",
         )
-    problem = _Hits(model, names, *_events(logs, model))
+    problem = _Hits(model, names, logs)
     theta = problem.start
     begun = problem.residual(theta)
     low, high = problem.bounds
@@ -358,24 +321,8 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
     count = len(names)
     errors = {n: s for n, s in zip(names, known.se[:count].tolist()) if np.isfinite(s)}
     fitted = model.with_values(dict(zip(names, theta[:count].tolist())), se=errors)
-    return FittedMotion(fitted, names, _rms(begun), _rms(left), len(problem.events))
-
-
-def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], FloatArray]:
-    """All hits, and time and phase of each by the model as it is, (h, 2)."""
-    events, nuisances = [], []
-    for log in logs:
-        for i, rough in enumerate(log.hits_s):
-            window = float(
-                min(
-                    [_WINDOW_S, *(log.hits_s[i + 1 : i + 2] - rough - 0.02), log.time_s[-1] - rough]
-                )
-            )
-            near = around(log, float(rough))
-            hit = fit_hit(near, model, float(rough), window)
-            events.append(_Event(near, hit.time_s, window))
-            nuisances.append((hit.time_s, hit.phase_rad))
-    return events, np.array(nuisances)
+    before, after = (float(np.sqrt(np.mean(x**2))) for x in (begun, left))
+    return FittedMotion(fitted, names, before, after, len(problem.events))
 
 
 class _Hits:
@@ -385,13 +332,21 @@ class _Hits:
     how smooth.
     """
 
-    def __init__(
-        self, model: Model, names: tuple[str, ...], events: Sequence[_Event], nuisances: FloatArray
-    ) -> None:
-        self.model, self.names, self.events = model, names, events
-        self.start = np.concatenate([[model.values[n] for n in names], nuisances.ravel()])
-        self.stage = _STAGES[-1]
+    def __init__(self, model: Model, names: tuple[str, ...], logs: Sequence[TransientLog]) -> None:
+        self.model, self.names, self.stage = model, names, _STAGES[-1]
         self._seen: tuple[tuple[bytes, float], list[View]] = (b"", 0.0), []
+        #: of each hit its log around it, its time and window [s]
+        self.events: list[tuple[TransientLog, float, float]] = []
+        start = [model.values[name] for name in names]
+        for log in logs:
+            for i, rough in enumerate(log.hits_s):
+                ends = [self.stage[0], *(log.hits_s[i + 1 : i + 2] - rough - 0.02)]
+                window = float(min([*ends, log.time_s[-1] - rough]))
+                near = around(log, float(rough))
+                hit = fit_hit(near, model, float(rough), window)
+                self.events.append((near, hit.time_s, window))
+                start += [hit.time_s, hit.phase_rad]
+        self.start = np.array(start)
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -441,7 +396,8 @@ class _Hits:
 
     def _made(self, theta: FloatArray) -> list[View]:
         model = self.model.with_values(dict(self._own(theta)))
-        return [event.view(model, self.stage[0]) for event in self.events]
+        longest = self.stage[0]
+        return [view_of(log, model, at, min(longest, end)) for log, at, end in self.events]
 
     def _left(self, views: Sequence[View], theta: FloatArray) -> FloatArray:
         """What the model misses at all hits within the stage, one after the other, (N,)."""
@@ -463,10 +419,6 @@ def _variance(left: FloatArray, fitted: int) -> float:
     fades = int(np.argmax(covariance <= 0.0)) or left.size
     together = 2.0 * float(np.sum(covariance[:fades])) / float(covariance[0]) - 1.0
     return float(left @ left) / max(left.size - fitted, 1) * together
-
-
-def _rms(left: FloatArray) -> float:
-    return float(np.sqrt(np.mean(left**2)))
 
 
 # ---- `compare` on transients.
@@ -557,86 +509,68 @@ class HitResult:
         size = self.hit.since_s.size
         return size / max(size - NUISANCES, 1)
 
+    @property
+    def _squares(self) -> FloatArray:
+        """Squares of what `_errors` names, (5, m), charged for the nuisances."""
+        hit, charged = self.hit, self._charged
+        left = charged * (hit.measured - hit.predicted) ** 2
+        missed = charged * hit.missed**2
+        return np.stack([left, self.steady, self.floor, hit.added**2, missed])
+
     def row(self) -> dict[str, Any]:
         """One row of the table by hit."""
-        hit, left = self.hit, self.hit.measured - self.hit.predicted
-        added, missed = (
-            np.sqrt(np.mean(hit.added**2)),
-            np.sqrt(np.mean(hit.missed**2) * self._charged),
-        )
-        floor = float(np.sqrt(np.mean(self.floor)))
-        rmse = float(np.sqrt(np.mean(left**2) * self._charged))
+        hit, errors = self.hit, _errors(self._squares.mean(axis=1))
+        floor, added, missed = (errors[name] for name in ("noise_floor", "added", "missed"))
         covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
         # A hit of which the model covers less than this share may be something else than the
         # obstacle. Twice as much marks also hits of which a third is explained.
+        quality = quality_text(0 if covered > 0.2 else Quality.UNLIKE)
         return {
-            "log": self.log.log, "channel": self.log.channel, "hit": self.ordinal,
-            "time_s": hit.time_s, "time_se_s": hit.time_se_s, "speed_m_s": hit.speed_m_s,
+            **self._name(),
+            "time_s": hit.time_s,
+            "time_se_s": hit.time_se_s,
+            "speed_m_s": hit.speed_m_s,
             "phase_deg": float(np.degrees(hit.phase_rad)),
-            "alignment_deg": float(np.degrees(hit.alignment_rad)), "level": hit.level,
-            "samples": int(left.size), "rmse": rmse,
-            "rmse_steady": float(np.sqrt(np.mean(self.steady))), "noise_floor": floor,
-            "excess": excess_of(rmse, floor), "added": float(added), "missed": float(missed),
-            "covered": float(covered),
-            "quality": quality_text(0 if covered > 0.2 else Quality.UNLIKE),
-        }  # fmt: skip
+            "alignment_deg": float(np.degrees(hit.alignment_rad)),
+            "level": hit.level,
+            "samples": int(hit.since_s.size),
+            **errors,
+            "covered": covered,
+            "quality": quality,
+        }
 
     def time_rows(self) -> list[dict[str, Any]]:
         """Rows of 10 ms after the hit."""
-        hit, left = self.hit, self.hit.measured - self.hit.predicted
-        bins = (hit.since_s / BIN_S).astype(np.int64)
-        rows = []
-        for number in np.unique(bins):
-            at = bins == number
-            parts = (
-                left**2 * self._charged,
-                self.steady,
-                self.floor,
-                hit.added**2,
-                hit.missed**2 * self._charged,
-            )
-            rows.append(
-                {
-                    **self._name(),
-                    "since_s": (number + 0.5) * BIN_S,
-                    "samples": int(at.sum()),
-                    **_errors([p[at].mean() for p in parts]),
-                }
-            )
-        return rows
+        bins, squares = (self.hit.since_s / BIN_S).astype(np.int64), self._squares
+        return [
+            {
+                **self._name(),
+                "since_s": (number + 0.5) * BIN_S,
+                "samples": int((bins == number).sum()),
+                **_errors(squares[:, bins == number].mean(axis=1)),
+            }
+            for number in np.unique(bins)
+        ]
 
     def frequency_rows(self) -> list[dict[str, Any]]:
         """Rows of bands up to half the sampling rate."""
-        s = self.spectrum
-        rows = []
-        for i, (low, high) in enumerate(zip(s.edges_Hz[:-1], s.edges_Hz[1:])):
-            parts = (
-                s.residual[i] * self._charged,
-                s.steady[i],
-                s.floor[i],
-                s.added[i],
-                s.missed[i] * self._charged,
-            )
-            rows.append(
-                {
-                    **self._name(),
-                    "low_Hz": float(low),
-                    "high_Hz": float(high),
-                    **_errors(list(parts)),
-                }
-            )
-        return rows
+        s, charged = self.spectrum, self._charged
+        squares = [charged * s.residual, s.steady, s.floor, s.added, charged * s.missed]
+        return [
+            {**self._name(), "low_Hz": float(low), "high_Hz": float(high), **_errors(own)}
+            for low, high, own in zip(s.edges_Hz[:-1], s.edges_Hz[1:], np.transpose(squares))
+        ]
 
     def _name(self) -> dict[str, Any]:
         return {"log": self.log.log, "channel": self.log.channel, "hit": self.ordinal}
 
 
-def _errors(squares: Sequence[float]) -> dict[str, float]:
+def _errors(squares: FloatArray) -> dict[str, float]:
     """rmse, rmse_steady, noise_floor, excess, added, missed.
 
     From mean squares in that order (excess is their own).
     """
-    rmse, steady, floor, added, missed = (float(np.sqrt(max(x, 0.0))) for x in squares)
+    rmse, steady, floor, added, missed = np.sqrt(np.maximum(squares, 0.0)).tolist()
     return {
         "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor),
         "added": added, "missed": missed,
@@ -663,21 +597,14 @@ class TransientComparison:
     def to_json(self) -> dict[str, Any]:
         """Totals over the hits, each as many samples as it has, and a row per hit."""
         rows = self.tables["hit"]
-        weights = np.array([row["samples"] for row in rows], float)
-
-        def total(name: str) -> float:
-            return float(
-                np.sqrt(np.average(np.array([row[name] for row in rows]) ** 2, weights=weights))
-            )
-
-        numbers = {
-            name: total(name) for name in ("rmse", "rmse_steady", "noise_floor", "added", "missed")
-        }
-        numbers["excess"] = excess_of(numbers["rmse"], numbers["noise_floor"])
+        names = ("rmse", "rmse_steady", "noise_floor", "added", "missed")
+        squares = [[row[name] ** 2 for row in rows] for name in names]
+        means = np.average(squares, axis=1, weights=[row["samples"] for row in rows])
+        numbers = dict(zip(names, np.sqrt(means).tolist(), strict=True))
         floor = numbers["noise_floor"] ** 2
-        numbers["covered"] = 1.0 - max(numbers["missed"] ** 2 - floor, 0.0) / max(
-            numbers["added"] ** 2 - floor, 1e-300
-        )
+        added, missed = (numbers[name] ** 2 - floor for name in ("added", "missed"))
+        numbers["excess"] = excess_of(numbers["rmse"], numbers["noise_floor"])
+        numbers["covered"] = 1.0 - max(missed, 0.0) / max(added, 1e-300)
         return plain_fields({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
 
     def hits_table(self, log_name: Callable[[str], str] = str) -> AnswerTable:
