@@ -23,7 +23,7 @@ from benchmarks.cases import IN_CATALOGUE, Case, case
 from tirelog.diagnosis.candidates.assessment import (
     all_signatures,
     assess,
-    base_projection,
+    beside_base,
     candidate_effects,
 )
 from tirelog.diagnosis.candidates.naming import first_step
@@ -44,8 +44,7 @@ class Seen:
     """
 
     def __init__(self, base: Base) -> None:
-        known = base_projection(base)
-        residual = known.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
+        known, residual = beside_base(base)
         found, _ = all_signatures(base, candidate_effects(base.model))
         best, _ = assess(base, found)
         self.residual = residual.reshape(-1)

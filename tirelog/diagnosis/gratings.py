@@ -327,17 +327,15 @@ def strengths_of(
         own = [f"{_EFFECT} {part.name}" for part in parts]
         each, _ = _evidence(parts, prior, [], own)
         differing, size = _evidence(parts, prior, [_EFFECT], own[1:])
-        root = each.root()
-        step = root @ (root.T @ each.scores.sum(axis=0))
         scale = max(1.0, fitted.fit.reduced_chi2)
-        errors = np.sqrt((root**2).sum(axis=1) * scale)
+        errors = np.sqrt((each.root() ** 2).sum(axis=1) * scale)
         statistic, p = flip_test([differing], len(each.scores))
         parameter = fitted.model.parameters[name]
         found.append(
             Strengths(
                 parameter=name,
                 unit=parameter.unit,
-                values=tuple((parameter.value + step).tolist()),
+                values=tuple((parameter.value + each.step()).tolist()),
                 errors=tuple(errors.tolist()),
                 q=float(statistic[0] ** 2) / scale,
                 freedom=len(own) - 1,
@@ -453,8 +451,7 @@ def _evidence(
     seen = np.diag(square) > 1e-9 * np.diag(whole[n:, n:])
     square = square * seen * seen[:, None]
     evidence = Scores((left[:, n:] - left[:, :n] @ turn) * seen, 0.5 * (square + square.T))
-    root = evidence.root()
-    step = root @ (root.T @ evidence.scores.sum(axis=0))
+    step = evidence.step()
     moved = np.concatenate([-turn @ step, step])
     removed = 2.0 * moved @ (size_right - size_gram[:, :n] @ ground) - moved @ size_gram @ moved
     weights = [part.weight for part in parts if part.name in tested]

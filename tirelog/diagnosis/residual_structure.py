@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from scipy.special import stdtrit
 
 from tirelog.diagnosis.candidates.assessment import (
     Scores,
-    base_projection,
+    beside_base,
     even_share,
     flip_test,
     gain_and_error,
@@ -41,7 +42,7 @@ from tirelog.errors import ModelError
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
 from tirelog.inference.cells.joint import model_of
 from tirelog.inference.floor import held_out_losses, held_out_losses_with
-from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_side, solve_scaled
+from tirelog.inference.metric import Offsets, ProjectedOut, side_by_side, solve_scaled
 from tirelog.inference.nuisances import condition_slopes
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import Drive, Effect, Site
@@ -230,13 +231,13 @@ class Leftover:
     significant: bool
     p: float
     size: float
-    where: str | None
-    parity: str | None
-    follows: str | None
-    speed_exponent: float | None
-    frequency_Hz: float | None
     shape: FloatArray
     phi_rad: FloatArray
+    where: str | None = None
+    parity: str | None = None
+    follows: str | None = None
+    speed_exponent: float | None = None
+    frequency_Hz: float | None = None
     in_pressure: bool = False
     together: tuple[str, ...] = ()
     observable: str | None = None
@@ -247,26 +248,21 @@ class Leftover:
 def _describe_several(base: JointBase) -> Leftover:
     """The rest of the observable in which it is largest."""
     parts = bases_by_observable(base)
-    found = [describe(part) for part in parts]
     share = [part.plain.weight / base.plain.weight for part in parts]
+    # one test for each observable
+    found = [replace(left, p=min(left.p * len(parts), 1.0)) for left in map(describe, parts)]
     sizes = [
         left.size / part.floor.square * part_share
         for left, part, part_share in zip(found, parts, share, strict=True)
     ]
-    # one test for each observable
-    found = [
-        replace(left, p=min(left.p * len(parts), 1.0), significant=left.significant)
-        for left in found
-    ]
     told = [i for i, left in enumerate(found) if left.significant]
     if told:
         most = max(told, key=lambda i: sizes[i])
-        return replace(
-            found[most], size=sum(sizes[i] for i in told), observable=parts[most].cells.label
-        )
+        size = sum(sizes[i] for i in told)
+        return replace(found[most], size=size, observable=parts[most].cells.label)
     against = max(contributions(base), key=lambda one: one.size * one.contradicts)
-    most = int(np.argmax(sizes))
     if not against.contradicts:
+        most = int(np.argmax(sizes))
         return replace(found[most], size=sizes[most])
     at = [part.cells.label for part in parts].index(against.observable)
     return replace(
@@ -311,11 +307,7 @@ def _score(
     Free shapes are many, so some columns are projected at a time.
     """
     left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
-    flat = left.reshape(-1, left.shape[-1])
-    return Scores(
-        per_group((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre),
-        flat.T @ flat,
-    )
+    return Scores.of(base, left, residual)
 
 
 def _scores(
@@ -337,8 +329,7 @@ def describe(base: Base) -> Leftover:
     if isinstance(base, JointBase):
         return _describe_several(base)
     cells = base.cells
-    taken = base_projection(base)
-    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    taken, residual = beside_base(base)
     factors, free = factors_of(base), _shapes(base)
     scores = _scores(base, taken, residual, free, [f[:, None, None] for f in factors.values()])
     by_speed = [name for name in factors if name.startswith(SPEED) and cells.phi.shape[1] > 1]
@@ -360,52 +351,30 @@ def describe(base: Base) -> Leftover:
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
     gain, error = gain_and_error(base.held_white, held_white)
     size = float((base.held_plain - held_plain).sum()) / base.plain.weight
-    shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
+    phi = np.nanmean(cells.phi, axis=0)
+    left = Leftover(True, float(p[best]), size, leading_shape(base), phi)
     if (
         p[best] > ALARM_P
-        or not surely_gains(gain, error, float(p[best]), base.share(size))
+        or not surely_gains(gain, error, left.p, base.share(size))
         or size < LEAST_SHARE_OF_FLOOR * base.floor.square
     ):
-        return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
+        return replace(left, significant=False)
     free = _late_shapes(base) if in_time else _shapes(base)
-    exponent, in_pressure = (
-        _exponent(base, taken, residual, free, pressed=not in_time)
-        if name.startswith(SPEED) and not _crosses_zero(base)
-        else (None, False)
-    )
-    if cells.phi.shape[1] == 1:
-        return Leftover(
-            True,
-            float(p[best]),
-            size,
-            None,
-            None,
-            "nothing" if exponent == 0.0 else name.split("^")[0],
-            exponent,
-            None,
-            shape,
-            phi,
-            together=together,
-        )
-    where, parity = place_and_parity(base, shape, phi)
-    if in_time:
-        where, parity = "exit", "mixed"
-    side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
-    where, parity = (side, "mixed") if side else (where, parity)
+    exponent, in_pressure = None, False
+    if name.startswith(SPEED) and not _crosses_zero(base):
+        exponent, in_pressure = _exponent(base, taken, residual, free, pressed=not in_time)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
-    return Leftover(
-        True,
-        float(p[best]),
-        size,
-        where,
-        parity,
-        follows,
-        exponent,
-        _frequency(base),
-        shape,
-        phi,
-        in_pressure,
-        together,
+    left = replace(left, follows=follows, speed_exponent=exponent, together=together)
+    if cells.phi.shape[1] == 1:
+        return left
+    where, parity = ("exit", "mixed") if in_time else place_and_parity(base, left.shape, phi)
+    side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
+    return replace(
+        left,
+        where=side or where,
+        parity="mixed" if side else parity,
+        frequency_Hz=_frequency(base),
+        in_pressure=in_pressure,
         in_time=in_time,
     )
 
@@ -530,8 +499,7 @@ def _frequency(base: Base) -> float | None:
     # cells that a ring-down is looked for in: the time goes with their number
     base = with_fewer_cells(base, 24)
     cells = base.cells
-    taken = base_projection(base)
-    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    taken, residual = beside_base(base)
     behind = _behind_m(base)
     since = behind / cells.conditions.speed_m_s[:, None]
     factor = (cells.conditions.speed_m_s / 20.0)[:, None, None]
@@ -540,27 +508,15 @@ def _frequency(base: Base) -> float | None:
         numbers: FloatArray, phase: FloatArray, decays: tuple[float, ...]
     ) -> tuple[float, float]:
         found = []
-        for number in numbers:
-            for decay in decays:
-                # a ringing turns so often before it has fallen to 1/e: with half of it a single
-                # bump would be one
-                if decays is _DECAYS_S and number * decay < 1.0:
-                    continue
-                turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
-                wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
-                found.append(
-                    (
-                        _explained(
-                            _score(
-                                base,
-                                taken,
-                                residual,
-                                np.concatenate([wave, factor * wave], axis=-1),
-                            )
-                        ),
-                        float(number),
-                    )
-                )
+        for number, decay in product(numbers, decays):
+            # a ringing turns so often before it has fallen to 1/e: with half of it a single bump
+            # would be one
+            if decays is _DECAYS_S and number * decay < 1.0:
+                continue
+            turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
+            wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
+            columns = np.concatenate([wave, factor * wave], axis=-1)
+            found.append((_explained(_score(base, taken, residual, columns)), float(number)))
         return max(found)
 
     in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)
@@ -597,21 +553,16 @@ class Scattered:
     together: tuple[str, ...] = ()
 
 
-def _scattered_several(base: JointBase) -> Scattered:
-    """That of the observable that is farthest above its floor, in floors."""
-    parts = bases_by_observable(base, held_by_all=True)
-    worst = max(parts, key=lambda part: part.square_held / part.floor.square)
-    found = scattered(worst, worst.floor.square)
-    return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
-
-
 def scattered(base: Base, floor_square: float) -> Scattered:
     """Size and course of what is left beside the floor.
 
     If only chi-square tells of it, the size is that of cell means.
     """
-    if isinstance(base, JointBase):
-        return _scattered_several(base)
+    if isinstance(base, JointBase):  # of the observable farthest above its floor, in floors
+        parts = bases_by_observable(base, held_by_all=True)
+        worst = max(parts, key=lambda part: part.square_held / part.floor.square)
+        found = scattered(worst, worst.floor.square)
+        return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
     plain, cells = base.plain, base.cells
     beyond = max(
         base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
@@ -627,7 +578,10 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
         sizes.append(left[:, 0])
     ranked = [_ranks(np.bincount(cells.manoeuvre, size) / number) for size in sizes]
-    least = max(_FOLLOWS, _least_rank(cells.manoeuvres))
+    least, freedom = 1.0, cells.manoeuvres - 2
+    if freedom > 0:  # what manoeuvres that follow nothing reach
+        t = float(stdtrit(freedom, 1.0 - _FOLLOWS_P))
+        least = max(_FOLLOWS, t / float(np.sqrt(freedom + t**2)))
     for factor, values in factors.items():
         mean = np.bincount(cells.manoeuvre, np.abs(values) if factor in SIGNED else values) / number
         if np.ptp(mean) > 0.0:
@@ -637,14 +591,6 @@ def scattered(base: Base, floor_square: float) -> Scattered:
                     best, name = rank, factor
     together = gone_along(factors, name) if name else ()
     return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
-
-
-def _least_rank(manoeuvres: int) -> float:
-    """Rank correlation that manoeuvres which follow nothing reach with `_FOLLOWS_P`."""
-    if manoeuvres < 3:
-        return 1.0
-    t = float(stdtrit(manoeuvres - 2, 1.0 - _FOLLOWS_P))
-    return float(t / np.sqrt(manoeuvres - 2 + t**2))
 
 
 def _ranks(x: FloatArray) -> FloatArray:
@@ -780,17 +726,15 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
     cells, logs = base.cells, np.unique(base.cells.log)
     if base.excess <= LEAST_SHARE_OF_FLOOR * base.floor.square or logs.size < 2:
         return ()
-    other = ProjectedOut.of(Offsets.of(cells, base.white), base.white(base.fit.moving))
-    residual = other.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    taken, residual = beside_base(base)
     found = []
     columns = {
         (condition, int(log)): (slope * (cells.log == log)[:, None])[..., None]
         for condition, slope in condition_slopes(cells, base.fit).items()
         for log in logs
     }
-    losses = held_out_losses_with(
-        cells, base.white, base.plain, base.fit, [[column] for column in columns.values()]
-    )
+    single = [[column] for column in columns.values()]
+    losses = held_out_losses_with(cells, base.white, base.plain, base.fit, single)
     for ((condition, log), column), (white, plain) in zip(columns.items(), losses, strict=True):
         gain, error = gain_and_error(base.held_white, white)
         share = float((base.held_plain - plain).sum()) / base.plain.weight / base.excess
@@ -798,7 +742,7 @@ def suspects(base: Base) -> tuple[Suspect, ...]:
         # names only what removes more than half of it
         if gain <= GAIN_SIGMAS * error or share < 0.3:
             continue
-        left = other.without(base.white(column)).reshape(-1, 1)
+        left = taken.without(base.white(column)).reshape(-1, 1)
         change = solve_scaled(left.T @ left, left.T @ residual.ravel())[0]
         found.append(Suspect(condition, log, float(change), min(share, 1.0)))
     return tuple(sorted(found, key=lambda s: -s.share))

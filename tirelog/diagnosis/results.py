@@ -439,37 +439,18 @@ class Ladder(AnswerRecord):
 
     def rows(self) -> list[dict[str, Any]]:
         """The table, one dict per step, parameters as `name` and `name_se` columns at the end."""
-        names = [n for n in LadderStep.__dataclass_fields__ if n != "parameters"]
         result = []
         for step in self.steps:
-            row = {name: getattr(step, name) for name in names}
-            for name, value in step.parameters.items():
-                row |= {
-                    name: value["value"],
-                    f"{name}_se": value["se"],
-                    f"{name}_shift_sigma": value["shift_sigma"],
-                }
+            row = {name: value for name, value in vars(step).items() if name != "parameters"}
+            for name, p in step.parameters.items():
+                row |= {name: p["value"], f"{name}_se": p["se"]}
+                row[f"{name}_shift_sigma"] = p["shift_sigma"]
             result.append(plain_fields(row))
         return result
 
     def to_json(self) -> dict[str, Any]:
-        steps = [
-            {name: getattr(s, name) for name in LadderStep.__dataclass_fields__} for s in self.steps
-        ]
-        names = (
-            "observable",
-            "unit",
-            "verdict",
-            "rmse_untouched",
-            "floor_untouched",
-            "strengths_by_log",
-            "revolutions",
-            "manoeuvres",
-            "logs",
-            "manoeuvres_locked",
-            "remarks",
-        )
-        return plain_fields({name: getattr(self, name) for name in names} | {"steps": steps})
+        fields = {name: value for name, value in vars(self).items() if name != "model"}
+        return plain_fields(fields | {"steps": [vars(step) for step in self.steps]})
 
     @property
     def headline(self) -> str:
@@ -482,31 +463,25 @@ class Ladder(AnswerRecord):
 
 
 def steps_table(climbed: Mapping[str, Any]) -> AnswerTable:
-    """The steps of a ladder, as its JSON has them."""
+    """The steps of a ladder, as its JSON has them.
+
+    Of each step the parameters that it brought: the first all, a further one what it added.
+    """
     factor, unit = shown(climbed["observable"], climbed["unit"])
-    rows = [
-        [
-            str(step["step"]),
-            step["effect"],
-            *("-" if step[k] is None else step[k] * factor for k in _STEP_ERRORS),
-            step["p_adjusted"],
-            step["decision"],
-            strengths(_own_parameters(step)),
-        ]
-        for step in climbed["steps"]
-    ]
+    rows = []
+    for step in climbed["steps"]:
+        added = str(step["effect"]).split(" and ")
+        own = {
+            name: p
+            for name, p in step["parameters"].items()
+            if step["step"] == 0 or name.split(".")[0] in added
+        }
+        sizes = ("-" if step[k] is None else step[k] * factor for k in _STEP_ERRORS)
+        shares = (step["p_adjusted"], step["decision"], strengths(own))
+        rows.append([str(step["step"]), step["effect"], *sizes, *shares])
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
     names = ["step", "effect", *errors, "p, adjusted", "decision", "its parameters"]
     return AnswerTable("Steps of the ladder", names, rows)
-
-
-def _own_parameters(step: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The parameters that a step brought: the first all, a further one those of what it added."""
-    found: Mapping[str, Any] = step["parameters"]
-    if step["step"] == 0:
-        return found
-    names = str(step["effect"]).split(" and ")
-    return {name: p for name, p in found.items() if name.split(".")[0] in names}
 
 
 # ---- What each effect of a fitted model adds, as a curve beside what the measurement leaves for
@@ -599,10 +574,6 @@ def _curve(base: Base, effect: str) -> EffectCurve | ModelError:
 #: a direction of which an observable knows less than this share, or the others do, is no matter of
 #: agreement: one of the two is thirty times as far off there.  Doubling it changes nothing seen
 _BOTH_KNOW = 1e-3
-#: standard errors by which a parameter differs that is named, and how many are at most; with twice
-#: as many, contradictions are told without the parameter that makes them
-_NAMED_SIGMAS = 3.0
-_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -617,7 +588,7 @@ class Tension:
 
     @property
     def sigmas(self) -> float:
-        return abs(self.alone - self.others) / float(np.hypot(self.alone_se, self.others_se))
+        return float(abs(self.alone - self.others) / np.hypot(self.alone_se, self.others_se))
 
 
 @dataclass(frozen=True)
@@ -644,12 +615,8 @@ class Contribution:
         return self.p <= ALARM_P and self.size > LEAST_SHARE_OF_FLOOR
 
     def to_json(self) -> dict[str, Any]:
-        pulls = [
-            {name: getattr(pull, name) for name in (*Tension.__dataclass_fields__, "sigmas")}
-            for pull in self.pulls
-        ]
-        names = ("error_without", "chi2", "freedom", "p", "size", "contradicts")
-        return {name: getattr(self, name) for name in names} | {"pulls": pulls}
+        pulls = [vars(pull) | {"sigmas": pull.sigmas} for pull in self.pulls]
+        return vars(self) | {"contradicts": self.contradicts, "pulls": pulls}
 
 
 def contributions(base: JointBase) -> tuple[Contribution, ...]:
@@ -657,53 +624,50 @@ def contributions(base: JointBase) -> tuple[Contribution, ...]:
     cells, fit = base.cells, base.fit
     offsets = Offsets.of(cells, base.white)
     slopes = offsets.without(base.white(fit.moving))
-    residual = offsets.without(
-        base.white(np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0))
-    )
-    scale = max(1.0, fit.reduced_chi2)
-    p = slopes.shape[-1]
+    left = np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0)
+    residual = offsets.without(base.white(left))
+    scale, p = max(1.0, fit.reduced_chi2), slopes.shape[-1]
     norm = np.linalg.norm(slopes.reshape(-1, p), axis=0)
-    size = np.where(norm > 0.0, norm, np.inf)
+    size, norm = np.where(norm > 0.0, norm, np.inf), np.where(norm > 0.0, norm, 0.0)
     parts, found = bases_by_observable(base), []
     known = [np.flatnonzero(cells.part == i) for i in range(len(parts))]
     flat = [slopes[rows].reshape(-1, p) / size for rows in known]
     pull = [x.T @ residual[rows].ravel() for x, rows in zip(flat, known, strict=True)]
     information = [x.T @ x for x in flat]
-    root = _root(np.sum(information, axis=0))
+    values, vectors = np.linalg.eigh(np.sum(information, axis=0))
+    good = values > NULL * max(float(values[-1]), 1e-300)  # what nothing shows is left out
+    root = vectors[:, good] / np.sqrt(values[good])
     for i, part in enumerate(parts):
         share, turn = np.linalg.eigh(root.T @ information[i] @ root)
         both = (share > _BOTH_KNOW) & (share < 1.0 - _BOTH_KNOW)
-        along = turn[:, both].T @ (root.T @ pull[i])
-        s = share[both]
-        chi2 = float((along**2 / (s * (1.0 - s))).sum()) / scale
-        freedom = int(both.sum())
+        along, s = turn[:, both].T @ (root.T @ pull[i]), share[both]
+        chi2, freedom = float((along**2 / (s * (1.0 - s))).sum()) / scale, int(both.sum())
         step = root @ (turn[:, both] @ (along / s)) / size
-        others = np.concatenate([x for k, x in enumerate(flat) if k != i]) * np.where(
-            norm > 0.0, norm, 0.0
-        )
+        others = np.concatenate([x for k, x in enumerate(flat) if k != i]) * norm
         without = errors_of(others, scale).se
-        tail = float(chdtrc(freedom, chi2)) if freedom else 1.0
         one = Contribution(
-            part.cells.label,
-            dict(zip(fit.names, without.tolist(), strict=True)),
-            chi2,
-            freedom,
-            tail,
-            _size(part, step),
+            observable=part.cells.label,
+            error_without=dict(zip(fit.names, without.tolist(), strict=True)),
+            chi2=chi2,
+            freedom=freedom,
+            p=float(chdtrc(freedom, chi2)) if freedom else 1.0,
+            size=_size(part, step),
         )
         if one.contradicts:
             back = root @ (turn[:, both] @ (-along / (1.0 - s))) / size
-            alone = errors_of(flat[i] * np.where(norm > 0.0, norm, 0.0), scale).se
-            one = replace(one, pulls=_pulls(base, step, alone, back, without))
+            alone = errors_of(flat[i] * norm, scale).se
+            pulls = [
+                Tension(name, value + step[k], alone[k], value + back[k], without[k])
+                for k, name in enumerate(fit.names)
+                if np.isfinite([alone[k], without[k]]).all()
+                for value in (base.model.values[name],)
+            ]
+            # standard errors by which a parameter differs that is named, and how many are at most;
+            # with twice as many, contradictions are told without the parameter that makes them
+            named = sorted((x for x in pulls if x.sigmas >= 3.0), key=lambda x: -x.sigmas)[:3]
+            one = replace(one, pulls=tuple(named))
         found.append(one)
     return tuple(found)
-
-
-def _root(information: FloatArray) -> FloatArray:
-    """Columns (p, r) in which the information of all is one; what nothing shows is left out."""
-    values, vectors = np.linalg.eigh(information)
-    good = values > NULL * max(float(values[-1]), 1e-300)
-    return np.asarray(vectors[:, good] / np.sqrt(values[good]), dtype=np.float64)
 
 
 def _size(part: Base, step: FloatArray) -> float:
@@ -714,43 +678,24 @@ def _size(part: Base, step: FloatArray) -> float:
     return (before - after) / part.plain.weight / part.floor.square
 
 
-def _pulls(
-    base: JointBase, step: FloatArray, alone: FloatArray, back: FloatArray, others: FloatArray
-) -> tuple[Tension, ...]:
-    """The parameters that differ most, of those that both sides know."""
-    pulls = [
-        Tension(
-            name, value + float(step[k]), float(alone[k]), value + float(back[k]), float(others[k])
-        )
-        for k, name in enumerate(base.fit.names)
-        if np.isfinite([alone[k], others[k]]).all()
-        for value in (base.model.values[name],)
-    ]
-    named = [pull for pull in pulls if pull.sigmas >= _NAMED_SIGMAS]
-    return tuple(sorted(named, key=lambda pull: -pull.sigmas)[:_NAMED])
-
-
 def agreement_sentence(
     found: tuple[Contribution, ...], units: Mapping[str, str], word: str = "observable"
 ) -> str:
     """Whether the observables agree, in words; `units` of the parameters, `word` for one."""
     wrong = [one for one in found if one.contradicts]
+    sharing = [one for one in found if one.freedom]
+    if not sharing:
+        return f"No parameter is known by more than one {word}: nothing can contradict."
     if not wrong:
-        sharing = [one for one in found if one.freedom]
-        if not sharing:
-            return f"No parameter is known by more than one {word}: nothing can contradict."
         told = ", ".join(
             f"{one.observable} against the others {one.chi2:.3g} of {one.freedom}"
             for one in sharing
         )
-        small = (
-            "; what chance does not explain of it is too small to matter"
-            if any(one.p <= ALARM_P for one in found)
-            else ""
-        )
-        alone = [one.observable for one in found if not one.freedom]
-        own = f" {' and '.join(alone)} shares no parameter that it can tell." if alone else ""
-        return f"The {word}s agree on what they share (chi-square of {told}{small}).{own}"
+        if any(one.p <= ALARM_P for one in found):
+            told += "; what chance does not explain of it is too small to matter"
+        alone = " and ".join(one.observable for one in found if not one.freedom)
+        own = f" {alone} shares no parameter that it can tell." if alone else ""
+        return f"The {word}s agree on what they share (chi-square of {told}).{own}"
     said, many = [], len(wrong)
     if word == "grating" and many > 1:  # a wheel's force variation makes all differ
         wrong = [max(wrong, key=lambda one: one.size)]

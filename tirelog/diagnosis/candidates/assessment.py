@@ -31,7 +31,7 @@ from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_obse
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
 from tirelog.inference.floor import held_out_losses_with
-from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_side
+from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_side, stacked
 from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
@@ -113,11 +113,10 @@ def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) ->
 
     Strengths that are not given are zero.
     """
-    zero = dict.fromkeys(effect.strength, 0.0)
-    clipped = {}
-    for p in effect.parameters:
-        if p.name in {**zero, **values}:
-            clipped[p.name] = float(np.clip({**zero, **values}[p.name], p.min, p.max))
+    at = {**dict.fromkeys(effect.strength, 0.0), **values}
+    clipped = {
+        p.name: float(np.clip(at[p.name], p.min, p.max)) for p in effect.parameters if p.name in at
+    }
     return model.with_effect(ModelEffect.of(effect), **clipped)
 
 
@@ -241,14 +240,14 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     (or odd) about the patch centre, so are the shapes.
     """
     if isinstance(base, JointBase):
+        parts = bases_by_observable(base)
         each = [
             embedded(base.cells, i, freedom_of_shape(part, effect_id))
-            for i, part in enumerate(bases_by_observable(base))
-            if _acts_in(part, effect_id)
+            for i, part in enumerate(parts)
+            for e in part.model.effects
+            if e.id == effect_id and part.model.acts_on(e.effect, part.cells.observable)
         ]
-        if all(
-            part.cells.member for part in bases_by_observable(base)
-        ):  # the tire's shape is one to all
+        if all(part.cells.member for part in parts):  # the tire's shape is one to all
             return np.asarray(sum(each), dtype=np.float64)
         return np.concatenate(each, axis=-1)
     weight = base.plain.weights
@@ -263,10 +262,9 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     elif even < 1.0 - _SYMMETRIC:
         here -= hats(-phi)
     if not 1.0 - _SYMMETRIC <= even <= _SYMMETRIC:
-        here = _independent(here)
-    columns: FloatArray = loading[:, None, None] * here
-    columns /= max(float(np.abs(loading).max()), 1e-300)
-    return columns
+        here = here[..., : here.shape[-1] // 2 + 1]  # symmetric pairs once
+    loading /= max(float(np.abs(loading).max()), 1e-300)
+    return np.asarray(loading[:, None, None] * here)
 
 
 def _contribution(base: Base, effect_id: str) -> FloatArray:
@@ -281,22 +279,10 @@ def _contribution(base: Base, effect_id: str) -> FloatArray:
     return np.asarray(base.fit.jacobian @ np.array(values))
 
 
-def _acts_in(part: Base, effect_id: str) -> bool:
-    """Does an effect of the model act on this observable?"""
-    held = [entry.effect for entry in part.model.effects]
-    return any(e.id == effect_id and part.model.acts_on(e, part.cells.observable) for e in held)
-
-
 def even_share(shape: FloatArray, phi: FloatArray) -> float:
     """Share of the energy of a shape (m,) at angles (m,) that is even about zero."""
     mirrored = np.interp(-phi, phi, shape, period=2.0 * np.pi)
     return float((((shape + mirrored) / 2.0) ** 2).sum() / ((shape**2).sum() + 1e-300))
-
-
-def _independent(columns: FloatArray) -> FloatArray:
-    """Symmetric pairs once: the first half of the hats' columns and the one at zero."""
-    half = columns.shape[-1] // 2 + 1
-    return columns[..., :half]
 
 
 # ---- All candidates against one fitted model: statistic, family-wise p, held-out gain, size.
@@ -348,6 +334,15 @@ class Scores:
     gram: FloatArray
     one_sided: bool = False
 
+    @classmethod
+    def of(
+        cls, base: Base, left: FloatArray, residual: FloatArray, one_sided: bool = False
+    ) -> Scores:
+        """Of whitened columns (C, m, k) and residual (C, m), both with the base taken out."""
+        by_cell = (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0]
+        flat = stacked(left)
+        return cls(per_group(by_cell, base.cells.manoeuvre), flat.T @ flat, one_sided)
+
     def root(self) -> FloatArray:
         """(k, r) W with T = | scores W |.
 
@@ -357,8 +352,12 @@ class Scores:
         length = np.where(length > 0.0, length, np.inf)
         values, vectors = np.linalg.eigh(self.gram / length[:, None] / length)
         keep = values > 1e-8 * max(float(values[-1]), 1e-300)
-        root: FloatArray = vectors[:, keep] / np.sqrt(values[keep]) / length[:, None]
-        return root
+        return np.asarray(vectors[:, keep] / np.sqrt(values[keep]) / length[:, None])
+
+    def step(self) -> FloatArray:
+        """The strengths (k,) of the linear fit."""
+        root = self.root()
+        return np.asarray(root @ (root.T @ self.scores.sum(axis=0)))
 
 
 def least_p(manoeuvres: int) -> float:
@@ -396,13 +395,8 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
         for start in range(0, signs.shape[0], _BLOCK):
             rows = slice(start, start + _BLOCK)
             flipped = signs[rows] @ projected
-            if flipped.shape[1] == 1:
-                sign = np.sign(root[0, 0]) if candidate.one_sided else 1.0
-                result[rows, i] = (
-                    np.maximum(sign * flipped[:, 0], 0.0)
-                    if candidate.one_sided
-                    else np.abs(flipped[:, 0])
-                )
+            if candidate.one_sided and root.size:
+                result[rows, i] = np.maximum(np.sign(root[0, 0]) * flipped[:, 0], 0.0)
             else:
                 result[rows, i] = np.linalg.norm(flipped, axis=1)
     return result
@@ -472,10 +466,16 @@ class Assessed:
         )
 
 
-def base_projection(base: Base, more: FloatArray | None = None) -> ProjectedOut:
-    """The whitened base Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit."""
+def beside_base(base: Base, more: FloatArray | None = None) -> tuple[ProjectedOut, FloatArray]:
+    """(what the base takes out, the whitened residual (C, m) that it leaves).
+
+    Its Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit.
+    """
     parts = [base.fit.moving] if more is None else [base.fit.moving, more]
-    return ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
+    taken = ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
+    measured = np.isfinite(base.cells.values)
+    left = np.where(measured, base.cells.values - base.fit.prediction, 0.0)
+    return taken, taken.without(base.white(left))
 
 
 def assess(
@@ -488,21 +488,20 @@ def assess(
     kept, scores, reasons = scores_of(base, signatures, more)
     statistic, p = flip_test(scores, base.cells.manoeuvres)
     best = best_variants(kept, statistic)
-    losses = held_out_losses_with(
-        base.cells,
-        base.white,
-        base.plain,
-        base.fit,
-        [[kept[i].columns] for i in best.values()],
-    )
-    found = [
-        _assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i]), held)
-        for i, held in zip(best.values(), losses, strict=True)
-    ]
+    columns = [[kept[i].columns] for i in best.values()]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    found = []
+    for i, (white, plain) in zip(best.values(), losses, strict=True):
+        gain, error = gain_and_error(base.held_white, white)
+        removed = float((base.held_plain - plain).sum()) / base.plain.weight
+        found.append(
+            Assessed(
+                kept[i], float(statistic[i]), float(p[i]), scores[i].step(), gain, error, removed
+            )
+        )
     tested = {a.id for a in found}
-    return sorted(found, key=lambda a: -a.statistic), {
-        k: v for k, v in reasons.items() if k not in tested
-    }
+    untested = {k: v for k, v in reasons.items() if k not in tested}
+    return sorted(found, key=lambda a: -a.statistic), untested
 
 
 def least_left(base: Base, assessed: Sequence[Assessed]) -> float:
@@ -532,51 +531,22 @@ def scores_of(
     base: Base, signatures: Sequence[Signature], more: FloatArray | None = None
 ) -> tuple[list[Signature], list[Scores], dict[str, str]]:
     """The signatures that show something of their own, their scores, and why others do not."""
-    other = base_projection(base, more)
-    residual = other.without(
-        base.white(
-            np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)
-        )
-    )
+    taken, residual = beside_base(base, more)
     kept, scores = [], []
     reasons: dict[str, str] = {}
     for signature in signatures:
         white = base.white(signature.columns)
-        left = other.without(white)
-        visible = np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) / np.linalg.norm(
-            white.reshape(-1, white.shape[-1]), axis=0
-        )
+        left = taken.without(white)
+        visible = np.linalg.norm(stacked(left), axis=0) / np.linalg.norm(stacked(white), axis=0)
         # a projected signature with less than this share of its norm left shows nothing of its own:
         # the effect would have to be a thousand times as large as what is seen of it; twice as much
         # refuses effects that are seen to a five hundredth
         if not np.any(visible > 1e-3):
             reasons[signature.effect.id] = "does here only what the model's own parameters do"
             continue
-        flat = left.reshape(-1, left.shape[-1])
-        score = per_group(
-            (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
-        )
         kept.append(signature)
-        scores.append(Scores(score, flat.T @ flat, signature.one_sided))
+        scores.append(Scores.of(base, left, residual, signature.one_sided))
     return kept, scores, reasons
-
-
-def _assessed(
-    base: Base,
-    signature: Signature,
-    scores: Scores,
-    statistic: float,
-    p: float,
-    held: tuple[FloatArray, FloatArray],
-) -> Assessed:
-    """A candidate with its evidence; `held`: the losses (M,) with its columns."""
-    held_white, held_plain = held
-    gain, error = gain_and_error(base.held_white, held_white)
-    removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
-    total = scores.scores.sum(axis=0)
-    root = scores.root()
-    strengths = root @ (root.T @ total)
-    return Assessed(signature, statistic, p, strengths, gain, error, removed)
 
 
 # ---- Where logs or fitted numbers leave the ranges in which a model's effects are valid.

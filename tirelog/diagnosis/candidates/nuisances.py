@@ -17,7 +17,7 @@ from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import NUISANCES_SAID
 from tirelog.diagnosis.candidates.assessment import (
     Scores,
-    base_projection,
+    beside_base,
     candidate_effects,
     flip_test,
     gain_and_error,
@@ -38,7 +38,7 @@ from tirelog.inference.base import (
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.cells.joint import without_ratios
 from tirelog.inference.floor import held_out_losses_with
-from tirelog.inference.metric import Offsets, ProjectedOut, per_group
+from tirelog.inference.metric import Offsets, ProjectedOut, stacked
 from tirelog.inference.nuisances import (
     FORM,
     ZERO,
@@ -114,26 +114,17 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
     effects = [x for x in found if x is not None]
     if not effects:
         return []
-    other = base_projection(base)
-    residual = other.without(
-        base.white(np.nan_to_num(base.cells.values - base.fit.prediction, copy=False))
-    )
-    scores = []
-    for x in effects:
-        left = other.without(base.white(x.columns * x.sd))
-        flat = left.reshape(-1, left.shape[-1])
-        by_manoeuvre = per_group(
-            (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
-        )
-        scores.append(Scores(by_manoeuvre, flat.T @ flat))
+    taken, residual = beside_base(base)
+    scores = [
+        Scores.of(base, taken.without(base.white(x.columns * x.sd)), residual) for x in effects
+    ]
     _, p = flip_test(scores, base.cells.manoeuvres)
-    losses = held_out_losses_with(
-        base.cells, base.white, base.plain, base.fit, [[x.columns] for x in effects]
-    )
-    assessed = []
-    for x, own, (held_white, _) in zip(effects, p, losses, strict=True):
-        gain, error = gain_and_error(base.held_white, held_white)
-        assessed.append(AssessedNuisance(x, float(own), gain, error))
+    columns = [[x.columns] for x in effects]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    assessed = [
+        AssessedNuisance(x, float(own), *gain_and_error(base.held_white, white))
+        for x, own, (white, _) in zip(effects, p, losses, strict=True)
+    ]
     return sorted(assessed, key=lambda a: -a.gain)
 
 
@@ -154,20 +145,19 @@ def rival_nuisances(
     Those that would remove less than the `least` share of the excess by a linear step are not
     fitted.
     """
-    found = []
     alarming = [
         a
         for a in assess_nuisances(base, allowed)
         if a.alarms and (least <= 0.0 or _linear_share(base, a.effects) >= least)
     ]
+    found = []
     # alarming nuisances that are fitted in full, the best first; twice as many take twice as many
     # fits of the whole model
     for a in alarming[:2]:
         refitted = with_nuisance(base, a.effects)
-        if isinstance(refitted, ModelError) or (a.group == "drift" and not _drifts(refitted)):
-            continue
-        removed = base.noise_chi2 - refitted.noise_chi2
-        found.append(RefittedNuisance(removed, len(a.effects), refitted))
+        if not isinstance(refitted, ModelError) and (a.group != "drift" or _drifts(refitted)):
+            removed = base.noise_chi2 - refitted.noise_chi2
+            found.append(RefittedNuisance(removed, len(a.effects), refitted))
     return tuple(found)
 
 
@@ -264,12 +254,11 @@ def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
 def _linear_share(base: Base, effects: SharedEffects) -> float:
     """The share of chi-square's excess that a nuisance removes by one linear step."""
     noise = base.noise
-    other = ProjectedOut.of(Offsets.of(base.cells, noise), noise(base.fit.moving))
-    columns = other.without(noise(effects.columns * effects.sd)).reshape(-1, len(effects))
+    taken = ProjectedOut.of(Offsets.of(base.cells, noise), noise(base.fit.moving))
+    columns = stacked(taken.without(noise(effects.columns * effects.sd)))
     residual = base.cells.values - base.fit.prediction - base.fit.beside
-    left = other.without(noise(np.nan_to_num(residual))).ravel()
-    excess = float(left @ left) - base.fit.freedom
-    slopes = columns.T @ left
+    left = taken.without(noise(np.nan_to_num(residual))).ravel()
+    excess, slopes = float(left @ left) - base.fit.freedom, columns.T @ left
     step = np.linalg.solve(np.eye(len(effects)) + columns.T @ columns, slopes)
     removed = float((2.0 * slopes - columns.T @ (columns @ step)) @ step)
     return removed / excess if excess > 0.0 else 0.0
@@ -299,30 +288,25 @@ def with_nuisances(base: Base, groups: Sequence[str]) -> Base | ModelError:
 
 
 def needed_nuisances(base: Base) -> tuple[str, ...]:
-    """Those of the base's nuisances that are always on, or without which it would be worse."""
+    """Those of the base's nuisances that are always on, or without which it would be worse.
+
+    By their size, as an effect's, or by their share of chi-square's excess, as they came in: if
+    loads scatter, what a wheel does is sure, and small beside the floor.
+    """
     groups = list(groups_of(base))
     always = [n.name for n in base.model.nuisances if n.use == "on"]
     for group in [g for g in groups if g not in always]:
         kept = [g for g in groups if g != group]
         shared = base.cells.shared.of_groups(kept) if base.cells.shared else None
         less = _beside(base, shared, _free_of_law(base, kept))
-        if not isinstance(less, ModelError) and not _earns_it(less, base):
-            base, groups = less, kept
+        if isinstance(less, ModelError) or worth_it(less, base):
+            continue
+        gain, error = gain_and_error(less.held_white, base.held_white)
+        enough = NUISANCE_SHARE * (less.noise_chi2 - less.fit.freedom)
+        if gain > GAIN_SIGMAS * error and less.noise_chi2 - base.noise_chi2 >= enough > 0.0:
+            continue
+        base, groups = less, kept
     return tuple(groups)
-
-
-def _earns_it(less: Base, more: Base) -> bool:
-    """Does what `more` has beside the model, and `less` has not, earn its place there?
-
-    By its size, as an effect does, or by its share of chi-square's excess, as it came in: if
-    loads scatter, what a wheel does is sure, and small beside the floor.
-    """
-    gain, error = gain_and_error(less.held_white, more.held_white)
-    removed = less.noise_chi2 - more.noise_chi2
-    surely = gain > GAIN_SIGMAS * error
-    return worth_it(less, more) or (
-        surely and removed >= NUISANCE_SHARE * (less.noise_chi2 - less.fit.freedom) > 0.0
-    )
 
 
 def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
@@ -353,15 +337,6 @@ def with_nuisances_on(base: Base) -> Model:
 #         alone beside them), parameters and offsets free -> parts with standard errors
 
 
-#: parts below so many of their standard errors are not spoken of; nor those below this share of
-#: the largest; only the sentence depends on them: with twice as much of either it names fewer
-#: parts, and always the largest
-_SPOKEN_SIGMAS = 3.0
-_SPOKEN_SHARE = 0.2
-#: a force variation [of the load] and a run-out [strain] beyond which a wheel wants work: twice
-#: what is ordinary at one harmonic, and 100 microstrain
-_MUCH_FORCE = 0.02
-_MUCH_RUN_OUT = 1e-4
 #: an effect may be in the form if that leaves less than this share of its waveforms' square: of
 #: what the series cannot follow a half is left; twice the share adds none
 _HELD = 0.05
@@ -373,9 +348,6 @@ _OTHER_LOGS: Mapping[str, tuple[str, float, float]] = {
     "inflation pressure": ("inflation_pressure_Pa", 0.7, 1.3),
     "tread age": ("distance_km", 0.3, 3.0),
 }
-#: ordinary sizes beyond which a nuisance may be misfit: one in 370 is larger by chance; twice as
-#: many leave a wheel of 6 % to be balanced for a wrong carcass
-_ORDINARY = 3.0
 _ORDER = ("first", "second", "third")
 
 
@@ -409,52 +381,45 @@ class NuisanceFound:
 
     def to_json(self) -> dict[str, Any]:
         """Its largest part as size, se and unit; all parts; whether it stayed."""
-        most = self.largest
+        most, names = self.largest, ("name", "value", "se", "unit")
+        parts = [{name: getattr(part, name) for name in names} for part in self.parts]
         return {
             "size": most.value, "se": most.se, "unit": most.unit, "what": most.name,
-            "stayed": self.stayed,
-            "parts": [
-                {"name": p.name, "value": p.value, "se": p.se, "unit": p.unit}
-                for p in self.parts
-            ],
+            "stayed": self.stayed, "parts": parts,
         }  # fmt: skip
 
 
 def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
     """Every nuisance that these data can show, with its size beside the base's model."""
-    held = base.cells.shared
-    groups = groups_of(base)
-    found = [_parameter(base, n) for n in base.model.nuisances if _is_free(base, n, groups)]
+    held, groups = base.cells.shared, groups_of(base)
+    own = [n for n in base.model.nuisances if n.name in groups and frees(base.model, n.name)]
+    found = [_parameter(base, n) for n in own]
     if held is not None:
-        value, covariance = _amplitudes(replace(base, cells=replace(base.cells, shared=None)), held)
+        known = _amplitudes(replace(base, cells=replace(base.cells, shared=None)), held)
         found += [
-            NuisanceFound(g, True, tuple(_parts(base, held, g, value, covariance)))
-            for g in held.groups
-            if g != ZERO
+            NuisanceFound(group, True, _parts(base, held, group, *known))
+            for group in held.groups
+            if group != ZERO
         ]
     for nuisance in base.model.nuisances:
         if nuisance.name in groups or nuisance.use == "off":
             continue
         effects = shared_effects(base.cells, base.fit, nuisance.name)
         if effects is not None:
-            value, covariance = _amplitudes(base, effects)
-            parts = tuple(_parts(base, effects, nuisance.name, value, covariance))
+            parts = _parts(base, effects, nuisance.name, *_amplitudes(base, effects))
             found.append(NuisanceFound(nuisance.name, False, parts))
     return tuple(found)
 
 
-def _is_free(base: Base, nuisance: Nuisance, groups: Sequence[str]) -> bool:
-    return nuisance.name in groups and bool(frees(base.model, nuisance.name))
-
-
 def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
     """A nuisance that is parameters of the model: their changes from the values given."""
-    given = (base.given or base.model).values
+    given, (size, *_) = (base.given or base.model).values, nuisance.sizes
     parts = []
     for name in frees(base.model, nuisance.name):
         fitted = base.model.parameters[name]
-        ordinary = nuisance.sizes[0].value if fitted.prior is None else fitted.prior[1]
-        own = nuisance.sizes[0].name if fitted.prior is None else name.partition(".")[2]
+        own, ordinary = size.name, size.value
+        if fitted.prior is not None:
+            own, ordinary = name.partition(".")[2], fitted.prior[1]
         change = fitted.value - given.get(name, 0.0)
         parts.append(NuisancePart(own, change, fitted.se or 0.0, "1", ordinary))
     return NuisanceFound(nuisance.name, True, tuple(parts))
@@ -462,10 +427,8 @@ def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
 
 def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatArray]:
     """Posterior means (K,) and covariance (K, K), base parameters and offsets free."""
-    other = ProjectedOut.of(Offsets.of(base.cells, base.white), base.white(base.fit.moving))
-    columns = other.without(base.white(effects.columns * effects.sd))
-    flat = columns.reshape(-1, len(effects))
-    residual = other.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
+    taken, residual = beside_base(base)
+    flat = stacked(taken.without(base.white(effects.columns * effects.sd)))
     covariance = np.linalg.inv(np.eye(len(effects)) + flat.T @ flat)
     scale = max(1.0, base.fit.reduced_chi2)
     value = effects.sd * (covariance @ (flat.T @ residual.ravel()))
@@ -474,34 +437,24 @@ def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatAr
 
 def _parts(
     base: Base, effects: SharedEffects, group: str, value: FloatArray, covariance: FloatArray
-) -> list[NuisancePart]:
+) -> tuple[NuisancePart, ...]:
     """The numbers of one nuisance; cosine and sine of a harmonic are one."""
     se = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    own = [i for i, name in enumerate(effects.group) if name == group]
-    if group != "wheel":
-        return [
-            NuisancePart(
-                effects.names[i], float(value[i]), float(se[i]), _unit(base, effects.names[i]),
-                float(effects.sd[i]),
-            )
-            for i in own
-        ]  # fmt: skip
-    at = {effects.names[i]: i for i in own}
+    at = {effects.names[i]: i for i, name in enumerate(effects.group) if name == group}
     parts = []
-    for cosine, c in at.items():
-        if " cos " not in cosine:
-            continue
-        s = at[cosine.replace(" cos ", " sin ")]
-        what, place = cosine.split(" cos ")
-        size = float(np.hypot(value[c], value[s]))
-        error = float(np.hypot(value[c] * se[c], value[s] * se[s]) / max(size, 1e-300))
-        name = f"{what} at the {_ORDER[int(place[0]) - 1]} harmonic{_of_log(place[1:])}"
-        parts.append(NuisancePart(name, size, error, _unit(base, what), float(effects.sd[c])))
-    return parts
-
-
-def _of_log(place: str) -> str:
-    return f" of{place}" if place else ""
+    for name, i in at.items():
+        number, error, said = float(value[i]), float(se[i]), name
+        if group == "wheel":
+            if " cos " not in name:
+                continue
+            s = at[name.replace(" cos ", " sin ")]
+            number = float(np.hypot(value[i], value[s]))
+            error = float(np.hypot(value[i] * se[i], value[s] * se[s]) / max(number, 1e-300))
+            name, place = name.split(" cos ")
+            of_log = f" of{place[1:]}" if place[1:] else ""
+            said = f"{name} at the {_ORDER[int(place[0]) - 1]} harmonic{of_log}"
+        parts.append(NuisancePart(said, number, error, _unit(base, name), float(effects.sd[i])))
+    return tuple(parts)
 
 
 def _unit(base: Base, name: str) -> str:
@@ -590,8 +543,8 @@ def _left_by_form(
     others = [i for i, name in enumerate(base.fit.names) if name not in of_form]
     offsets = Offsets.of(cells, base.white)
     without, with_it = (ProjectedOut.of(offsets, x) for x in (slopes[..., others], slopes))
-    shares = {}
     there = replace(base, cells=cells, fit=replace(base.fit, prediction=moved[0]))
+    shares = {}
     for effect in candidate_effects(base.model):
         if names is not None and effect.id not in names:
             continue
@@ -656,13 +609,17 @@ def alike_sentences(
 
 def _sentence(found: NuisanceFound, base: Base, doubts: Sequence[str]) -> str:
     most = max((abs(part.value) / part.ordinary for part in found.parts), default=0.0)
+    # parts below so many of their standard errors are not spoken of, nor those below this share of
+    # the largest; with twice as much of either a sentence names fewer parts, always the largest
     told = [
         part
         for part in found.parts
-        if part.sigmas >= _SPOKEN_SIGMAS and abs(part.value) / part.ordinary > _SPOKEN_SHARE * most
+        if part.sigmas >= 3.0 and abs(part.value) / part.ordinary > 0.2 * most
     ] or [found.largest]
     sizes, tells = _reading(found, told, base)
-    if most > _ORDINARY:
+    # beyond three ordinary sizes a nuisance may be misfit: one in 370 is larger by chance; twice as
+    # many leave a wheel of 6 % to be balanced for a wrong carcass
+    if most > 3.0:
         doubts = [*doubts, f"it is {most:.2g} times its ordinary size"]
     if doubts:
         tells = f"no finding, since {' and '.join(doubts)}: misfit of the model may be in it"
@@ -673,8 +630,10 @@ def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> 
     """The sizes of a nuisance in words, and what they tell if the model is right."""
     said = ", ".join(_said(part, base) for part in told)
     if found.nuisance == "wheel":
+        # a force variation [of the load] and a run-out [strain] beyond which a wheel wants work:
+        # twice what is ordinary at one harmonic, and 100 microstrain
         much = any(
-            part.value > (_MUCH_FORCE if "force" in part.name else _MUCH_RUN_OUT)
+            part.value > (0.02 if "force" in part.name else 1e-4)
             for part in told
             if part.unit in ("1", "strain", "m/m")
         )

@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import ANGLES, base_projection, gain_and_error, hats_on
+from tirelog.diagnosis.candidates.assessment import ANGLES, beside_base, gain_and_error, hats_on
 from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, change_to, with_fewer_cells
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric import ProjectedOut, Whitener, side_by_side
+from tirelog.inference.metric import Whitener, side_by_side
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.nuisances import ModelEffect
@@ -75,7 +75,7 @@ class Ground:
     def __init__(self, base: Base) -> None:
         self.base = base
         cells, model = base.cells, base.model
-        self.taken: ProjectedOut = base_projection(base)
+        self.taken, self.residual = beside_base(base)
         white = base.white
         self._cell = Whitener(white.inverse_sd, white.basis, white.shrink)
         C = len(cells)
@@ -85,8 +85,6 @@ class Ground:
             basis=np.zeros((*white.inverse_sd.shape, 0)),
             shrink=np.zeros((C, 0)),
         )
-        measured = np.where(np.isfinite(cells.values), cells.values - base.fit.prediction, 0.0)
-        self.residual: FloatArray = self.coupled(self.of_cells(measured))
         beside = cells.values - base.fit.prediction - base.fit.beside
         #: root mean square of what base and nuisances leave, in the observable's unit
         self.missing = float(np.sqrt(np.nanmean(beside**2)))
