@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite
 from pathlib import Path, PurePath
 from pkgutil import resolve_name
@@ -96,6 +97,22 @@ class ErrorTables(Mapping[str, Rows]):
         large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]],
     ) -> None:
         self._small, self._large = small, large
+
+    @classmethod
+    def joined(cls, parts: Sequence[Comparison]) -> ErrorTables:
+        """The tables of each observable under each other, each row with its name and unit."""
+
+        def rows(name: str) -> Iterator[Rows]:
+            for part in parts:
+                whose = {"observable": part.observable, "grating": part.member, "unit": part.unit}
+                known = {key: value for key, value in whose.items() if value}
+                yield from ([known | row for row in some] for some in part.tables.parts(name))
+
+        small = ("angle", "speed", "regime", "conditions")
+        return cls(
+            {name: [row for some in rows(name) for row in some] for name in small},
+            {"revolution": partial(rows, "revolution")},
+        )
 
     def __getitem__(self, name: str) -> Rows:
         return [row for part in self.parts(name) for row in part]
