@@ -26,7 +26,7 @@ from tirelog.diagnosis.candidates.assessment import (
     beside_base,
     candidate_effects,
 )
-from tirelog.diagnosis.candidates.naming import first_step
+from tirelog.diagnosis.candidates.naming import next_step
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.stacks.cut import joined, stacks_from_logs
@@ -126,7 +126,7 @@ def by_sparse(ensemble: bool) -> Callable[[Seen], str]:
 
 
 def ours(seen: Seen) -> str:
-    step = first_step(seen.base)
+    step = next_step(seen.base)
     return step.named.id if step.named else ""
 
 

@@ -147,31 +147,26 @@ class CertaintyTerm:
     of: Callable[[Marks], float]
 
 
-def _above(error: float) -> float:
-    # held-out error above the floor that counts as one step [floors]: QUIET_FLOORS allows one
-    return max(error - 1.0, 0.0) / 0.05
-
-
-def _decades(x: float, y: float) -> float:
-    return math.log10(x / y) if x > 0.0 and y > 0.0 else math.nan
-
-
 #: by name; what a class of verdicts may use stands in `OF_CLASS`, best first
 TERMS: Mapping[str, CertaintyTerm] = {
     "rest": CertaintyTerm(
         "held-out error above the floor, in steps of 0.05 floors",
         -1,
-        lambda marks: _above(marks.heldout_after),
+        lambda marks: max(marks.heldout_after - 1.0, 0.0) / 0.05,  # QUIET_FLOORS allows one
     ),
     "evidence": CertaintyTerm(
         "decades of the least p of any effect, named or not",
         -1,
-        lambda marks: _decades(1.0, marks.least_p),
+        lambda marks: -math.log10(marks.least_p) if marks.least_p > 0.0 else math.nan,
     ),
     "size": CertaintyTerm(
         "decades by which chi-square falls",
         1,
-        lambda marks: _decades(marks.chi2_before, marks.chi2_after),
+        lambda marks: (
+            math.log10(marks.chi2_before / marks.chi2_after)
+            if marks.chi2_before > 0.0 and marks.chi2_after > 0.0
+            else math.nan
+        ),
     ),
     "rival": CertaintyTerm(
         "standard errors to the next rival, held out", 1, lambda marks: marks.rival_sigmas
@@ -376,20 +371,15 @@ def _shares(
     tried = [a.id for a in step.assessed if a.id not in held]
     alarms = _alarms(base, tried, times, extra, first=number == 1)
     refitted = [r for r in step.contenders if r.established and r.id in alarms]
-    if refitted:
-        loss = np.stack([times @ r.base.held_white for r in refitted], axis=1)
-        order = [r.id for r in refitted]
-        alarming = np.stack([alarms[name][0] for name in order], axis=1)
-        chosen = np.where(alarming, loss, np.inf)
-    else:  # none was refitted: the largest statistic would be
-        order = list(alarms)
-        if not order:
-            return {}
-        alarming = np.stack([alarms[name][0] for name in order], axis=1)
-        chosen = np.where(alarming, -np.stack([alarms[name][1] for name in order], axis=1), np.inf)
-    best = chosen.argmin(axis=1)
+    loss = {r.id: times @ r.base.held_white for r in refitted}
+    if not loss:  # none was refitted: the largest statistic would be
+        loss = {name: -statistic for name, (_, statistic) in alarms.items()}
+    if not loss:
+        return {}
+    alarming = np.stack([alarms[name][0] for name in loss], axis=1)
+    best = np.where(alarming, np.stack(list(loss.values()), axis=1), np.inf).argmin(axis=1)
     some = alarming.any(axis=1)
-    shares = {name: float(np.mean(some & (best == i))) for i, name in enumerate(order)}
+    shares = {name: float(np.mean(some & (best == i))) for i, name in enumerate(loss)}
     return {name: share for name, share in shares.items() if share > 0.0}
 
 
@@ -401,32 +391,26 @@ def _alarms(
     A further effect must remove more than the first.
     """
     effects = [e for e in candidate_effects(base.model, extra) if e.id in names]
-    found, _ = all_signatures(base, effects)
-    kept, scores, _ = scores_of(base, found)
+    kept, scores, _ = scores_of(base, all_signatures(base, effects)[0])
     if not kept:
         return {}
     under_flips = statistics(scores, flip_signs(base.cells.manoeuvres))
     largest = under_flips.max(axis=1)
     least, sure = (float(np.quantile(largest, 1.0 - p)) for p in (ALARM_P, BEYOND_DOUBT_P))
-    result: dict[str, tuple[Any, FloatArray]] = {}
     share = LEAST_SHARE_OF_FLOOR if first else SECOND_LEAST
     size = share * base.floor.square * base.plain.weight
     best = best_variants(kept, under_flips[0])
-    losses = held_out_losses_with(
-        base.cells, base.white, base.plain, base.fit, [[kept[i].columns] for i in best.values()]
-    )
+    columns = [[kept[i].columns] for i in best.values()]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    result: dict[str, tuple[Any, FloatArray]] = {}
     for (name, i), (white, plain) in zip(best.items(), losses, strict=True):
-        gain, drop = base.held_white - white, base.held_plain - plain
-        statistic = statistics([scores[i]], times)[:, 0]
-        mean = times @ gain / gain.size
-        spread = np.sqrt(np.maximum(times @ gain**2 / gain.size - mean**2, 0.0))
-        error = np.sqrt(gain.size / max(gain.size - 1.0, 1.0) * gain.size) * spread
-        alarming = (
-            (statistic >= least)
-            & (times @ gain > GAIN_SIGMAS * error)
-            & ((times @ drop > size) | (first & (statistic >= sure)))
-        )
-        result[name] = (alarming, statistic)
+        gain, large = base.held_white - white, times @ (base.held_plain - plain) > size
+        statistic, count = statistics([scores[i]], times)[:, 0], gain.size
+        mean = times @ gain / count
+        spread = np.sqrt(np.maximum(times @ gain**2 / count - mean**2, 0.0))
+        surely = times @ gain > GAIN_SIGMAS * count / max(count - 1.0, 1.0) ** 0.5 * spread
+        strong = first & (statistic >= sure)
+        result[name] = ((statistic >= least) & surely & (large | strong), statistic)
     return result
 
 

@@ -19,7 +19,7 @@ The verdicts:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -365,7 +365,7 @@ def conclude(
         not_varied(before.cells.conditions, candidate_effects(before.model)),
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
     ]
-    few = manoeuvres < FEWEST_MANOEUVRES
+    few, ranked = manoeuvres < FEWEST_MANOEUVRES, {c.effect for c in ranking}
     groups = tuple(s.group for s in found.steps if few and s.group)
     facts = _facts(decision, found, ranking) | {
         "suspects": tuple(s.said for s in suspected[:3]),
@@ -384,7 +384,8 @@ def conclude(
         nuisances=beside,
         checks=checks,
         suspects=suspected,
-        not_tested=_reasons(found, ranking) | (not_among_candidates(result) if unnamed else {}),
+        not_tested={k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
+        | (not_among_candidates(result) if unnamed else {}),
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
         noise_floor=float(np.sqrt(floor.square)),
@@ -433,7 +434,8 @@ def excess_explained(found: SearchResult, left: Leftover) -> Excess:
     alone = 1.0 - above(named.base) / before if named and before else 0.0
     share = 1.0 - after / before if before > 0 else 0.0
     excess = Excess(before, after, before, share, alone)
-    if not beyond_doubt(found):
+    names = [step.named for step in found.steps if step.named is not None]
+    if not names or any(r.assessed.p > BEYOND_DOUBT_P for r in names):
         return excess
     # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
     size, by_size = removed_by(found.before, found.after, sure=True)
@@ -509,12 +511,6 @@ def decide(found: SearchResult) -> Decision:
     return Decision(verdict, (), excess, describe(before), floor, groups, or_nuisance)
 
 
-def beyond_doubt(found: SearchResult) -> bool:
-    """Is every name so significant that a rest that does not repeat cannot make it doubtful?"""
-    named = [step.named for step in found.steps if step.named is not None]
-    return bool(named) and all(r.assessed.p <= BEYOND_DOUBT_P for r in named)
-
-
 def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, Any]:
     """What the verdict's sentence is made of, beside what stands in the diagnosis."""
     before, excess = found.before, decision.excess
@@ -537,12 +533,6 @@ def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]
         "after": found.after.square_held,
         "floor": decision.floor.square,
     }
-
-
-def _reasons(found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, str]:
-    """Why candidates are not in the ranking."""
-    ranked = {c.effect for c in ranking}
-    return {k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
 
 
 def _next_command(
@@ -653,41 +643,35 @@ def logs_of(pieces: Pieces | JointPieces) -> dict[str, tuple[str, ...]]:
 def of_logs(pieces: Pieces | JointPieces, logs: Iterable[str]) -> Pieces | JointPieces:
     """The pieces of some of the logs; UsageError: there is none."""
     names = set(logs)
-    if isinstance(pieces, JointPieces):
-        parts = [_of_logs(part, names) for part in pieces.parts]
-        if any(part is None for part in parts):
-            raise UsageError(
-                "a sensor is in none of the other logs",
-                allowed="each observable and grating must be in one log at least",
-                do="give more logs",
-            )
-        return JointPieces.of([p for p in parts if p is not None], pieces.places)
-    found = _of_logs(pieces, names)
-    if found is None:
-        raise UsageError("no log is left", allowed="one at least", do="give more logs")
-    return found
+    if not isinstance(pieces, JointPieces):
+        if (some := _of_logs(pieces, names)) is None:
+            raise UsageError("no log is left", allowed="one at least", do="give more logs")
+        return some
+    parts = [some for part in pieces.parts if (some := _of_logs(part, names)) is not None]
+    if len(parts) < len(pieces.parts):
+        raise UsageError(
+            "a sensor is in none of the other logs",
+            allowed="each observable and grating must be in one log at least",
+            do="give more logs",
+        )
+    return JointPieces.of(parts, pieces.places)
 
 
 def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:
     """The pieces of some logs, logs and manoeuvres numbered anew; None if there is none."""
-    kept = np.flatnonzero([log in names for log in pieces.logs])
-    mine = np.isin(pieces.log, kept)
+    mine = np.isin(pieces.log, np.flatnonzero([log in names for log in pieces.logs]))
     if not mine.any():
         return None
     some = pieces.take(mine)
     number, log = np.unique(some.log, return_inverse=True)
-    return replace(
-        some,
-        log=log,
-        manoeuvre=np.unique(some.manoeuvre, return_inverse=True)[1],
-        logs=tuple(pieces.logs[i] for i in number),
-    )
+    manoeuvre = np.unique(some.manoeuvre, return_inverse=True)[1]
+    kept = tuple(pieces.logs[i] for i in number)
+    return replace(some, log=log, manoeuvre=manoeuvre, logs=kept)
 
 
 def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
     """A diagnosis in few words."""
-    p = found.marks.least_p
-    left = found.unexplained["p"]
+    p, left = found.marks.least_p, found.unexplained["p"]
     if found.verdict == "unknown" and left is not None:
         p = min(p, left)
     return GroupVerdict(
@@ -702,15 +686,25 @@ def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict
     )
 
 
-def _asked(
-    some: Some, group: str, logs: Sequence[str], model: Model, effects: Sequence[Effect]
-) -> GroupVerdict:
-    """The diagnosis of some logs; what cannot be asked says why."""
-    try:
-        found = diagnose(some(logs), model, effects=effects)
-    except TirelogError as problem:
-        return GroupVerdict(group, tuple(logs), "", problem=problem.message)
-    return answer_of(group, logs, found)
+def _answers(
+    asked: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    effects: Iterable[Effect],
+    progress: Progress,
+    words: str,
+) -> Iterator[GroupVerdict]:
+    """The diagnosis of some logs, by the name of each group; what cannot be asked says why.
+
+    `words` for `progress`, with {group}.
+    """
+    extra = tuple(effects)
+    for group, logs in asked.items():
+        progress(words.format(group=group))
+        try:
+            yield answer_of(group, logs, diagnose(some(logs), model, effects=extra))
+        except TirelogError as problem:
+            yield GroupVerdict(group, tuple(logs), "", problem=problem.message)
 
 
 def leave_one_out(
@@ -730,13 +724,10 @@ def leave_one_out(
     UsageError: there is but one group.
     """
     refuse_one(groups, by, "none can be left out")
-    extra, answers = tuple(effects), []
     every = [log for logs in groups.values() for log in logs]
-    for name, logs in groups.items():
-        progress(f"once more without {name}")
-        rest = [log for log in every if log not in logs]
-        answers.append(_asked(some, name, rest, model, extra))
-    return Stability(by, answer_of("", every, whole), tuple(answers))
+    rest = {name: [log for log in every if log not in logs] for name, logs in groups.items()}
+    without = _answers(rest, some, model, effects, progress, "once more without {group}")
+    return Stability(by, answer_of("", every, whole), tuple(without))
 
 
 def each_alone(
@@ -750,11 +741,8 @@ def each_alone(
 ) -> PerGroup:
     """What each group of logs says alone, with p adjusted over them; as `leave_one_out`."""
     refuse_one(groups, by, "it is the whole")
-    extra, answers = tuple(effects), []
-    for name, logs in groups.items():
-        progress(f"{name} alone")
-        answers.append(_asked(some, name, logs, model, extra))
-    return PerGroup(by, tuple(answers))
+    alone = _answers(groups, some, model, effects, progress, "{group} alone")
+    return PerGroup(by, tuple(alone))
 
 
 def refuse_one(groups: Mapping[str, Sequence[str]], by: str, but_one: str) -> None:

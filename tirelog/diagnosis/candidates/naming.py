@@ -452,47 +452,30 @@ def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
 Known = tuple[list[Assessed], dict[str, str]]
 
 
-def first_step(base: Base, extra: Iterable[Effect] = (), known: Known | None = None) -> Step:
-    """The first effect, if there is one; `known`: what `assess_all` has said."""
-    assessed, reasons = known or assess_all(base, extra)
-    alarming = [a for a in assessed if a.alarms(base)]
-    if not alarming:
-        return Step.of(base, assessed, reasons)
-    contenders = contend(base, assessed, reasons)
-    return Step.of(
-        base,
-        assessed,
-        reasons,
-        contenders,
-        named=bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p),
-    )
-
-
 def next_step(
     base: Base,
-    named: Sequence[str],
-    excess: float,
     extra: Iterable[Effect] = (),
     known: Known | None = None,
+    *,
+    named: Sequence[str] = (),
+    excess: float = 0.0,
 ) -> Step:
-    """A further effect beside those `named`.
+    """The first effect, or a further one beside those `named`, if there is one.
 
-    `excess` is the mean square that the first base left above the floor; `known`: what `assess_all`
-    has said.
+    `known`: what `assess_all` has said; `excess`: the mean square that the first base left above
+    the floor.
     """
     assessed, reasons = known or assess_all(base, extra)
-    floor = base.floor.square
-    if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(base) for a in assessed):
+    small = bool(named) and base.excess < LEAST_SHARE_OF_FLOOR * base.floor.square
+    if small or not any(a.alarms(base) for a in assessed):
         return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
-    if not contenders or not worth_it(base, contenders[0].base, contenders[0].assessed.p):
-        return Step.of(base, assessed, reasons, contenders)
-    best = contenders[0]
-    taken = base.square_held - best.base.square_held
-    beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
-    return Step.of(
-        base, assessed, reasons, contenders, named=beyond_form or survives(base, named, best)
-    )
+    is_named = bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p)
+    if named and is_named:
+        taken = base.square_held - contenders[0].base.square_held
+        beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
+        is_named = beyond_form or survives(base, named, contenders[0])
+    return Step.of(base, assessed, reasons, contenders, named=is_named)
 
 
 def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str, ...]]:

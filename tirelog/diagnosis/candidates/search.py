@@ -24,7 +24,6 @@ from tirelog.diagnosis.candidates.naming import (
     assess_all,
     clearly_worse,
     contend,
-    first_step,
     group_of,
     next_step,
     regrouped,
@@ -101,7 +100,7 @@ def search_effects(
     where the search without it ends above the floor, or names more effects to come there.
     """
     if base.cells.manoeuvres < FEWEST_MANOEUVRES:
-        step = first_step(base, extra)
+        step = next_step(base, extra)
         contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
         group = group_of(contenders) if contenders else ()
         return SearchResult(
@@ -318,11 +317,7 @@ def _climb(
         if FORM in groups_of(after) and least_left(after, known[0]) > most_left:
             return _Climb(after, None)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
-            step = (
-                next_step(after, named, excess, extra, known)
-                if named
-                else first_step(after, extra, known)
-            )
+            step = next_step(after, extra, known, named=named, excess=excess)
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now):
             climb.alike.append((groups_of(rival)[-1], named_now.id))
