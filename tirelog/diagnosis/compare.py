@@ -503,7 +503,7 @@ Measurement = TypeVar("Measurement", Pieces, JointPieces, Pieces | JointPieces)
 
 
 def locked_away(
-    pieces: Measurement, first: int, every: int, least: int
+    pieces: Measurement, first: int, every: int, least: float
 ) -> tuple[Measurement, Measurement | None]:
     """(what a search may see, what nothing touches): each so many-th manoeuvre from the `first`.
 

@@ -344,7 +344,7 @@ def conclude(
     unnamed, manoeuvres = verdict in ("unknown", "partial"), before.cells.manoeuvres
     excess = decision.excess
     ranking = ranking_of(found, selected, excess.repeats, floor.square, excess.share)
-    scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
+    scatter = scattered(before, floor.square) if verdict == "scatter" else None
     unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
     beside, checks = nuisances_found(result), posterior_checks(result)
     suspected = suspects(result) if unnamed or scatter else ()

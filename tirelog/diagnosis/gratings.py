@@ -425,7 +425,8 @@ def _evidence(
     parts: Sequence[_Part], prior: FloatArray, beside: Sequence[str], tested: Sequence[str]
 ) -> tuple[Scores, float]:
     """The evidence for blocks of columns beside the base and others, and its squared floors."""
-    blocks = [_BASE, *(f"{_LEVER} {part.name}" for part in parts), *beside, *tested]
+    levers = [f"{_LEVER} {part.name}" for part in parts]
+    blocks = [_BASE, *levers, *beside, *tested]
     none = np.zeros(0, np.int64)
     owns = [[part.columns.get(block, none) for block in blocks] for part in parts]
     ends = np.cumsum([0, *(max(own.size for own in block) for block in zip(*owns, strict=True))])

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,9 +85,8 @@ def factors_of(base: Base) -> dict[str, FloatArray]:
     # single logs that a remainder may follow: each is one more factor that may fit by chance; the
     # family-wise p counts them all, so that twice as many ask more of each
     for number in logs[: 4 if logs.size > 2 else logs.size - 1]:
-        result[f"log {number}"] = (base.cells.log == number) - float(
-            np.mean(base.cells.log == number)
-        )
+        own = base.cells.log == number
+        result[f"log {number}"] = own - float(np.mean(own))
     return result
 
 
@@ -537,32 +537,18 @@ _FOLLOWS = 0.5
 _FOLLOWS_P = 0.00135
 
 
-@dataclass(frozen=True)
-class Scattered:
-    """What does not repeat.
+def scattered(base: Base, floor_square: float) -> dict[str, Any]:
+    """Size and course of what does not repeat beside the floor.
 
-    Its root mean square `size` in the observable's unit, whether it looks like a load that
-    changes, and the quantity with which it is large ("" if none), growing with it or falling, and
-    what went along with that.
-    """
-
-    size: float
-    like_load: bool
-    follows: str
-    grows: bool
-    together: tuple[str, ...] = ()
-
-
-def scattered(base: Base, floor_square: float) -> Scattered:
-    """Size and course of what is left beside the floor.
-
-    If only chi-square tells of it, the size is that of cell means.
+    Its root mean square `size` in the observable's unit, whether it looks like a load that changes,
+    the quantity that it `follows` ("" if none), whether it `grows` with that or falls, and what
+    went `together` with it. If only chi-square tells of it, the size is that of cell means.
     """
     if isinstance(base, JointBase):  # of the observable farthest above its floor, in floors
         parts = bases_by_observable(base, held_by_all=True)
         worst = max(parts, key=lambda part: part.square_held / part.floor.square)
         found = scattered(worst, worst.floor.square)
-        return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
+        return found | {"size": found["size"] / float(np.sqrt(worst.floor.square))}
     plain, cells = base.plain, base.cells
     beyond = max(
         base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
@@ -589,8 +575,13 @@ def scattered(base: Base, floor_square: float) -> Scattered:
                 rank = float(np.corrcoef(of_size, _ranks(mean))[0, 1])
                 if abs(rank) > max(abs(best), least):
                     best, name = rank, factor
-    together = gone_along(factors, name) if name else ()
-    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
+    return {
+        "size": float(np.sqrt(beyond)),
+        "like_load": like_load,
+        "follows": name.split("^")[0],
+        "grows": best > 0.0,
+        "together": gone_along(factors, name) if name else (),
+    }
 
 
 def _ranks(x: FloatArray) -> FloatArray:

@@ -287,7 +287,7 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
     if not assessed:
         return []
     leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][
-        :MOST_CONTENDERS
+        : int(MOST_CONTENDERS)
     ]
     tried = []
     for one, found in zip(leading, refits(base, leading), strict=True):
@@ -511,7 +511,7 @@ def regrouped(
         assessed, reasons = assess_all(without_it, extra)
         rivals = [
             a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic
-        ][:MOST_CONTENDERS]
+        ][: int(MOST_CONTENDERS)]
         contenders = contend(without_it, rivals, reasons)
         if contenders and contenders[0].id == name:
             groups[name] = group_of(contenders)

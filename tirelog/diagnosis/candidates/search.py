@@ -149,7 +149,7 @@ def _formed(
     progress: Progress,
     allowed: tuple[str, ...],
     without: Base,
-    most_effects: int = MOST_EFFECTS,
+    most_effects: float = MOST_EFFECTS,
 ) -> SearchResult | None:
     """The search with the tire's form; None if it does not explain what is left `without` it.
 
@@ -294,7 +294,7 @@ def _climb(
     progress: Progress,
     nuisances: Sequence[str],
     most_left: float = np.inf,
-    most_effects: int = MOST_EFFECTS,
+    most_effects: float = MOST_EFFECTS,
 ) -> _Climb:
     """The search from a base upwards, to `most_effects` names.
 
