@@ -195,10 +195,6 @@ _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
 _DECAYS_M = (0.1, 0.3)
-#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what is left:
-#: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
-_RINGS_MORE = 1.15
-_RINGS_SHARE = 0.35
 #: share of the energy that makes a parity: the other one is then a third as large.  With twice the
 #: rest it may be half as large; of a shape on one side alone both are equal
 _PARITY = 0.9
@@ -206,10 +202,6 @@ _PARITY = 0.9
 #: of its side (a wake is longer)
 _NEAR = 3.5
 _WAKE = 6.0
-#: share of what both sides explain that one side alone must, and its ratio to the other side's;
-#: half as much would call a shape of both sides one-sided if one of them is the larger
-_ONE_SIDED = 0.93
-_MORE = 1.03
 
 
 #: nodes of free shapes over the time since the exit edge [s]: as many as over the angle; half as
@@ -440,7 +432,9 @@ def _one_side(
         {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)},
     )
     best, other = sorted(sides, key=lambda name: -sides[name])
-    return best if sides[best] > _ONE_SIDED * both and sides[best] > _MORE * sides[other] else None
+    # share of what both sides explain that one side alone must, and its ratio to the other side's;
+    # half as much would call a shape of both sides one-sided if one of them is the larger
+    return best if sides[best] > 0.93 * both and sides[best] > 1.03 * sides[other] else None
 
 
 def _explained(score: Scores) -> float:
@@ -521,20 +515,14 @@ def _frequency(base: Base) -> float | None:
 
     in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)
     in_space, _ = best(1.0 / _WAVELENGTHS_M, behind, _DECAYS_M)
-    if in_time < _RINGS_MORE * in_space or in_time < _RINGS_SHARE * float((residual**2).sum()):
+    # a fixed frequency must explain so much more than a fixed wavelength, and so much of what is
+    # left: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
+    if in_time < 1.15 * in_space or in_time < 0.35 * float((residual**2).sum()):
         return None
     return best(np.linspace(0.92, 1.08, 17) * frequency, since, _DECAYS_S)[1]
 
 
 # ---- What is left that does not repeat: its size, whether a load looks like it, what it goes with.
-
-
-#: share of what is left that one shape must make up to be said, and rank correlation over
-#: manoeuvres of its size with what it is said to follow: so much, and more than chance gives with
-#: this probability on either side (a dozen factors are looked at); doubling either says nothing
-_ONE_SHAPE = 0.5
-_FOLLOWS = 0.5
-_FOLLOWS_P = 0.00135
 
 
 def scattered(base: Base, floor_square: float) -> dict[str, Any]:
@@ -557,7 +545,11 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     square = (left**2).sum(axis=1)
     load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
     along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
-    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
+    # share of what is left that one shape must make up to be said, and rank correlation over
+    # manoeuvres of its size with what it is said to follow: so much, and more than chance gives
+    # with this probability on either side (a dozen factors are looked at); doubling either says
+    # nothing
+    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > 0.5 * square.sum())
     factors, best, name = factors_of(base), 0.0, ""
     number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
     sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
@@ -566,8 +558,8 @@ def scattered(base: Base, floor_square: float) -> dict[str, Any]:
     ranked = [_ranks(np.bincount(cells.manoeuvre, size) / number) for size in sizes]
     least, freedom = 1.0, cells.manoeuvres - 2
     if freedom > 0:  # what manoeuvres that follow nothing reach
-        t = float(stdtrit(freedom, 1.0 - _FOLLOWS_P))
-        least = max(_FOLLOWS, t / float(np.sqrt(freedom + t**2)))
+        t = float(stdtrit(freedom, 1.0 - 0.00135))
+        least = max(0.5, t / float(np.sqrt(freedom + t**2)))
     for factor, values in factors.items():
         mean = np.bincount(cells.manoeuvre, np.abs(values) if factor in SIGNED else values) / number
         if np.ptp(mean) > 0.0:

@@ -633,7 +633,8 @@ class Contribution:
 
     def to_json(self) -> dict[str, Any]:
         pulls = [vars(pull) | {"sigmas": pull.sigmas} for pull in self.pulls]
-        return vars(self) | {"contradicts": self.contradicts, "pulls": pulls}
+        own = {name: value for name, value in vars(self).items() if name != "observable"}
+        return own | {"contradicts": self.contradicts, "pulls": pulls}
 
 
 def contributions(base: JointBase) -> tuple[Contribution, ...]:

@@ -74,10 +74,6 @@ from tirelog.vocabulary.arrays import FloatArray
 # side by side, and come to the same numbers.
 
 
-#: starts of a candidate are tried on so many cells, so many steps, before the best is finished on
-#: all cells; the time goes with both
-_TRIAL_CELLS = 24
-_TRIAL_STEPS = 12
 #: a model with a candidate where its trial ended, and chi-square there
 Trial = tuple[Model, float]
 #: a refit as it comes from another process: fit and held-out losses
@@ -120,7 +116,9 @@ def _trial(
     start = with_candidate(model, candidate.signature.effect, values)
     start = start.resolved(base.cells.conditions)
     names, problem = free_names(start, few.cells), Problem(few.cells, few.white)
-    return descend_together([problem], start, names, steps=_TRIAL_STEPS)[:2]
+    # starts of a candidate are tried on so many cells, so many steps, before the best is finished
+    # on all cells; the time goes with both
+    return descend_together([problem], start, names, steps=12)[:2]
 
 
 def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) -> Base:
@@ -164,7 +162,7 @@ def _moved(base: Base, model: Model) -> float:
 
 def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError]:
     """Of each candidate the base with it, refitted, or why that failed."""
-    few = with_fewer_cells(base, _TRIAL_CELLS)
+    few = with_fewer_cells(base, 24)
     begun = [(one, *start) for one in candidates for start in _starts(base, one)]
     ends = made_apart([partial(_trial, base, few, *start) for start in begun])
     trials = [

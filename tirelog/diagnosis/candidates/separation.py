@@ -53,10 +53,6 @@ SAME = 0.1
 _MOST_OF = 0.7
 _SLOWER = 0.4
 _LONG_S = 60.0
-#: time that a stretch takes beside itself [s]: to come to it; with another load, pressure, water or
-#: tread to come to that. Doubled, what needs no stop is advised sooner
-_APPROACH_S = 20.0
-_CHANGE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -79,9 +75,11 @@ class CandidateManoeuvre:
         speed = 0.5 * sum(self.speed_m_s)
         revolutions = 2.0 * np.pi * radius_m * _REVOLUTIONS / speed
         ramp = abs(self.speed_m_s[1] - self.speed_m_s[0]) / (abs(self.acceleration_m_s2) or np.inf)
-        once = _CHANGE_S if self.load != 1.0 or self.values else 0.0
+        # time that a stretch takes beside itself [s]: to come to it; with another load, pressure,
+        # water or tread to come to that. Doubled, what needs no stop is advised sooner
+        once = 600.0 if self.load != 1.0 or self.values else 0.0
         once += self.time_s if self.time_s > _LONG_S else 0.0
-        return float(once + repeats * (_APPROACH_S + max(revolutions, ramp))) / 60.0
+        return float(once + repeats * (20.0 + max(revolutions, ramp))) / 60.0
 
 
 ALLOWED = (
