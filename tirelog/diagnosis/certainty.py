@@ -303,48 +303,38 @@ _BLOCK = 256
 
 
 @dataclass(frozen=True)
-class StepInclusion:
-    """One step of the search: the share of draws that named each effect; the rest named none."""
-
-    step: int
-    named: str | None
-    shares: dict[str, float]
-
-    @property
-    def none(self) -> float:
-        return max(1.0 - sum(self.shares.values()), 0.0)
-
-
-@dataclass(frozen=True)
 class Inclusion:
-    """The steps of a search under so many draws of its manoeuvres."""
+    """The steps of a search under so many draws of its manoeuvres.
+
+    Of each step its number, what it `named`, the share of the draws that named each effect
+    (`shares`), and that of those that named none.
+    """
 
     draws: int
     manoeuvres: int
-    steps: tuple[StepInclusion, ...]
+    steps: tuple[Mapping[str, Any], ...]
 
     @property
     def sentences(self) -> list[str]:
         """A sentence for each step; that a name hangs on some manoeuvres is said."""
         said = []
         for step in self.steps:
-            shares = sorted(step.shares.items(), key=lambda item: -item[1])
-            parts = [f"{name} in {100.0 * share:.0f} %" for name, share in shares if share > 0.0]
-            parts += [f"nothing in {100.0 * step.none:.0f} %"] if step.none > 0.0 else []
-            which = f"step {step.step} of the search" if len(self.steps) > 1 else "the search"
+            shares, none, named = step["shares"], step["none"], step["named"]
+            order = sorted(shares.items(), key=lambda item: -item[1])
+            parts = [f"{name} in {100.0 * share:.0f} %" for name, share in order if share > 0.0]
+            parts += [f"nothing in {100.0 * none:.0f} %"] if none > 0.0 else []
+            which = f"step {step['step']} of the search" if len(self.steps) > 1 else "the search"
             text = (
                 f"of {self.draws} draws of the {self.manoeuvres} manoeuvres {which} names "
                 f"{', '.join(parts)}"
             )
-            share = step.shares.get(step.named, 0.0) if step.named else step.none
-            if share < STEADY:
-                text += f": {step.named or 'that nothing is named'} hangs on some manoeuvres"
+            if (shares.get(named, 0.0) if named else none) < STEADY:
+                text += f": {named or 'that nothing is named'} hangs on some manoeuvres"
             said.append(f"{text[0].upper()}{text[1:]}.")
         return said
 
     def to_json(self) -> dict[str, Any]:
-        steps = [asdict(step) | {"none": step.none} for step in self.steps]
-        return {"draws": self.draws, "manoeuvres": self.manoeuvres, "steps": steps}
+        return vars(self) | {"steps": list(self.steps)}
 
 
 def inclusion(
@@ -355,10 +345,11 @@ def inclusion(
     count = found.before.cells.manoeuvres
     random = np.random.default_rng(seed)
     times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
-    steps = [
-        StepInclusion(i, step.named.id if step.named else None, _shares(step, i, times, extra))
-        for i, step in enumerate(found.steps, start=1)
-    ]
+    steps = []
+    for i, step in enumerate(found.steps, start=1):
+        shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
+        none = max(1.0 - sum(shares.values()), 0.0)
+        steps.append({"step": i, "named": named, "shares": shares, "none": none})
     return Inclusion(draws, count, tuple(steps))
 
 

@@ -186,21 +186,11 @@ class GratingsFound:
 
 # ---- Each grating of several at the parameters of one fit, fitted or held to it.
 
-
-@dataclass(frozen=True)
-class Member:
-    """One grating at the parameters of a fit to several.
-
-    channel  its cells, whose manoeuvres are numbered through all gratings, metric, floor, and the
-             fit, whose residual is without what is `beside`
-    shared   columns (C, m, K) of the random effects that all gratings share, each as large as its
-             standard deviation
-    wheel    does what is beside the model hold the wheel's nuisance?
-    """
-
-    channel: FittedChannel
-    shared: FloatArray
-    wheel: bool
+#: one grating at the parameters of a fit to several: its cells, whose manoeuvres are numbered
+#: through all gratings, metric, floor, and the fit, whose residual is without what is `beside`;
+#: columns (C, m, K) of the random effects that all gratings share, each as large as its standard
+#: deviation; and whether what is beside the model holds the wheel's nuisance
+Member = tuple[FittedChannel, FloatArray, bool]
 
 
 def members_of(base: JointBase) -> Iterator[Member]:
@@ -216,7 +206,7 @@ def members_of(base: JointBase) -> Iterator[Member]:
             columns = shared.columns[rows][:, : layout.widths[i]] * shared.sd * layout.scales[i]
         own = replace(part.cells, manoeuvre=cells.manoeuvre[rows])
         wheel = shared is not None and WHEEL in shared.groups
-        yield Member(replace(part, cells=own), columns, wheel)
+        yield replace(part, cells=own), columns, wheel
 
 
 def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
@@ -256,9 +246,8 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
         names = tuple(n for n in (*free, LEVER) if n in anew.parameters)
         (fit,) = finish([Problem(channel.cells, channel.white)], anew, names, True)
         own = replace(fit.cells, member=name, manoeuvre=manoeuvre)
-        yield Member(
-            replace(channel, fit=fit, cells=own), np.zeros((*own.phi.shape, 0)), WHEEL in groups
-        )
+        none = np.zeros((*own.phi.shape, 0))
+        yield replace(channel, fit=fit, cells=own), none, WHEEL in groups
 
 
 # ---- Flips over normal equations by manoeuvre: in which frame something repeats, and how strongly.
@@ -351,18 +340,18 @@ def _parts(
 ) -> tuple[list[_Part], FloatArray]:
     """The normal equations of each grating, and the prior precision of the base's columns."""
     found, prior, lever = [], np.zeros(0), 0.0
-    for member in members:
-        fit, cells = member.channel.fit, member.channel.cells
+    for channel, shared, has_wheel in members:
+        fit, cells = channel.fit, channel.cells
         of_lever = (LEVER, ratio_name(cells.member))
         kept = [
             k
             for k, name in enumerate(fit.names)
             if name not in (effect, LEVER) and not name.startswith(ratio_name(""))
         ]
-        prior = np.concatenate([np.zeros(len(kept)), np.ones(member.shared.shape[-1])])
+        prior = np.concatenate([np.zeros(len(kept)), np.ones(shared.shape[-1])])
         own = [k for k, name in enumerate(fit.names) if name in of_lever][:1]
         blocks: dict[str, list[FloatArray]] = {
-            _BASE: [fit.moving[..., kept], member.shared],
+            _BASE: [fit.moving[..., kept], shared],
             _EFFECT: [fit.moving[..., [fit.names.index(effect)]]] if effect else [],
             ROAD: [],
             WHEEL: [],
@@ -378,10 +367,10 @@ def _parts(
             for block, angle in ((ROAD, cells.phi), (WHEEL, cells.phi + cells.place_rad)):
                 still = ratio * hats(angle)
                 blocks[block] += [still, still * faster]
-            wheel = None if member.wheel else shared_effects(cells, fit, WHEEL)
+            wheel = None if has_wheel else shared_effects(cells, fit, WHEEL)
             if wheel is not None:
                 blocks[WHEEL].append(wheel.columns * wheel.sd)
-        found.append(_normal(member.channel, blocks))
+        found.append(_normal(channel, blocks))
     return found, prior
 
 

@@ -128,18 +128,11 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
     return sorted(assessed, key=lambda a: -a.gain)
 
 
-@dataclass(frozen=True)
-class RefittedNuisance:
-    """A base with one nuisance more, refitted: what of chi-square it removes, its amplitudes."""
-
-    removed: float
-    amplitudes: int
-    base: Base
+#: a base with one nuisance more, refitted, and how many amplitudes that has
+Rival = tuple[int, Base]
 
 
-def rival_nuisances(
-    base: Base, allowed: Iterable[str], least: float = 0.0
-) -> tuple[RefittedNuisance, ...]:
+def rival_nuisances(base: Base, allowed: Iterable[str], least: float = 0.0) -> tuple[Rival, ...]:
     """The base with each of the nuisances that may earn a place beside it.
 
     Those that would remove less than the `least` share of the excess by a linear step are not
@@ -156,14 +149,11 @@ def rival_nuisances(
     for a in alarming[:2]:
         refitted = with_nuisance(base, a.effects)
         if not isinstance(refitted, ModelError) and (a.group != "drift" or _drifts(refitted)):
-            removed = base.noise_chi2 - refitted.noise_chi2
-            found.append(RefittedNuisance(removed, len(a.effects), refitted))
+            found.append((len(a.effects), refitted))
     return tuple(found)
 
 
-def best_of(
-    base: Base, rivals: Iterable[RefittedNuisance], least: float = NUISANCE_SHARE
-) -> Base | None:
+def best_of(base: Base, rivals: Iterable[Rival], least: float = NUISANCE_SHARE) -> Base | None:
     """The base with the nuisance that removes most of chi-square, if one earns its place.
 
     It removes at `least` so much of what chi-square is above its degrees of freedom.
@@ -172,12 +162,13 @@ def best_of(
     anything they imitate. And one that leaves most of the excess imitates what it is not.
     """
     enough = least * (base.noise_chi2 - base.fit.freedom)
-    tried = [rival for rival in rivals if rival.removed >= enough]
+    tried = [(count, base.noise_chi2 - rival.noise_chi2, rival) for count, rival in rivals]
+    tried = [row for row in tried if row[1] >= enough]
     if not tried:
         return None
-    most = max(rival.removed for rival in tried)
-    alike = [rival for rival in tried if rival.removed >= TWINS**2 * most]
-    return min(alike, key=lambda rival: (rival.amplitudes, -rival.removed)).base
+    most = max(removed for _, removed, _ in tried)
+    alike = [row for row in tried if row[1] >= TWINS**2 * most]
+    return min(alike, key=lambda row: (row[0], -row[1]))[2]
 
 
 def best_nuisance(base: Base, allowed: Iterable[str], least: float = 0.0) -> Base | None:

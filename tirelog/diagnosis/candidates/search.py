@@ -30,7 +30,7 @@ from tirelog.diagnosis.candidates.naming import (
     without_needless,
 )
 from tirelog.diagnosis.candidates.nuisances import (
-    RefittedNuisance,
+    Rival,
     allowed_nuisances,
     assess_nuisances,
     best_of,
@@ -241,7 +241,7 @@ def _search(
 
 def _with_one_to_begin(
     base: Base,
-    rivals: tuple[RefittedNuisance, ...] | None,
+    rivals: tuple[Rival, ...] | None,
     extra: tuple[Effect, ...],
     progress: Progress,
     climb: _Climb,
@@ -280,7 +280,7 @@ class _Climb:
     steps: list[Step] = field(default_factory=list)
     alike: list[tuple[str, str]] = field(default_factory=list)
     passed_over: Base | None = None
-    rivals: tuple[RefittedNuisance, ...] | None = None
+    rivals: tuple[Rival, ...] | None = None
 
     @property
     def named(self) -> int:

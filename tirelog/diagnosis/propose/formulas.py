@@ -154,7 +154,7 @@ def scan(ground: Ground) -> Scanned:
             if isinstance(columns, ModelError):
                 continue
             worth = ground.worth(ground.of_cells(columns), factors, 2 if form.wave else 1)
-            turned, good = _turned(worth.scores, worth.gram, worth.size)
+            turned, good = _turned(*worth)
             tried += int(good.sum())
             if not good.any():
                 continue

@@ -24,7 +24,7 @@ from tirelog.diagnosis.propose.grammar import GivenLaw, laws
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, change_to, with_fewer_cells
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric import Whitener, side_by_side
+from tirelog.inference.metric import Whitener, side_by_side, stacked
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.nuisances import ModelEffect
@@ -56,17 +56,8 @@ def typical(base: Base) -> dict[str, float]:
     return found
 
 
-@dataclass(frozen=True)
-class Gain:
-    """What columns are worth under each of some laws.
-
-    scores (L, M, k) of each manoeuvre, gram (L, k, k), size (L, k): squared length of the columns
-    before anything is taken out.
-    """
-
-    scores: FloatArray
-    gram: FloatArray
-    size: FloatArray
+#: scores, gram, size: see `Ground.worth`
+Worth = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class Ground:
@@ -207,10 +198,12 @@ class Ground:
         along = basis.T @ flat
         return np.asarray(flat - basis @ (along - inner @ along), dtype=np.float64)
 
-    def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Gain:
+    def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Worth:
         """What columns `of_cells` (C, m, S together) are worth under each law, factors (L, C).
 
-        Every `together` neighbouring columns are judged as one: scores (L S, M, together).
+        Every `together` neighbouring columns are judged as one, k = together: scores (L S, M, k) of
+        each manoeuvre, gram (L S, k, k), and (L S, k) the squared length of the columns before
+        anything is taken out.
         """
         C, _, K = columns.shape
         products = np.swapaxes(self._products, 1, 2) @ columns
@@ -223,7 +216,7 @@ class Ground:
         taken = summed[:, :rank].reshape(L, rank, S, together)
         gram = whole - np.einsum("lrsi,lrsj->lsij", taken, taken)
         scores = np.moveaxis(summed[:, rank:].reshape(L, self.manoeuvres, S, together), 1, 2)
-        return Gain(
+        return (
             scores.reshape(L * S, self.manoeuvres, together),
             gram.reshape(L * S, together, together),
             np.einsum("lsii->lsi", whole).reshape(L * S, together),
@@ -295,17 +288,6 @@ class MeasuredShape:
         return ModelEffect(effect, effect.parameters, {}, source)
 
 
-@dataclass(frozen=True)
-class _Hats:
-    """Hats along one frame: nodes (k,), columns (C, m, k) in the observable's unit per height."""
-
-    frame: str
-    acts_on: str
-    nodes: FloatArray
-    columns: FloatArray
-    likely: float
-
-
 def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     """The best shape of each frame, by falling removal held out; none if all fail.
 
@@ -318,11 +300,9 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
         own = or_refusal(_hats)(ground, *key)
         if isinstance(own, ModelError):
             continue
-        worth = ground.worth(ground.of_cells(own.columns), factors, own.nodes.size)
-        explained = [
-            _solved(worth.scores[i].sum(axis=0), worth.gram[i], own.likely)[0]
-            for i in range(len(given))
-        ]
+        nodes, columns, likely = own
+        scores, gram, _ = ground.worth(ground.of_cells(columns), factors, nodes.size)
+        explained = [_solved(scores[i].sum(axis=0), gram[i], likely)[0] for i in range(len(given))]
         ranked += [(e, key, law) for e, law in zip(explained, given, strict=True)]
     ranked.sort(key=lambda row: -row[0])
     best: dict[tuple[str, str], GivenLaw] = {}
@@ -341,15 +321,18 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     return list(best_of.values())
 
 
-def _hats(ground: Ground, frame: str, acts_on: str) -> _Hats:
-    """The hats of a frame on the ground's cells.  ModelError if they cannot be computed."""
+def _hats(ground: Ground, frame: str, acts_on: str) -> tuple[FloatArray, FloatArray, float]:
+    """Hats along one frame: nodes (k,), columns (C, m, k) in the observable's unit per height.
+
+    Also the height that is likely. ModelError if they cannot be computed.
+    """
     known = FRAMES[frame]
     nodes = NODES[frame, acts_on]
     if acts_on == "contact_pressure":
         unit = np.eye(nodes.size)[1:-1]
         inner = [_response(ground, acts_on, frame, nodes, row) for row in unit]
         ends = [np.zeros_like(inner[0])]
-        return _Hats(frame, acts_on, nodes, np.stack(ends + inner + ends, -1), _LIKELY[acts_on])
+        return nodes, np.stack(ends + inner + ends, -1), _LIKELY[acts_on]
     coordinate = ground.expression(known.coordinate, {})
     if acts_on == "load":
         # nodes over the range of speeds for what acts on the load: it is smooth; twice as many
@@ -359,7 +342,7 @@ def _hats(ground: Ground, frame: str, acts_on: str) -> _Hats:
         change = _response(ground, acts_on, frame, whole, np.ones(2))
         columns = change[..., None] * hats_on(coordinate, nodes)
         likely = _LIKELY[acts_on] * float(np.mean(ground.values["load"]))
-        return _Hats(frame, acts_on, nodes, columns, likely)
+        return nodes, columns, likely
     if known.periodic is None:
         reach = float(coordinate.max())
         nodes = nodes[: int(np.searchsorted(nodes, reach)) + 1] if nodes[0] == 0.0 else nodes
@@ -372,7 +355,7 @@ def _hats(ground: Ground, frame: str, acts_on: str) -> _Hats:
     if known.periodic is not None:  # the last node is the first
         columns[..., 0] += columns[..., -1]
         columns, nodes = columns[..., :-1], nodes[:-1]
-    return _Hats(frame, acts_on, nodes, columns, _LIKELY[""] * ground.missing)
+    return nodes, columns, _LIKELY[""] * ground.missing
 
 
 def _response(
@@ -402,31 +385,21 @@ def _solved(
 @or_refusal
 def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShape:
     """One shape on all cells, and what it removes from manoeuvres left out."""
-    base, own = full.base, _hats(full, *key)
-    factor = full.law(law.text, law.numbers)
-    left = side_by_side(
-        lambda some: full.coupled(full.of_cells(factor[:, None, None] * some)), [own.columns]
-    ).reshape(-1, own.nodes.size)
+    base, (nodes, columns, likely), (frame, acts_on) = full.base, _hats(full, *key), key
+    factor = full.law(law.text, law.numbers)[:, None, None]
+    left = stacked(side_by_side(lambda some: full.coupled(full.of_cells(factor * some)), [columns]))
     along = left.T @ full.residual.ravel()
-    explained, heights, covariance = _solved(along, left.T @ left, own.likely)
-    removed, gain = _held_out(base, own.columns * factor[:, None, None])
+    explained, heights, covariance = _solved(along, left.T @ left, likely)
+    white, plain = held_out_losses(base.cells, base.white, base.plain, base.fit, columns * factor)
+    gain, error = gain_and_error(base.held_white, white)
     rest = max((full.square - explained) / max(base.fit.freedom, 1.0), 1.0)
-    acts_on = own.acts_on or base.model.observable
     return MeasuredShape(
-        own.frame,
-        acts_on,
-        law.written() or "1",
-        own.nodes,
-        heights,
-        np.sqrt(np.maximum(np.diag(covariance), 0.0) * rest),
-        removed,
-        gain,
+        frame=frame,
+        acts_on=acts_on or base.model.observable,
+        law=law.written() or "1",
+        nodes=nodes,
+        values=heights,
+        band=np.sqrt(np.maximum(np.diag(covariance), 0.0) * rest),
+        removed=float((base.held_plain - plain).sum()) / base.plain.weight,
+        gain=gain / error if error > 0.0 else 0.0,
     )
-
-
-def _held_out(base: Base, columns: FloatArray) -> tuple[float, float]:
-    """(mean square [unit^2] that free columns remove held out, gain over its error)."""
-    held_white, held_plain = held_out_losses(base.cells, base.white, base.plain, base.fit, columns)
-    gain, error = gain_and_error(base.held_white, held_white)
-    removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
-    return removed, gain / error if error > 0.0 else 0.0
