@@ -202,58 +202,61 @@ _PARITY = {
 }
 
 
-def _above_floor(facts: Mapping[str, Any]) -> str:
-    """How far a held-out error is above the floor, if it is."""
-    floors = sqrt(max(facts["before"], 0.0) / facts["floor"]) if facts["floor"] > 0.0 else 0.0
-    if floors <= QUIET_FLOORS:
-        return ""
-    return (
-        f"; held out it is {floors:.3g} floors, no more than {facts['manoeuvres']} manoeuvres "
-        "leave uncertain in its parameters"
-    )
-
-
 def sentence_of(facts: Mapping[str, Any]) -> str:
     """The verdict in one sentence; what is no physics first if conditions may be wrong."""
     verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
-    names = " and ".join(selected)
-    excess = (
-        max(facts["before"] - facts["floor"], 0.0) / facts["floor"] if facts["floor"] > 0 else 0.0
-    )
+    names, one = " and ".join(selected), len(selected) == 1
+    before, floor, manoeuvres = facts["before"], facts["floor"], facts["manoeuvres"]
     if verdict == "nothing_missing":
+        said = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
+        beside = f" with {said} beside it" if said else ""
+        floors, above = sqrt(max(before, 0.0) / floor) if floor > 0.0 else 0.0, ""
+        if floors > QUIET_FLOORS:
+            above = (
+                f"; held out it is {floors:.3g} floors, no more than {manoeuvres} manoeuvres leave "
+                "uncertain in its parameters"
+            )
         return (
-            f"Nothing is missing that this data could show: what the model{_beside(facts)} leaves "
-            f"is the noise floor{_above_floor(facts)}."
+            f"Nothing is missing that this data could show: what the model{beside} leaves is the "
+            f"noise floor{above}."
         )
     if verdict == "scatter":
         return f"{_scatter(facts)} {_first_check(facts)}"
     if verdict == "too_few":
         return (
-            f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none "
-            "is claimed."
+            f"Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is claimed."
         )
     if verdict == "unknown":
+        excess = max(before - floor, 0.0) / floor if floor > 0 else 0.0
         return (
             f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. "
             f"{_first_check(facts)}"
         )
-    if verdict == "ambiguous":
+    is_missing = f"{names} {'is' if one else 'are'} missing"
+    removes = "it removes" if one else "they remove"
+    if verdict == "ambiguous" and facts["groups"]:
         sets = "; ".join(" or ".join(group) for group in facts["groups"])
-        shares = facts["shares"]
         each = ", ".join(
-            f"{name} removes {percent(shares[name])} of the excess"
+            f"{name} removes {percent(facts['shares'][name])} of the excess"
             for group in facts["groups"]
             for name in group
-            if name in shares
+            if name in facts["shares"]
         )
-        if not sets:
-            return _or_nuisance(names, share, facts["or_nuisance"])
         return f"Missing is {sets}: these data cannot tell which; {each}."
+    if verdict == "ambiguous":
+        places = " and ".join(
+            f"in place of {effect} {NUISANCES_SAID[nuisance]}"
+            for nuisance, effect in facts["or_nuisance"]
+        )
+        return (
+            f"{is_missing}, or {places}: these data cannot tell which; {removes} {percent(share)} "
+            "of the excess."
+        )
     if verdict == "partial":
         rest = facts["unexplained"]
         explains = (
-            f"{names} {'explains' if len(selected) == 1 else 'explain'} {percent(share)} of the "
-            f"excess; the other {percent(1 - share)}"
+            f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the other "
+            f"{percent(1 - share)}"
         )
         if share >= 0.9:
             return (
@@ -264,28 +267,14 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             return f"{explains} has no name: {_SHAPELESS}. {_first_check(facts)}"
         where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
         return f"{explains} repeats{where} and has no name yet. {_first_check(facts)}"
-    one = len(selected) == 1
-    said = f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} "
     if facts["total"] < facts["explained"]:
         factor, unit = shown(facts["observable"], facts["unit"])
-        rest = max(facts["after"] - facts["floor"], 0.0) ** 0.5 * factor
+        left = max(facts["after"] - floor, 0.0) ** 0.5 * factor
         return (
-            f"{said}{percent(share)} of the excess that repeats; {rest:.3g} "
+            f"{is_missing}: {removes} {percent(share)} of the excess that repeats; {left:.3g} "
             f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {_first_check(facts)}"
         )
-    return f"{said}{percent(share)} of the excess."
-
-
-def _or_nuisance(names: str, share: float, pairs: Sequence[tuple[str, str]]) -> str:
-    """Effects that are missing unless a nuisance stands in the place of one of them."""
-    places = " and ".join(
-        f"in place of {effect} {NUISANCES_SAID[nuisance]}" for nuisance, effect in pairs
-    )
-    one = " and " not in names
-    return (
-        f"{names} {'is' if one else 'are'} missing, or {places}: these data cannot tell which; "
-        f"{'it removes' if one else 'they remove'} {percent(share)} of the excess."
-    )
+    return f"{is_missing}: {removes} {percent(share)} of the excess."
 
 
 def _first_check(facts: Mapping[str, Any]) -> str:
@@ -294,20 +283,10 @@ def _first_check(facts: Mapping[str, Any]) -> str:
     return f"Or the conditions are wrong: {'; or '.join(suspected)}." if suspected else FIRST_CHECK
 
 
-def _beside(facts: Mapping[str, Any]) -> str:
-    """The nuisances that stand beside the model, as a part of a sentence."""
-    beside = facts["beside"]
-    return (
-        f" with {' and '.join(NUISANCES_SAID[name] for name in beside)} beside it" if beside else ""
-    )
-
-
 def _nearest(facts: Mapping[str, Any]) -> str:
     """What no effect explains; or what one would explain, and why it is not named all the same."""
-    nearest, share = (
-        facts["unexplained"].get("nearest_effect"),
-        facts["unexplained"].get("nearest_share"),
-    )
+    rest = facts["unexplained"]
+    nearest, share = rest.get("nearest_effect"), rest.get("nearest_share")
     if not nearest:
         return " that no effect of the catalogue explains"
     if share < facts["enough"]:
@@ -315,11 +294,9 @@ def _nearest(facts: Mapping[str, Any]) -> str:
             f" that no effect of the catalogue explains; the nearest, {nearest}, explains "
             f"{percent(share)}"
         )
-    why = (
-        "its strength cannot be told from nothing here"
-        if nearest in facts["unestablished"]
-        else "that is not beyond doubt"
-    )
+    why = "that is not beyond doubt"
+    if nearest in facts["unestablished"]:
+        why = "its strength cannot be told from nothing here"
     return f"; {nearest} would explain {percent(share)} of the excess, but {why}, so none is named"
 
 

@@ -303,27 +303,33 @@ _BLOCK = 256
 
 
 @dataclass(frozen=True)
-class Inclusion:
-    """The steps of a search under so many draws of its manoeuvres.
+class StepInclusion:
+    """One step of the search: the share of draws that named each effect, and that named `none`."""
 
-    Of each step its number, what it `named`, the share of the draws that named each effect
-    (`shares`), and that of those that named none.
-    """
+    step: int
+    named: str | None
+    shares: dict[str, float]
+    none: float
+
+
+@dataclass(frozen=True)
+class Inclusion:
+    """The steps of a search under so many draws of its manoeuvres."""
 
     draws: int
     manoeuvres: int
-    steps: tuple[Mapping[str, Any], ...]
+    steps: tuple[StepInclusion, ...]
 
     @property
     def sentences(self) -> list[str]:
         """A sentence for each step; that a name hangs on some manoeuvres is said."""
         said = []
         for step in self.steps:
-            shares, none, named = step["shares"], step["none"], step["named"]
+            shares, none, named = step.shares, step.none, step.named
             order = sorted(shares.items(), key=lambda item: -item[1])
             parts = [f"{name} in {100.0 * share:.0f} %" for name, share in order if share > 0.0]
             parts += [f"nothing in {100.0 * none:.0f} %"] if none > 0.0 else []
-            which = f"step {step['step']} of the search" if len(self.steps) > 1 else "the search"
+            which = f"step {step.step} of the search" if len(self.steps) > 1 else "the search"
             text = (
                 f"of {self.draws} draws of the {self.manoeuvres} manoeuvres {which} names "
                 f"{', '.join(parts)}"
@@ -334,7 +340,7 @@ class Inclusion:
         return said
 
     def to_json(self) -> dict[str, Any]:
-        return vars(self) | {"steps": list(self.steps)}
+        return vars(self) | {"steps": [vars(step) for step in self.steps]}
 
 
 def inclusion(
@@ -349,7 +355,7 @@ def inclusion(
     for i, step in enumerate(found.steps, start=1):
         shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
         none = max(1.0 - sum(shares.values()), 0.0)
-        steps.append({"step": i, "named": named, "shares": shares, "none": none})
+        steps.append(StepInclusion(i, named, shares, none))
     return Inclusion(draws, count, tuple(steps))
 
 

@@ -174,14 +174,14 @@ def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError
         for one in candidates
     ]
     jobs = [partial(_again, base, *pair) for pair in zip(candidates, trials, strict=True)]
-    found: list[Base | ModelError] = []
-    for again in made_apart(jobs):
-        if isinstance(again, ModelError):
-            found.append(again)
-            continue
-        fit, white, plain = again
-        found.append(replace(base, cells=fit.cells, fit=fit, held_white=white, held_plain=plain))
-    return found
+    return [
+        again
+        if isinstance(again, ModelError)
+        else replace(
+            base, cells=again[0].cells, fit=again[0], held_white=again[1], held_plain=again[2]
+        )
+        for again in made_apart(jobs)
+    ]
 
 
 @dataclass(frozen=True)
@@ -210,11 +210,6 @@ class Refitted:
         What stands at its bounds, or what other parameters do as well, is not.
         """
         return self.sigmas >= ESTABLISHED_SIGMAS
-
-    @property
-    def at_bounds(self) -> bool:
-        """Whether one of its own parameters stands at a bound that it would cross."""
-        return any(name.startswith(f"{self.id}.") for name in self.base.fit.held)
 
 
 @dataclass(frozen=True)
@@ -292,13 +287,12 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
         if isinstance(found, ModelError):
             reasons[one.id] = found.what
         else:
-            tried.append(Refitted(one, found))
-    if not tried:
-        return []
-    tried = [replace(r, sigmas=strength_sigmas(r.base, r.id)) for r in tried]
+            tried.append(Refitted(one, found, sigmas=strength_sigmas(found, one.id)))
     tried.sort(key=lambda r: (not r.established, float(r.base.held_white.sum())))
-    best = tried[0].base
-    return [Refitted(r.assessed, r.base, *likenesses(base, best, r.base), r.sigmas) for r in tried]
+    return [
+        Refitted(r.assessed, r.base, *likenesses(base, tried[0].base, r.base), r.sigmas)
+        for r in tried
+    ]
 
 
 def strength_sigmas(base: Base, effect_id: str) -> float:
@@ -403,7 +397,7 @@ def right_to_the_floor(best: Refitted) -> bool:
 
     Once what it explains is no longer taken for scatter.
     """
-    if best.at_bounds:
+    if any(name.startswith(f"{best.id}.") for name in best.base.fit.held):  # it would cross a bound
         return False
     after = with_scatter_estimated(best.base)
     return at_noise_floor(after, after.floor.square)

@@ -405,39 +405,33 @@ def ranking_of(
     """
     first = found.steps[0]
     refitted = {r.id: r for r in first.contenders}
-    rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
-    tested = [
-        a for a in first.assessed if a.id not in first.reasons or a.id in selected
-    ]  # a failed refit is no number
-    for a in tested:
-        removed = (
-            refitted[a.id].base.square_held
-            if a.id in refitted
-            else first.before.square_held - a.removed
-        )
+    own: dict[str, tuple[Assessed, float]] = {}
+    for a in first.assessed:
+        if a.id in first.reasons and a.id not in selected:
+            continue  # a failed refit is no number
+        left = first.before.square_held - a.removed
+        if a.id in refitted:
+            left = refitted[a.id].base.square_held
         unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
-        share = (first.before.square_held - removed) / excess if shared else 0.0
+        share = (first.before.square_held - left) / excess if shared else 0.0
         share = share_of_all if tuple(selected) == (a.id,) else share
-        rows.append((a, float(np.clip(share, 0.0, 1.0)), _strengths(found, a, refitted)))
-    later = [s.named for s in found.steps[1:] if s.named is not None]
-    p = {r.id: r.assessed.p for r in later}
-    order = [r.id for r in first.contenders] + [a.id for a in tested if a.id not in refitted]
-    order = list(selected) + [name for name in order if name not in selected]
+        own[a.id] = a, float(np.clip(share, 0.0, 1.0))
+    p = {s.named.id: s.named.assessed.p for s in found.steps[1:] if s.named is not None}
+    order = dict.fromkeys([*selected, *(r.id for r in first.contenders), *own])
     groups = {s.named.id: s.group for s in found.steps if s.named is not None}
-    by_id = {a.id: (a, share, strengths) for a, share, strengths in rows}
     return tuple(
         Candidate(
             effect=name,
             rank=i + 1,
-            excess_removed=by_id[name][1],
-            p_adjusted=p.get(name, by_id[name][0].p),
+            excess_removed=own[name][1],
+            p_adjusted=p.get(name, own[name][0].p),
             selected=name in selected,
             group=tuple(g for g in groups.get(name, ()) if g != name),
-            statistic=by_id[name][0].statistic,
-            strengths=by_id[name][2],
+            statistic=own[name][0].statistic,
+            strengths=_strengths(found, own[name][0], refitted),
         )
-        for i, name in enumerate(n for n in order if n in by_id)
+        for i, name in enumerate(n for n in order if n in own)
     )
 
 
