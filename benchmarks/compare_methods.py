@@ -20,9 +20,13 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from benchmarks.cases import IN_CATALOGUE, Case, case
-from tirelog.diagnosis.candidates.assessment import assess, nuisance
-from tirelog.diagnosis.candidates.effect_jacobians import all_signatures, candidate_effects
-from tirelog.diagnosis.candidates.naming import first_step
+from tirelog.diagnosis.candidates.assessment import (
+    all_signatures,
+    assess,
+    beside_base,
+    candidate_effects,
+)
+from tirelog.diagnosis.candidates.naming import next_step
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.stacks.cut import joined, stacks_from_logs
@@ -40,8 +44,7 @@ class Seen:
     """
 
     def __init__(self, base: Base) -> None:
-        known = nuisance(base)
-        residual = known.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
+        known, residual = beside_base(base)
         found, _ = all_signatures(base, candidate_effects(base.model))
         best, _ = assess(base, found)
         self.residual = residual.reshape(-1)
@@ -123,7 +126,7 @@ def by_sparse(ensemble: bool) -> Callable[[Seen], str]:
 
 
 def ours(seen: Seen) -> str:
-    step = first_step(seen.base)
+    step = next_step(seen.base)
     return step.named.id if step.named else ""
 
 

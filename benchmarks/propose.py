@@ -28,7 +28,7 @@ import tirelog
 from benchmarks.hidden import wilson
 from benchmarks.nuisance_worlds import FIRST_REPORTING, CaseOf
 from tirelog.diagnosis.propose.grammar import EXPONENTS, FRAMES
-from tirelog.diagnosis.propose.results import FoundFormula, Term
+from tirelog.diagnosis.propose.propose import FoundFormula, Term
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, to_recording

@@ -27,7 +27,7 @@ from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.residual_structure import factors_of
 from tirelog.diagnosis.candidates.separation import ALLOWED
-from tirelog.diagnosis.wording import not_varied
+from tirelog.diagnosis.answer import not_varied
 from tirelog.errors import ModelError, SetupError
 from tirelog.inference.stacks.manoeuvres import conditions_of
 from tirelog.inference.stacks.manoeuvres import MEASURED

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.wording import not_varied
+from tirelog.diagnosis.answer import not_varied
 from tirelog.physics.effects import BY_ID
 
 

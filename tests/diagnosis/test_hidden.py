@@ -9,7 +9,7 @@ import json
 import pytest
 
 from benchmarks.cases import Case, case
-from tirelog.diagnosis import by_group
+from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis.certainty import certainty_of
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
@@ -67,7 +67,7 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     assert marks.least_p < 0.01
     assert marks.heldout_after * result.noise_floor == pytest.approx(result.rmse_heldout_after)
     # a bare beam's strain: some simulated cases were like it, unless its manoeuvres are too few
-    drawn = by_group.with_draws(result, 200)
+    drawn = diagnosing.with_draws(result, 200)
     first, second = drawn.inclusion.steps
     assert first.named == "edge_impact"
     assert first.shares["edge_impact"] > 0.8

@@ -8,13 +8,13 @@ import pytest
 from benchmarks.cases import Case, case
 from benchmarks.nuisance_worlds import CaseOf
 from tirelog.diagnosis import diagnose
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
-from tirelog.diagnosis.candidates.nuisance_selection import (
+from tirelog.diagnosis.candidates.assessment import at_noise_floor
+from tirelog.diagnosis.candidates.nuisances import (
     allowed_nuisances,
     best_nuisance,
     groups_of,
+    nuisances_found,
 )
-from tirelog.diagnosis.candidates.nuisance_sizes import nuisances_found
 from tirelog.diagnosis.candidates.search import search_effects
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Conditions, Stack
-from tirelog.diagnosis.candidates.effect_jacobians import refuse_stand_in
+from tirelog.diagnosis.candidates.assessment import refuse_stand_in
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.ladder import ladder
 from tirelog.errors import ModelError

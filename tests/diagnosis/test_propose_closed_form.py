@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import MODEL, since_exit, stack
-from tirelog.diagnosis.candidates.effect_jacobians import hats_on
+from tirelog.diagnosis.candidates.assessment import hats_on
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.propose.formulas import (
     Atom,
@@ -18,8 +18,7 @@ from tirelog.diagnosis.propose.formulas import (
     unit_columns,
 )
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
-from tirelog.diagnosis.propose.ground import Ground
-from tirelog.diagnosis.propose.measured_shapes import measured_shapes
+from tirelog.diagnosis.propose.ground import Ground, measured_shapes
 from tirelog.vocabulary.arrays import FloatArray
 
 
@@ -39,7 +38,7 @@ def test_worth_by_the_low_rank_is_that_of_the_columns_themselves(ground: Ground)
     random = np.random.default_rng(3)
     columns = ground.of_cells(random.standard_normal((*ground.residual.shape, 4)))
     factors = np.stack([np.ones(len(ground.base.cells)), ground.law("speed / 20", {})])
-    worth = ground.worth(columns, factors, 2)
+    under_laws, grams, _ = ground.worth(columns, factors, 2)
     for number, factor in enumerate(factors):
         left = ground.coupled(columns * factor[:, None, None])
         np.testing.assert_allclose(
@@ -48,11 +47,11 @@ def test_worth_by_the_low_rank_is_that_of_the_columns_themselves(ground: Ground)
         for pair in range(2):
             own, at = left[..., 2 * pair : 2 * pair + 2], 2 * number + pair
             flat = own.reshape(-1, 2)
-            np.testing.assert_allclose(worth.gram[at], flat.T @ flat, rtol=1e-8)
+            np.testing.assert_allclose(grams[at], flat.T @ flat, rtol=1e-8)
             along = (own * ground.residual[..., None]).sum(axis=1)
             scores = np.zeros((ground.manoeuvres, 2))
             np.add.at(scores, ground.base.cells.manoeuvre, along)
-            np.testing.assert_allclose(worth.scores[at], scores, atol=1e-6 * np.abs(scores).max())
+            np.testing.assert_allclose(under_laws[at], scores, atol=1e-6 * np.abs(scores).max())
 
 
 def test_of_many_cells_the_columns_are_the_same_without_the_low_rank(
@@ -89,7 +88,7 @@ def test_polishing_does_not_explain_less(ground: Ground) -> None:
     chosen = [form for form in forms() if form.words in words]
     assert len(chosen) == len(words)
     for form in chosen:
-        grid = {name: float(values[0]) for name, values in form.grid().items()}
+        grid = {name: float(values[0]) for name, values in next(form.grids(1)).items()}
         atom = Atom(form, grid, GivenLaw(LAWS[0], LAWS[0].text, {"n": 1.0}))
         assert polish(ground, atom).explained >= strengths(ground, atom)[1] * (1.0 - 1e-3)
 

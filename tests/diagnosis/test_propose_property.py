@@ -15,15 +15,20 @@ import pytest
 from tests.cli.conftest import Command, folder, tirelog
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tirelog.diagnosis import ladder as climbing
+from tirelog.diagnosis.answer import next_command
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, Scanned, entry_of
 from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
-from tirelog.diagnosis.propose.propose import LOCK_EVERY, _Climb, _without_needless, propose
-from tirelog.diagnosis.propose.results import Proposal
+from tirelog.diagnosis.propose.propose import (
+    LOCK_EVERY,
+    Proposal,
+    _Climb,
+    _without_needless,
+    propose,
+)
 from tirelog.diagnosis.residual_structure import describe
-from tirelog.diagnosis.wording import next_command
 from tirelog.errors import UsageError
 from tirelog.inference.base import Base, refit
 from tirelog.physics import Model
@@ -172,16 +177,15 @@ def test_a_term_that_a_later_one_made_needless_goes() -> None:
     for i, (atom, size) in enumerate(zip(atoms, sizes, strict=True), start=1):
         entry = entry_of(atom, size, f"proposed_{i}", "strain")
         draft = Draft(atom, entry, refit(climb.after, climb.after.model.with_entry(entry)))
-        climb.choices.append(Choice(draft, (draft, draft), (draft,)))
-        climb.scans.append(Scanned((), i, 0.001))
+        climb.choices.append(Choice(draft, (draft, draft), (draft,), Scanned((), i, 0.001)))
         climb.bases.append(draft.base)
     left = _without_needless(climb)
-    (choice,), (scanned,) = left.choices, left.scans
+    (choice,) = left.choices
     assert (choice.chosen.entry.id, choice.chosen.atom.form.profile.name) == (
         "proposed_1",
         "ringing",
     )
-    assert scanned.tried == 2
+    assert choice.scanned.tried == 2
     assert choice.as_good == (choice.chosen,)
     assert [entry.id for entry in left.after.model.effects] == ["proposed_1"]
     assert left.after.model.values["proposed_1.f"] == pytest.approx(120.0, rel=0.01)

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
+from tirelog.diagnosis.answer import sentence_of
+from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.candidates.naming import removed_by, worth_it
-from tirelog.diagnosis.candidates.nuisance_sizes import alike_sentences
+from tirelog.diagnosis.candidates.nuisances import alike_sentences
 from tirelog.diagnosis.rules import RULES, THRESHOLDS, Evidence, verdict_of
-from tirelog.diagnosis.wording import sentence_of
 
 NAMED = Evidence(few=False, named=1, share=1.0, rest=False, alike=False, repeats=False, quiet=False)
 

@@ -7,12 +7,13 @@ import pytest
 
 from tirelog.diagnosis.candidates.assessment import (
     Scores,
+    candidate_effects,
     flip_signs,
     flip_test,
     gain_and_error,
+    idle_candidates,
     surely_gains,
 )
-from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects, idle_candidates
 from tirelog.physics import CATALOGUE, Model
 
 

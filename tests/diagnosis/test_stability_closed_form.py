@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.planted import stack
-from tirelog.diagnosis import by_group
+from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis.certainty import (
     GroupVerdict,
     Inclusion,
@@ -104,13 +104,13 @@ def several():
 
 def test_pieces_without_a_log_are_those_of_the_others():
     pieces = several()
-    rest = by_group.of_logs(pieces, ["c", "a"])
+    rest = diagnosing.of_logs(pieces, ["c", "a"])
     assert rest.logs == ("a", "c")
     assert np.unique(rest.log).tolist() == [0, 1]
     assert np.unique(rest.manoeuvre).tolist() == list(range(16))
     assert np.array_equal(rest.mean, pieces.mean[pieces.log != 1], equal_nan=True)
     with pytest.raises(UsageError, match="no log is left"):
-        by_group.of_logs(pieces, [])
+        diagnosing.of_logs(pieces, [])
 
 
 def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
@@ -130,10 +130,10 @@ def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
             certainty=SimpleNamespace(probability=0.9),
         )
 
-    monkeypatch.setattr(by_group, "diagnose", found)
+    monkeypatch.setattr(diagnosing, "diagnose", found)
     pieces = several()
-    whole, some = found(pieces, None), partial(by_group.of_logs, pieces)
-    result = by_group.leave_one_out(by_group.logs_of(pieces), some, None, whole)
+    whole, some = found(pieces, None), partial(diagnosing.of_logs, pieces)
+    result = diagnosing.leave_one_out(diagnosing.logs_of(pieces), some, None, whole)
     assert asked[1:] == [("b", "c"), ("a", "c"), ("a", "b")]
     assert [(a.group, a.verdict) for a in result.without] == [
         ("a", ""),
@@ -141,13 +141,13 @@ def test_each_log_is_left_out_once_and_of_one_none_can_be(monkeypatch):
         ("c", "missing"),
     ]
     tires = {"old": ("a", "c"), "new": ("b",)}
-    each = by_group.each_alone(tires, some, None, by="tire")
+    each = diagnosing.each_alone(tires, some, None, by="tire")
     assert [(a.group, a.verdict, a.p) for a in each.answers] == [
         ("old", "nothing_missing", 0.002),
         ("new", "missing", 0.002),
     ]
     with pytest.raises(UsageError, match="one log alone: none can be left out"):
-        by_group.leave_one_out({"a": ("a",)}, some, None, whole)
+        diagnosing.leave_one_out({"a": ("a",)}, some, None, whole)
 
 
 def test_names_that_hang_on_some_manoeuvres_are_said_to():

@@ -12,9 +12,9 @@ import pytest
 from tirelog.cli.pages import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
-from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
+from tirelog.diagnosis.candidates.assessment import at_noise_floor
 from tirelog.diagnosis.compare import compare, comparison_of, measured_pieces, start_from
+from tirelog.diagnosis.results import agreement_sentence, contributions
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import (

@@ -11,8 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import RoadSetup, Setup
-from tirelog.diagnosis.obstacle_comparison import band_squares, compare_transients
-from tirelog.diagnosis.obstacles import fit_hit, motion_at
+from tirelog.diagnosis.obstacles import band_squares, compare_transients, fit_hit, motion_at
 from tirelog.errors import UsageError
 from tirelog.inference.obstacle_log import TransientLog, around, steady_revolutions, transient_log
 from tirelog.inference.stacks.align import PassageAngle

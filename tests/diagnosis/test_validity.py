@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.diagnosis.toy import stack
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.candidates.at_noise_floor import out_of_range
+from tirelog.diagnosis.candidates.assessment import out_of_range
 from tirelog.diagnosis.compare import compare
 from tirelog.physics import Model
 

@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
+from tirelog.diagnosis.answer import probability, rounding_sentences, sentence_of
 from tirelog.diagnosis.candidates import search
-from tirelog.diagnosis.candidates.assessment import least_p
-from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects
+from tirelog.diagnosis.candidates.assessment import candidate_effects, least_p
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.candidates.separation import (
@@ -23,7 +23,6 @@ from tirelog.diagnosis.candidates.separation import (
 )
 from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude
-from tirelog.diagnosis.wording import probability, rounding_sentences, sentence_of
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.stacks.cut import stacks_from_logs
@@ -140,7 +139,7 @@ def test_tension_over_inertia_is_found_and_what_stands_at_a_bound_stays_there(ti
 
 def test_the_last_effect_that_is_looked_for_is_in_the_model_too(tight, tension_found, monkeypatch):
     monkeypatch.setattr(search, "MOST_EFFECTS", 1)
-    monkeypatch.setattr(search, "first_step", lambda base, extra, known: tension_found.steps[0])
+    monkeypatch.setattr(search, "next_step", lambda *_, **__: tension_found.steps[0])
     found = search_effects(tight)
     assert found.named == ("belt_tension",)
     assert [effect.id for effect in found.after.model.effects] == ["belt_tension"]

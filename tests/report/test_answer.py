@@ -19,9 +19,9 @@ import pytest
 from tests.diagnosis.planted import MODEL, since_exit, stack
 from tests.report.test_page import data, numbers
 from tirelog.diagnosis.history import history_file
-from tirelog.diagnosis.obstacle_comparison import TransientComparison
-from tirelog.diagnosis.propose.measured_shapes import MeasuredShape
-from tirelog.diagnosis.propose.results import FoundFormula, HoldoutErrors, Proposal, Term
+from tirelog.diagnosis.obstacles import TransientComparison
+from tirelog.diagnosis.propose.ground import MeasuredShape
+from tirelog.diagnosis.propose.propose import FoundFormula, HoldoutErrors, Proposal, Term
 from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
@@ -305,7 +305,6 @@ def proposal(status: str = "formula") -> Proposal:
         model=None,
         locked=HoldoutErrors(6, 10.4e-6, 2.04e-6, 1.94e-6),
         observable="strain",
-        unit="1",
         rmse_heldout_before=13.2e-6,
         rmse_heldout_after=2.27e-6,
         noise_floor=2.28e-6,

@@ -15,7 +15,6 @@ from pathlib import Path as File
 from tirelog.api.logs import Logs, Path, each_log
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup
-from tirelog.diagnosis import by_group
 from tirelog.diagnosis import compare as comparing
 from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import fitted as forming
@@ -26,10 +25,14 @@ from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.fitted import AS_COMPARE, FitOfLogs, TireForm, fit_channels_measured
 from tirelog.diagnosis.gratings import GratingsFound
 from tirelog.diagnosis.history import read_history, remember
-from tirelog.diagnosis.obstacle_comparison import TransientComparison, compare_transients
-from tirelog.diagnosis.obstacles import FittedMotion, learn_motion
+from tirelog.diagnosis.obstacles import (
+    FittedMotion,
+    TransientComparison,
+    compare_transients,
+    learn_motion,
+)
 from tirelog.diagnosis.propose import propose as proposing
-from tirelog.diagnosis.propose.results import Proposal
+from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, Ladder
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
@@ -306,24 +309,24 @@ def diagnose(
     groups: Mapping[str, Sequence[str]] = {}
     by = "log" if leave_one_out is True else "tire"
     if pieces is not None:
-        known = by_group.logs_of(pieces)
+        known = diagnosing.logs_of(pieces)
         groups = known if isinstance(leave_one_out, bool) else _of_these(leave_one_out, known)
-        by_group.refuse_one(groups, by, "none can be left out")
+        diagnosing.refuse_one(groups, by, "none can be left out")
     result = diagnosing.diagnose(asked, model, effects=candidates, progress=progress)
     if bootstrap:
         progress(f"drawing the manoeuvres {bootstrap} times")
-        result = by_group.with_draws(result, bootstrap, candidates)
+        result = diagnosing.with_draws(result, bootstrap, candidates)
     if pieces is not None:
-        stability = by_group.leave_one_out(
+        stability = diagnosing.leave_one_out(
             groups,
-            partial(by_group.of_logs, pieces),
+            partial(diagnosing.of_logs, pieces),
             model,
             result,
             by=by,
             effects=candidates,
             progress=progress,
         )
-        result = by_group.with_stability(result, stability)
+        result = diagnosing.with_stability(result, stability)
     return result
 
 

@@ -159,14 +159,14 @@ def _with_each(
     by: str,
 ) -> Diagnosis:
     """The diagnosis with that of each log or tire alone, and of all without it."""
-    from tirelog.diagnosis import by_group
+    from tirelog.diagnosis import diagnose as diagnosing
 
     if len(groups) < 2:
         said = f"There is one {by} alone: nothing is to be held against it."
         return replace(found, notes=(*found.notes, said))
-    each = by_group.each_alone(groups, some, model, by=by, effects=effects)
-    stability = by_group.leave_one_out(groups, some, model, found, by=by, effects=effects)
-    return by_group.with_stability(found, stability, each)
+    each = diagnosing.each_alone(groups, some, model, by=by, effects=effects)
+    stability = diagnosing.leave_one_out(groups, some, model, found, by=by, effects=effects)
+    return diagnosing.with_stability(found, stability, each)
 
 
 def _outcome(result: Any) -> str:

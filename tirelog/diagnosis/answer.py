@@ -10,19 +10,27 @@ Numbers of a table stand in the unit in which a person reads them; whoever shows
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite, sqrt
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from tirelog.data.recording import Conditions
+from tirelog.diagnosis.candidates.assessment import least_p
+from tirelog.diagnosis.rules import QUIET_FLOORS
+from tirelog.physics.effects import BY_ID, Effect
+from tirelog.physics.model.model import Model
 from tirelog.tables.writer import document, table
+from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
 
 #: the module of the pictures, which loads a library of plots: only when one is drawn
 PICTURES = "tirelog.plots.answers"
@@ -123,3 +131,366 @@ def plain_values(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value
+
+
+# ---- Sentences: facts of a diagnosis in, text out.
+#
+# The only place where a diagnosis is put into words.
+
+
+# Said with every diagnosis, since no statistic can.
+#
+# conditions of the cells, the catalogue's `follows`
+#     -> one sentence, or none if everything that effects follow varies
+
+
+def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
+    """The sentence, '' if there is nothing to say."""
+    same: list[str] = []
+    unknown: list[str] = []
+    who: list[str] = []
+    candidates = list(effects)
+    for field in SETUP_KEYS:
+        followers = [
+            effect.id for effect in candidates if field in [name for name, _ in effect.followed]
+        ]
+        values = getattr(conditions, field)
+        known = bool(np.isfinite(values).all())
+        # a range below this share of the largest value is none: what follows the square of it then
+        # changes by 4 %; doubled, by 8 %
+        if not followers or (known and np.ptp(values) > 0.02 * np.abs(values).max()):
+            continue
+        condition = CONDITIONS[field]
+        (same if known else unknown).append(
+            f"{condition.name} {np.mean(values):.6g} {condition.unit}" if known else condition.name
+        )
+        who += [name for name in followers if name not in who]
+    if not who:
+        return ""
+    parts = ([f"the same throughout: {', '.join(same)}"] if same else []) + (
+        [f"not known: {', '.join(unknown)}"] if unknown else []
+    )
+    said = "; ".join(parts)
+    return (
+        f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
+        "shape at most; logs that differ in them would tell more."
+    )
+
+
+_WHERE = {
+    "entry": "at the entry edge",
+    "patch": "in the patch",
+    "exit": "behind the exit edge",
+    "away": "away from the patch",
+}
+_SHAPELESS = "is not shown to repeat from manoeuvre to manoeuvre, or is too small to matter"
+#: wrong conditions look like missing physics, and are likelier
+FIRST_CHECK = "First check what the setups say of load, pressure, water depth and radius."
+#: nuisances as a part of a sentence
+NUISANCES_SAID = {
+    "wheel": "the wheel's own run-out and force variation",
+    "drift": "a drift",
+    "rolling": "another rolling radius",
+    "patch_law": "another patch law",
+    "pressure_law": "another law of the pressure",
+    "form": "a form of its own",
+}
+_PARITY = {
+    "even": "even about the patch centre",
+    "odd": "odd about the patch centre",
+    "mixed": "neither even nor odd",
+}
+
+
+def sentence_of(facts: Mapping[str, Any]) -> str:
+    """The verdict in one sentence; what is no physics first if conditions may be wrong."""
+    verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
+    names, one = " and ".join(selected), len(selected) == 1
+    before, floor, manoeuvres = facts["before"], facts["floor"], facts["manoeuvres"]
+    if verdict == "nothing_missing":
+        said = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
+        beside = f" with {said} beside it" if said else ""
+        floors, above = sqrt(max(before, 0.0) / floor) if floor > 0.0 else 0.0, ""
+        if floors > QUIET_FLOORS:
+            above = (
+                f"; held out it is {floors:.3g} floors, no more than {manoeuvres} manoeuvres leave "
+                "uncertain in its parameters"
+            )
+        return (
+            f"Nothing is missing that this data could show: what the model{beside} leaves is the "
+            f"noise floor{above}."
+        )
+    if verdict == "scatter":
+        return f"{_scatter(facts)} {_first_check(facts)}"
+    if verdict == "too_few":
+        return (
+            f"Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is claimed."
+        )
+    if verdict == "unknown":
+        excess = max(before - floor, 0.0) / floor if floor > 0 else 0.0
+        return (
+            f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. "
+            f"{_first_check(facts)}"
+        )
+    is_missing = f"{names} {'is' if one else 'are'} missing"
+    removes = "it removes" if one else "they remove"
+    if verdict == "ambiguous" and facts["groups"]:
+        sets = "; ".join(" or ".join(group) for group in facts["groups"])
+        each = ", ".join(
+            f"{name} removes {percent(facts['shares'][name])} of the excess"
+            for group in facts["groups"]
+            for name in group
+            if name in facts["shares"]
+        )
+        return f"Missing is {sets}: these data cannot tell which; {each}."
+    if verdict == "ambiguous":
+        places = " and ".join(
+            f"in place of {effect} {NUISANCES_SAID[nuisance]}"
+            for nuisance, effect in facts["or_nuisance"]
+        )
+        return (
+            f"{is_missing}, or {places}: these data cannot tell which; {removes} {percent(share)} "
+            "of the excess."
+        )
+    if verdict == "partial":
+        rest = facts["unexplained"]
+        explains = (
+            f"{names} {'explains' if one else 'explain'} {percent(share)} of the excess; the other "
+            f"{percent(1 - share)}"
+        )
+        if share >= 0.9:
+            return (
+                f"{explains} repeats and is within what a somewhat different form of {names} "
+                f"would leave. {_first_check(facts)}"
+            )
+        if not rest.get("significant"):
+            return f"{explains} has no name: {_SHAPELESS}. {_first_check(facts)}"
+        where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
+        return f"{explains} repeats{where} and has no name yet. {_first_check(facts)}"
+    if facts["total"] < facts["explained"]:
+        factor, unit = shown(facts["observable"], facts["unit"])
+        left = max(facts["after"] - floor, 0.0) ** 0.5 * factor
+        return (
+            f"{is_missing}: {removes} {percent(share)} of the excess that repeats; {left:.3g} "
+            f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {_first_check(facts)}"
+        )
+    return f"{is_missing}: {removes} {percent(share)} of the excess."
+
+
+def _first_check(facts: Mapping[str, Any]) -> str:
+    """What to look at before physics: the conditions that would explain much, or all of them."""
+    suspected = facts.get("suspects")
+    return f"Or the conditions are wrong: {'; or '.join(suspected)}." if suspected else FIRST_CHECK
+
+
+def _nearest(facts: Mapping[str, Any]) -> str:
+    """What no effect explains; or what one would explain, and why it is not named all the same."""
+    rest = facts["unexplained"]
+    nearest, share = rest.get("nearest_effect"), rest.get("nearest_share")
+    if not nearest:
+        return " that no effect of the catalogue explains"
+    if share < facts["enough"]:
+        return (
+            f" that no effect of the catalogue explains; the nearest, {nearest}, explains "
+            f"{percent(share)}"
+        )
+    why = "that is not beyond doubt"
+    if nearest in facts["unestablished"]:
+        why = "its strength cannot be told from nothing here"
+    return f"; {nearest} would explain {percent(share)} of the excess, but {why}, so none is named"
+
+
+def percent(share: float) -> str:
+    """A share as the table of the ranking prints it."""
+    return f"{100.0 * share:.1f} %"
+
+
+def probability(p: float, manoeuvres: int) -> str:
+    """A p-value for a reader.
+
+    If it is the least that so many manoeuvres allow, it is at most that.
+    """
+    return f"<= {p:.2g}" if p <= 2.0 * least_p(manoeuvres) else f"{p:.2g}"
+
+
+def strengths(found: Mapping[str, Mapping[str, Any]], most: int | None = None) -> str:
+    """Strengths with their errors; a dash without a refit: a linear step may be no physics."""
+    parts = []
+    for name, s in list(found.items())[:most]:
+        if s["se"] is None:
+            return "-"
+        error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
+        if (with_form := s.get("se_with_form")) is not None:
+            beside = (
+                f"with form {with_form:.2g}"
+                if isfinite(with_form)
+                else "not determined with a form"
+            )
+            error += f" ({beside})"
+        unit = f" {s['unit']}" if s["unit"] != "1" else ""
+        parts.append(f"{name} {s['value']:.4g} {error}{unit}")
+    return ", ".join(parts) or "-"
+
+
+def separation_sentence(row: Mapping[str, Any]) -> str:
+    """A manoeuvre that parts rivals."""
+    times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
+    return (
+        f"to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
+        f"({row['separation_sigma']:.1f} sigma a run)"
+    )
+
+
+def rounding_sentences(observable: str, held: float, floor: float, rounding: float) -> list[str]:
+    """What to say, if anything, of mean squares beside what rounding leaves in single values."""
+    factor, unit = OBSERVABLES[observable].shown_factor, OBSERVABLES[observable].shown_unit
+    size = f"{rounding**0.5 * factor:.3g} {unit}"
+    # an error is below what rounding leaves from this share of its mean square on: 5 % in size,
+    # more than chance does on a short log. Half of it would pass copied values by
+    if rounding > 0.0 and min(held, floor) < 0.9 * rounding:
+        return [
+            f"the error held out is {max(held, 0.0) ** 0.5 * factor:.3g} {unit} at a floor of "
+            f"{floor**0.5 * factor:.3g}, and the steps in "
+            f"which the values come leave {size} already: steps and samples are not independent, "
+            "as when the noise is far below a step, or values were copied, interpolated or "
+            "made; the error is no measure of the model then; log finer steps"
+        ]
+    # share of the floor's mean square from which on rounding is said; doubling it would say it
+    # never
+    if rounding > 0.5 * floor:
+        return [
+            f"{percent(rounding / floor)} of the floor's mean square is rounding: "
+            f"the steps in which the values come leave {size}; "
+            "what is smaller is not seen; log finer steps"
+        ]
+    return []
+
+
+def _scatter(facts: Mapping[str, Any]) -> str:
+    """What does not repeat: how much, against what, and what it goes with."""
+    scatter = facts["scatter"]
+    factor, unit = shown(facts["observable"], facts["unit"])
+    floors = (facts["before"] / facts["floor"]) ** 0.5 if facts["floor"] > 0 else 0.0
+    looks = " It looks like a load that changes." if scatter["like_load"] else ""
+    follows = scatter["follows"]
+    if follows.startswith("log "):
+        goes = (
+            f" It is {'larger' if scatter['grows'] else 'smaller'} in log {int(follows[4:]) + 1} "
+            "than in the others."
+        )
+    elif follows:
+        goes = (
+            f" It {'grows' if scatter['grows'] else 'falls'} with "
+            f"{follows}{_or_those(scatter['together'])}."
+        )
+    else:
+        goes = " Nothing that the logs hold is found to go with it."
+    if facts["unexplained"]["significant"]:
+        return (
+            f"What is left repeats, but is too small to matter: held out {floors:.2f} floors, "
+            f"reduced chi-square {facts['chi2']:.3g}."
+        )
+    shown_not = "is not shown to repeat" if follows else "does not repeat"
+    return (
+        f"What is left {shown_not} from manoeuvre to manoeuvre, and is more than noise: "
+        f"{scatter['size'] * factor:.3g} {unit} "
+        f"(held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}).{looks}{goes}"
+    )
+
+
+def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
+    """What remains, in physical words."""
+    if few:
+        return "Whether what remains repeats cannot be tested on so few manoeuvres."
+    if not facts["significant"]:
+        return f"What remains {_SHAPELESS}."
+    if facts.get("contradicts"):
+        return (
+            f"What remains repeats: {facts['observable']} contradicts the others on what they "
+            "share."
+        )
+    parts = [f"in {facts['observable']}"] if facts.get("observable") else []
+    if facts["where"]:
+        parts.append(_WHERE[facts["where"]])
+        if not facts["in_time"]:
+            parts.append(_PARITY[facts["parity"]])
+    if facts["frequency_Hz"]:
+        parts.append(f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time")
+    elif facts["follows"] == "nothing":
+        parts.append("much the same at every speed")
+    elif facts["speed_exponent"] is not None:
+        parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
+    elif facts["follows"]:
+        parts.append(_following(facts))
+    if facts["in_time"] and not facts["frequency_Hz"]:
+        parts.append("fixed in the time since that edge")
+    if facts["in_pressure"] and not facts["frequency_Hz"]:
+        parts.append("as a change of the contact pressure would be")
+    near = ""
+    if facts["nearest_effect"]:
+        near = (
+            f" The nearest effect is {facts['nearest_effect']}: "
+            f"{percent(facts['nearest_share'])} of the excess."
+        )
+    return f"What remains repeats: {', '.join(parts)}.{near}"
+
+
+def _following(facts: Mapping[str, Any]) -> str:
+    """What a remainder follows, with what went along with it."""
+    follows = str(facts["follows"])
+    if follows.startswith("log "):
+        return f"other in log {int(follows[4:]) + 1} than in the others"
+    return f"following {follows}{_or_those(facts['together'])}"
+
+
+def _or_those(along: Sequence[str]) -> str:
+    """What moved together with a quantity, so that it could be any of them."""
+    return f" (or {' or '.join(along)}, which went along with it)" if along else ""
+
+
+def next_command(
+    verdict: str,
+    selected: Sequence[str],
+    *,
+    model: Model,
+    logs: Sequence[str],
+    beside: Sequence[str] = (),
+    large_rest: bool = False,
+    grating: str = "",
+) -> str:
+    """The command to type next.
+
+    `beside`: nuisances that the model does not ask for yet; `large_rest`: something of size repeats
+    beside what is named; `grating`: one of several that were asked, for what takes one alone.
+    """
+    file = str(model.path) if model.path else "MODEL.toml"
+    stem = file.removesuffix(".toml")
+    file = shlex.quote(file)
+    # more logs than these are not spelled out in a command; twice as many make a line that few
+    # terminals show whole
+    given = shlex.join(logs) if len(logs) <= 12 else "LOG..."
+    # a shape is sought in one waveform: `propose` refuses a model of several observables
+    one_waveform = model.observable in WAVEFORMS and len(model.observables) == 1
+    if (verdict == "unknown" or large_rest) and one_waveform:
+        one = f" --channel {shlex.quote(grating)}" if grating else ""
+        better = shlex.quote(f"{stem}+proposed.toml")
+        return f"tirelog propose {given} --model {file} -o {better}{one}"
+    if (verdict in ("missing", "partial", "ambiguous") and selected) or beside:
+        adds = []
+        own = f" --effects {shlex.quote(str(model.effects_file))}"  # the longer model remembers it
+        parts = [
+            ("add", name, own if name not in BY_ID and model.effects_file else "")
+            for name in selected
+        ]
+        parts += [("nuisance", name, " on") for name in beside]
+        for word, name, use in parts:
+            stem = f"{stem}+{name}"
+            longer = shlex.quote(f"{stem}.toml")
+            adds.append(f"tirelog model {word} {file} {name}{use} -o {longer}")
+            file = longer
+        return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
+    if verdict in ("unknown", "scatter"):
+        return f"tirelog compare {given} --model {file} --plot residual.png"
+    if verdict == "too_few":
+        return f"tirelog diagnose {given} MORE_LOGS --model {file}"
+    return f"tirelog compare {given} --model {file}"

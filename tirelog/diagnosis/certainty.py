@@ -31,13 +31,14 @@ import numpy as np
 
 from tirelog.diagnosis.answer import plain_fields
 from tirelog.diagnosis.candidates.assessment import (
+    all_signatures,
     best_variants,
+    candidate_effects,
     flip_signs,
     gain_and_error,
     scores_of,
     statistics,
 )
-from tirelog.diagnosis.candidates.effect_jacobians import all_signatures, candidate_effects
 from tirelog.diagnosis.candidates.naming import Step
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import (
@@ -72,8 +73,6 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
 _FAR = 10.0
 #: logs of at most so many times the manoeuvres that the cases had, or so few, are still like them
 _REACH = 1.5
-#: held-out error above the floor that counts as one step [floors]: QUIET_FLOORS allows one
-_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -148,30 +147,26 @@ class CertaintyTerm:
     of: Callable[[Marks], float]
 
 
-def _above(error: float) -> float:
-    return max(error - 1.0, 0.0) / _STEP
-
-
-def _decades(x: float, y: float) -> float:
-    return math.log10(x / y) if x > 0.0 and y > 0.0 else math.nan
-
-
 #: by name; what a class of verdicts may use stands in `OF_CLASS`, best first
 TERMS: Mapping[str, CertaintyTerm] = {
     "rest": CertaintyTerm(
         "held-out error above the floor, in steps of 0.05 floors",
         -1,
-        lambda marks: _above(marks.heldout_after),
+        lambda marks: max(marks.heldout_after - 1.0, 0.0) / 0.05,  # QUIET_FLOORS allows one
     ),
     "evidence": CertaintyTerm(
         "decades of the least p of any effect, named or not",
         -1,
-        lambda marks: _decades(1.0, marks.least_p),
+        lambda marks: -math.log10(marks.least_p) if marks.least_p > 0.0 else math.nan,
     ),
     "size": CertaintyTerm(
         "decades by which chi-square falls",
         1,
-        lambda marks: _decades(marks.chi2_before, marks.chi2_after),
+        lambda marks: (
+            math.log10(marks.chi2_before / marks.chi2_after)
+            if marks.chi2_before > 0.0 and marks.chi2_after > 0.0
+            else math.nan
+        ),
     ),
     "rival": CertaintyTerm(
         "standard errors to the next rival, held out", 1, lambda marks: marks.rival_sigmas
@@ -309,15 +304,12 @@ _BLOCK = 256
 
 @dataclass(frozen=True)
 class StepInclusion:
-    """One step of the search: the share of draws that named each effect; the rest named none."""
+    """One step of the search: the share of draws that named each effect, and that named `none`."""
 
     step: int
     named: str | None
     shares: dict[str, float]
-
-    @property
-    def none(self) -> float:
-        return max(1.0 - sum(self.shares.values()), 0.0)
+    none: float
 
 
 @dataclass(frozen=True)
@@ -333,23 +325,22 @@ class Inclusion:
         """A sentence for each step; that a name hangs on some manoeuvres is said."""
         said = []
         for step in self.steps:
-            shares = sorted(step.shares.items(), key=lambda item: -item[1])
-            parts = [f"{name} in {100.0 * share:.0f} %" for name, share in shares if share > 0.0]
-            parts += [f"nothing in {100.0 * step.none:.0f} %"] if step.none > 0.0 else []
+            shares, none, named = step.shares, step.none, step.named
+            order = sorted(shares.items(), key=lambda item: -item[1])
+            parts = [f"{name} in {100.0 * share:.0f} %" for name, share in order if share > 0.0]
+            parts += [f"nothing in {100.0 * none:.0f} %"] if none > 0.0 else []
             which = f"step {step.step} of the search" if len(self.steps) > 1 else "the search"
             text = (
                 f"of {self.draws} draws of the {self.manoeuvres} manoeuvres {which} names "
                 f"{', '.join(parts)}"
             )
-            share = step.shares.get(step.named, 0.0) if step.named else step.none
-            if share < STEADY:
-                text += f": {step.named or 'that nothing is named'} hangs on some manoeuvres"
+            if (shares.get(named, 0.0) if named else none) < STEADY:
+                text += f": {named or 'that nothing is named'} hangs on some manoeuvres"
             said.append(f"{text[0].upper()}{text[1:]}.")
         return said
 
     def to_json(self) -> dict[str, Any]:
-        steps = [asdict(step) | {"none": step.none} for step in self.steps]
-        return {"draws": self.draws, "manoeuvres": self.manoeuvres, "steps": steps}
+        return vars(self) | {"steps": [vars(step) for step in self.steps]}
 
 
 def inclusion(
@@ -360,10 +351,11 @@ def inclusion(
     count = found.before.cells.manoeuvres
     random = np.random.default_rng(seed)
     times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
-    steps = [
-        StepInclusion(i, step.named.id if step.named else None, _shares(step, i, times, extra))
-        for i, step in enumerate(found.steps, start=1)
-    ]
+    steps = []
+    for i, step in enumerate(found.steps, start=1):
+        shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
+        none = max(1.0 - sum(shares.values()), 0.0)
+        steps.append(StepInclusion(i, named, shares, none))
     return Inclusion(draws, count, tuple(steps))
 
 
@@ -376,20 +368,15 @@ def _shares(
     tried = [a.id for a in step.assessed if a.id not in held]
     alarms = _alarms(base, tried, times, extra, first=number == 1)
     refitted = [r for r in step.contenders if r.established and r.id in alarms]
-    if refitted:
-        loss = np.stack([times @ r.base.held_white for r in refitted], axis=1)
-        order = [r.id for r in refitted]
-        alarming = np.stack([alarms[name][0] for name in order], axis=1)
-        chosen = np.where(alarming, loss, np.inf)
-    else:  # none was refitted: the largest statistic would be
-        order = list(alarms)
-        if not order:
-            return {}
-        alarming = np.stack([alarms[name][0] for name in order], axis=1)
-        chosen = np.where(alarming, -np.stack([alarms[name][1] for name in order], axis=1), np.inf)
-    best = chosen.argmin(axis=1)
+    loss = {r.id: times @ r.base.held_white for r in refitted}
+    if not loss:  # none was refitted: the largest statistic would be
+        loss = {name: -statistic for name, (_, statistic) in alarms.items()}
+    if not loss:
+        return {}
+    alarming = np.stack([alarms[name][0] for name in loss], axis=1)
+    best = np.where(alarming, np.stack(list(loss.values()), axis=1), np.inf).argmin(axis=1)
     some = alarming.any(axis=1)
-    shares = {name: float(np.mean(some & (best == i))) for i, name in enumerate(order)}
+    shares = {name: float(np.mean(some & (best == i))) for i, name in enumerate(loss)}
     return {name: share for name, share in shares.items() if share > 0.0}
 
 
@@ -401,32 +388,26 @@ def _alarms(
     A further effect must remove more than the first.
     """
     effects = [e for e in candidate_effects(base.model, extra) if e.id in names]
-    found, _ = all_signatures(base, effects)
-    kept, scores, _ = scores_of(base, found)
+    kept, scores, _ = scores_of(base, all_signatures(base, effects)[0])
     if not kept:
         return {}
     under_flips = statistics(scores, flip_signs(base.cells.manoeuvres))
     largest = under_flips.max(axis=1)
     least, sure = (float(np.quantile(largest, 1.0 - p)) for p in (ALARM_P, BEYOND_DOUBT_P))
-    result: dict[str, tuple[Any, FloatArray]] = {}
     share = LEAST_SHARE_OF_FLOOR if first else SECOND_LEAST
     size = share * base.floor.square * base.plain.weight
     best = best_variants(kept, under_flips[0])
-    losses = held_out_losses_with(
-        base.cells, base.white, base.plain, base.fit, [[kept[i].columns] for i in best.values()]
-    )
+    columns = [[kept[i].columns] for i in best.values()]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    result: dict[str, tuple[Any, FloatArray]] = {}
     for (name, i), (white, plain) in zip(best.items(), losses, strict=True):
-        gain, drop = base.held_white - white, base.held_plain - plain
-        statistic = statistics([scores[i]], times)[:, 0]
-        mean = times @ gain / gain.size
-        spread = np.sqrt(np.maximum(times @ gain**2 / gain.size - mean**2, 0.0))
-        error = np.sqrt(gain.size / max(gain.size - 1.0, 1.0) * gain.size) * spread
-        alarming = (
-            (statistic >= least)
-            & (times @ gain > GAIN_SIGMAS * error)
-            & ((times @ drop > size) | (first & (statistic >= sure)))
-        )
-        result[name] = (alarming, statistic)
+        gain, large = base.held_white - white, times @ (base.held_plain - plain) > size
+        statistic, count = statistics([scores[i]], times)[:, 0], gain.size
+        mean = times @ gain / count
+        spread = np.sqrt(np.maximum(times @ gain**2 / count - mean**2, 0.0))
+        surely = times @ gain > GAIN_SIGMAS * count / max(count - 1.0, 1.0) ** 0.5 * spread
+        strong = first & (statistic >= sure)
+        result[name] = ((statistic >= least) & surely & (large | strong), statistic)
     return result
 
 

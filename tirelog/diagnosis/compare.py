@@ -11,38 +11,53 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
-from tirelog.diagnosis.agreement import agreement_sentence, contributions
-from tirelog.diagnosis.answer import excess_of
-from tirelog.diagnosis.candidates.at_noise_floor import out_of_range
-from tirelog.diagnosis.candidates.nuisance_selection import (
+from tirelog.diagnosis.answer import excess_of, rounding_sentences
+from tirelog.diagnosis.candidates.assessment import out_of_range
+from tirelog.diagnosis.candidates.nuisances import (
     form_explains,
     groups_of,
     with_best_nuisances,
     with_form_errors,
 )
 from tirelog.diagnosis.residual_structure import half_angle
-from tirelog.diagnosis.results import ERRORS, Comparison, ErrorTables, Map, Rows, Waveforms
-from tirelog.diagnosis.wording import rounding_sentences
+from tirelog.diagnosis.results import (
+    ERRORS,
+    Comparison,
+    ErrorTables,
+    Map,
+    Waveforms,
+    agreement_sentence,
+    contributions,
+)
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
     Base,
     FittedChannel,
     JointBase,
     bases_by_observable,
+    bends,
     prepare,
     prepare_together,
 )
 from tirelog.inference.cells.cells import cells_of
-from tirelog.inference.cells.joint import JointPieces, JointStacks, model_of, without_ratios
+from tirelog.inference.cells.joint import (
+    JointPieces,
+    JointStacks,
+    model_of,
+    predicted,
+    without_ratios,
+)
 from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
-from tirelog.inference.floor import UnweightedMetric
+from tirelog.inference.fit.cells import centred, take_cells
+from tirelog.inference.floor import UnweightedMetric, at_mean_speed
 from tirelog.inference.measured import without_motion_parameters
+from tirelog.inference.nuisances import shared_by
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
@@ -50,12 +65,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, together
 from tirelog.vocabulary.quality import Quality, marked, quality_text
-
-#: cells whose waveforms are shown, and rows of the residual's map, at most; only pictures and the
-#: JSON depend on them
-_SHOWN = 4
-_MAP_ROWS = 24
-
 
 #: what every question is asked of: the stacks of all logs, or their pieces if the revolutions
 #: are too many to keep
@@ -138,33 +147,34 @@ def compare(measured: Measured, model: Model) -> Comparison:
 
 
 def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Comparison:
-    """Everything to show of a fitted base.
+    """Everything to show of a fitted base; of several observables of each, and in floors of all.
 
     The table by revolution is empty without the `stacks` that the base was made of.
     """
-    if isinstance(base, JointBase):
-        return _comparison_of_several(base, stacks)
-    assert not isinstance(stacks, JointStacks)
-    return _comparison_of_one(base, stacks)
-
-
-def _comparison_of_several(base: JointBase, stacks: Sequence[Stack] | JointStacks) -> Comparison:
-    """The comparison of each observable, and in floors that of all."""
+    if not isinstance(base, JointBase):
+        assert not isinstance(stacks, JointStacks)
+        return _comparison_of_one(base, stacks)
     of_parts = stacks.parts if isinstance(stacks, JointStacks) else [()] * len(base.channels)
     parts = tuple(
         _comparison_of_one(part, own)
         for part, own in zip(bases_by_observable(base, held_by_all=True), of_parts, strict=True)
     )
-    known = contributions(base)
+    known, cells = contributions(base), base.cells
     units = {name: p.unit for name, p in base.model.parameters.items()}
     word = "grating" if all(part.member for part in parts) else "observable"
-    said = agreement_sentence(known, units, word)
-    cells = base.cells
+    values = cells.values - base.fit.beside
+    level = np.array([np.nanmean(values[cells.part == i]) for i in range(len(base.channels))])
+    about = np.nan_to_num(values - level[cells.part][:, None])
+    spread = base.plain.mean_square((base.plain(about) ** 2).sum()) + base.floor.within
     assert cells.together is not None
-    first = _in_floors(parts[0], cells.together.scales[0])
-    spread = base.plain.mean_square((base.plain(_about_level(base)) ** 2).sum()) + base.floor.within
+    first, floor = parts[0], cells.together.scales[0]
+    waves = first.waveforms
+    shown = {name: getattr(waves, name) / floor for name in ("measured", "predicted", "floor")}
     return replace(
         first,
+        waveforms=replace(waves, **shown),
+        by_speed=replace(first.by_speed, residual=first.by_speed.residual / floor),
+        by_time=replace(first.by_time, residual=first.by_time.residual / floor),
         observable=cells.observable,
         unit=FLOORS,
         member="",
@@ -173,11 +183,11 @@ def _comparison_of_several(base: JointBase, stacks: Sequence[Stack] | JointStack
         revolutions=int(cells.revolutions.sum()),
         manoeuvres=cells.manoeuvres,
         parameters=parameters_of(base.model),
-        tables=_tables_of_several(parts),
+        tables=ErrorTables.joined(parts),
         remarks=tuple(remarks_of(base)),
         parts=parts,
         contributions=known,
-        agreement=said,
+        agreement=agreement_sentence(known, units, word),
     )
 
 
@@ -196,72 +206,31 @@ def _errors(base: Base, spread: float) -> dict[str, Any]:
     }
 
 
-def _in_floors(part: Comparison, floor: float) -> Comparison:
-    """A comparison whose waveforms and maps are over its noise floor."""
-    waves = part.waveforms
-    return replace(
-        part,
-        waveforms=replace(
-            waves,
-            measured=waves.measured / floor,
-            predicted=waves.predicted / floor,
-            floor=waves.floor / floor,
-        ),
-        by_speed=replace(part.by_speed, residual=part.by_speed.residual / floor),
-        by_time=replace(part.by_time, residual=part.by_time.residual / floor),
-    )
-
-
-def _about_level(base: JointBase) -> FloatArray:
-    """The measured values about the mean of their observable, (C, m)."""
-    values = base.cells.values - base.fit.beside
-    mean = [float(np.nanmean(values[base.cells.part == i])) for i in range(len(base.channels))]
-    about: FloatArray = np.nan_to_num(values - np.array(mean)[base.cells.part][:, None])
-    return about
-
-
-def _tables_of_several(parts: Sequence[Comparison]) -> ErrorTables:
-    """The tables of each observable under each other, each row with its name and unit."""
-
-    def named(part: Comparison, rows: Rows) -> Rows:
-        whose = {"observable": part.observable} | ({"grating": part.member} if part.member else {})
-        return [whose | {"unit": part.unit} | row for row in rows]
-
-    def by_revolution() -> Iterator[Rows]:
-        for part in parts:
-            for rows in part.tables.parts("revolution"):
-                yield named(part, rows)
-
-    small = {
-        name: [row for part in parts for row in named(part, part.tables[name])]
-        for name in ("angle", "speed", "regime", "conditions")
-    }
-    return ErrorTables(small, {"revolution": by_revolution})
-
-
 def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
     """The comparison of one observable."""
-    measured = base.cells.values - base.fit.beside
-    spread = (
-        base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum())
-        + base.floor.within
-    )
-    waveform = OBSERVABLES[base.model.observable].waveform
-    time_s, begins = _running_time(base)
+    cells, measured = base.cells, base.cells.values - base.fit.beside
+    square = (base.plain(measured - np.nanmean(measured)) ** 2).sum()
+    spread = base.plain.mean_square(square) + base.floor.within
+    known = OBSERVABLES[base.model.observable]
+    # time over all logs, one after the other
+    time_s, logs = cells.conditions.time_s, range(int(cells.log.max()) + 1)
+    ends = [time_s[cells.log == log].max(initial=0.0) for log in logs]
+    begins = np.cumsum([0.0, *ends])
+    by_time = _map(base, time_s + begins[cells.log], "time_s")
     return Comparison(
         observable=base.model.observable,
-        unit=OBSERVABLES[base.model.observable].unit,
-        member=base.cells.member,
+        unit=known.unit,
+        member=cells.member,
         model=without_ratios(base.model),
         **_errors(base, spread),
-        revolutions=int(base.cells.revolutions.sum()),
-        manoeuvres=base.cells.manoeuvres,
+        revolutions=int(cells.revolutions.sum()),
+        manoeuvres=cells.manoeuvres,
         parameters=parameters_of(base.model),
         tables=error_tables(base, stacks),
         waveforms=_waveforms(base),
-        by_speed=_map(base, base.cells.conditions.speed_m_s, "speed_m_s"),
-        by_time=replace(_map(base, time_s, "time_s"), begins=begins),
-        half_angle_rad=half_angle(base) if waveform else 0.0,
+        by_speed=_map(base, cells.conditions.speed_m_s, "speed_m_s"),
+        by_time=replace(by_time, begins=tuple(begins[1:-1].tolist())),
+        half_angle_rad=half_angle(base) if known.waveform else 0.0,
         remarks=tuple(remarks_of(base)),
     )
 
@@ -293,13 +262,11 @@ def remarks_of(base: FittedChannel) -> list[str]:
             "drive more of them"
         )
     measured = np.nanmean(base.cells.values, axis=0)
-    expected = np.nanmean(base.fit.prediction, axis=0)
-    good = np.isfinite(measured) & np.isfinite(expected)
+    good = np.isfinite(measured) & np.isfinite(np.nanmean(base.fit.prediction, axis=0))
     if good.sum() > 8 and base.cells.observable == STRAIN:
         skew = float(np.mean((measured[good] - measured[good].mean()) ** 3))
-        wanted = "inner" if skew > 0 else "outer"
-        if wanted != base.cells.surface:
-            place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
+        place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
+        if word != base.cells.surface:
             said.append(
                 f"the strain has {place} in the patch, as on the {word} surface; the setup says "
                 f"{base.cells.surface}; "
@@ -329,17 +296,6 @@ def of_rounding(base: FittedChannel) -> list[str]:
     return rounding_sentences(base.model.observable, held, base.floor.square, base.square_rounding)
 
 
-def _running_time(base: Base) -> tuple[FloatArray, tuple[float, ...]]:
-    """Time over all logs, one after the other, (C,), and where each but the first begins."""
-    c = base.cells
-    ends = np.array(
-        [c.conditions.time_s[c.log == log].max(initial=0.0) for log in range(int(c.log.max()) + 1)]
-    )
-    begins = np.concatenate([[0.0], np.cumsum(ends)])
-    time_s: FloatArray = c.conditions.time_s + begins[c.log]
-    return time_s, tuple(begins[1:-1].tolist())
-
-
 def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
     """Residual of the cells in the observable's unit, and in standard errors of noise and scatter.
 
@@ -348,57 +304,52 @@ def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
     good = base.plain.weights > 0
     left = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     residual = np.where(good, base.plain(left) / np.where(good, base.plain.weights, 1.0), np.nan)
-    return residual, residual / np.where(good, np.sqrt(_floor_square(base)), 1.0)
+    return residual, residual / np.where(good, _floor(base), 1.0)
 
 
-def _floor_square(base: Base) -> FloatArray:
-    """Variance of a cell by its noise and by the scatter between like cells, (C, m)."""
+def _floor(base: Base) -> FloatArray:
+    """Standard deviation of a cell by its noise and the scatter between like cells, (C, m)."""
     between = base.floor.scatter.square(scatter_columns(base.cells, base.fit))
-    both: FloatArray = base.cells.within + between
-    return both
+    return np.asarray(np.sqrt(base.cells.within + between))
 
 
 def _waveforms(base: Base) -> Waveforms:
-    """Cells that span the speeds."""
-    c = base.cells
-    order = np.argsort(c.conditions.speed_m_s)
+    """Four cells, at most, that span the speeds."""
+    c, speed = base.cells, base.cells.conditions.speed_m_s
+    order = np.argsort(speed)
     chosen = np.unique(
-        order[np.linspace(0, order.size - 1, min(_SHOWN, order.size)).round().astype(int)],
-        return_index=False,
+        order[np.linspace(0, order.size - 1, min(4, order.size)).round().astype(int)]
     )
-    chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
+    chosen = chosen[np.argsort(speed[chosen])]
     logs = tuple(PurePath(c.logs[c.log[i]]).name for i in chosen)
-    labels = tuple(
-        f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {log}"
-        for i, log in zip(chosen, logs, strict=True)
-    )
     return Waveforms(
-        c.phi[chosen],
-        c.values[chosen],
-        (base.fit.prediction + base.fit.beside)[chosen],
-        np.sqrt(_floor_square(base))[chosen],
-        labels,
-        logs,
-        c.conditions.take(chosen),
+        phi_rad=c.phi[chosen],
+        measured=c.values[chosen],
+        predicted=(base.fit.prediction + base.fit.beside)[chosen],
+        floor=_floor(base)[chosen],
+        labels=tuple(
+            f"{speed[i]:.1f} m/s, {c.regime[i]}, {log}" for i, log in zip(chosen, logs, strict=True)
+        ),
+        logs=logs,
+        conditions=c.conditions.take(chosen),
     )
 
 
 def _map(base: Base, axis: FloatArray, name: str) -> Map:
-    """Residual averaged over like cells, ascending along the axis."""
+    """Residual averaged over like cells, ascending along the axis, in 24 rows at most."""
     residual, whitened = _residual(base)
-    edges = np.linspace(axis.min(), axis.max() + 1e-9, min(_MAP_ROWS, axis.size) + 1)
+    edges = np.linspace(axis.min(), axis.max() + 1e-9, min(24, axis.size) + 1)
     row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, edges.size - 2)
-    used = np.unique(row)
-    phi = np.nanmean(base.cells.phi, axis=0)
+    alike = [row == r for r in np.unique(row)]
 
     def mean(x: FloatArray, power: float) -> FloatArray:
-        rows = [x[row == r] for r in used]
-        count = [np.maximum(np.isfinite(part).sum(axis=0), 1) for part in rows]
+        count = [np.maximum(np.isfinite(x[own]).sum(axis=0), 1) ** power for own in alike]
         return np.stack(
-            [np.nansum(part, axis=0) / n**power for part, n in zip(rows, count, strict=True)]
+            [np.nansum(x[own], axis=0) / n for own, n in zip(alike, count, strict=True)]
         )
 
-    centre = np.array([axis[row == r].mean() for r in used])
+    centre = np.array([axis[own].mean() for own in alike])
+    phi = np.nanmean(base.cells.phi, axis=0)
     return Map(centre, name, phi, mean(residual, 1.0), mean(whitened, 0.5))
 
 
@@ -410,42 +361,40 @@ def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
 
     By revolution there is one row each, made when it is asked for.
     """
-    c = base.cells
+    c, conditions = base.cells, base.cells.conditions
     tables = {"angle": _by_angle(base)}
-    band = np.floor(c.conditions.speed_m_s / 2.0) * 2.0 + 1.0
-    groups: dict[str, tuple[list[str], Callable[[int], dict[str, Any]]]] = {
-        "speed": ([f"{v:g}" for v in band], lambda i: {"speed_m_s": float(band[i])}),
-        "regime": ([str(r) for r in c.regime], lambda i: {"regime": str(c.regime[i])}),
-        "conditions": ([str(int(n)) for n in c.log], lambda i: _log_conditions(base, i)),
+    band = np.floor(conditions.speed_m_s / 2.0) * 2.0 + 1.0
+    groups: dict[str, tuple[Any, Callable[[Any], dict[str, Any]]]] = {
+        "speed": (band, lambda speed: {"speed_m_s": float(speed)}),
+        "regime": (c.regime, lambda regime: {"regime": str(regime)}),
+        "conditions": (
+            c.log,
+            lambda log: (
+                {"log": c.logs[log]}
+                | {
+                    name: float(np.mean(getattr(conditions, name)[c.log == log]))
+                    for name in SETUP_KEYS
+                }
+            ),
+        ),
     }
     for name, (labels, describe) in groups.items():
-        tables[name] = [
-            _row(base, np.array(labels) == label, describe(labels.index(label)))
-            for label in dict.fromkeys(labels)
-        ]
+        each = dict.fromkeys(labels.tolist())
+        tables[name] = [_row(base, labels == label, describe(label)) for label in each]
     tables["speed"].sort(key=lambda row: row["speed_m_s"])
     return ErrorTables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
 
 
-def _log_conditions(base: Base, cell: int) -> dict[str, Any]:
-    c = base.cells.conditions
-    rows = base.cells.log == base.cells.log[cell]
-    return {"log": base.cells.logs[base.cells.log[cell]]} | {
-        name: float(np.mean(getattr(c, name)[rows])) for name in SETUP_KEYS
-    }
-
-
-def _row(base: Base, rows: FloatArray, description: dict[str, Any]) -> dict[str, Any]:
+def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> dict[str, Any]:
     """Errors over some cells."""
     index = np.flatnonzero(rows)
-    plain = UnweightedMetric.of(_some(base, index))
+    plain = UnweightedMetric.of(take_cells(base.cells, index))
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)[index]
     share = plain.weights**2
-    within = float(
-        (share * np.where(share > 0, base.cells.within[index], 0.0)).sum() / plain.weight
-    )
+    of_noise = (share * np.where(share > 0, base.cells.within[index], 0.0)).sum()
     left = plain.mean_square((plain(residual) ** 2).sum())
-    return description | _sizes(left, within, base.floor.between, base.cells.revolutions[index])
+    between, number = base.floor.between, base.cells.revolutions[index]
+    return description | _sizes(left, float(of_noise / plain.weight), between, number)
 
 
 def _sizes(left: float, within: float, between: float, revolutions: IntArray) -> dict[str, Any]:
@@ -455,12 +404,6 @@ def _sizes(left: float, within: float, between: float, revolutions: IntArray) ->
         "rmse": rmse, "noise_floor": floor, "excess": excess_of(rmse, floor),
         "excess_within": float(np.sqrt(max(left, 0.0))), "revolutions": int(revolutions.sum()),
     }  # fmt: skip
-
-
-def _some(base: Base, index: NDArray[np.int64]) -> Any:
-    from tirelog.inference.fit.cells import take_cells
-
-    return take_cells(base.cells, index)
 
 
 def _by_angle(base: Base) -> list[dict[str, Any]]:
@@ -503,15 +446,10 @@ def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[st
 
 def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict[str, Any]]:
     """The rows of the revolutions of one stack, which are in these cells, (n,)."""
-    waves = stack.phi_rad.size > 1
-    angles: dict[str, Any] = (
-        {
-            "phi_rad": stack.phi_mean - base.cells.moved[cell][:, None],
-            "phi_variance": stack.phi_variance,
-        }
-        if waves
-        else {"phi_rad": None}
-    )
+    angles: dict[str, Any] = {"phi_rad": None}
+    if stack.phi_rad.size > 1:
+        angles["phi_rad"] = stack.phi_mean - base.cells.moved[cell][:, None]
+        angles["phi_variance"] = stack.phi_variance
     left_out = cell < 0  # of a log that many others left no room
     cell = np.maximum(cell, 0)
     model = base.model
@@ -524,15 +462,12 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     direction = base.plain.direction[cell]
     size = np.nansum(left[..., None] * direction, axis=1, keepdims=True)
     left = left - (direction * size).sum(axis=-1)
-    beyond = np.isnan(left).all(axis=1)
-    rmse = np.full(len(stack), np.nan)
-    known = ~(left_out | beyond)
+    beyond, c = np.isnan(left).all(axis=1), stack.conditions
+    rmse, known = np.full(len(stack), np.nan), ~(left_out | beyond)
     rmse[known] = np.sqrt(np.nanmean(left[known] ** 2, axis=1))
     words = marked(left_out, Quality.LEFT_OUT) | marked(beyond, Quality.BEYOND_MODEL)
-    floor = np.where(
-        left_out, np.nan, np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell]
-    )
-    c = stack.conditions
+    floor = np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell]
+    floor[left_out] = np.nan
     return [
         {
             "log": stack.logs[stack.log[i]], "channel": stack.channel,
@@ -559,3 +494,75 @@ def _of_each(model: Model, stack: Stack, angles: Mapping[str, Any]) -> FloatArra
         if not isinstance(one, ModelError):
             result[i] = one[0]
     return result
+
+
+# ---- A fitted model against manoeuvres that nothing had touched: the one number to believe.
+
+
+Measurement = TypeVar("Measurement", Pieces, JointPieces, Pieces | JointPieces)
+
+
+def locked_away(
+    pieces: Measurement, first: int, every: int, least: float
+) -> tuple[Measurement, Measurement | None]:
+    """(what a search may see, what nothing touches): each so many-th manoeuvre from the `first`.
+
+    Nothing is locked away if fewer than `least` would be left.
+    """
+    numbers = np.unique(pieces.manoeuvre)
+    chosen = numbers[first::every]
+    if numbers.size - chosen.size < least:
+        return pieces, None
+    mask = np.isin(pieces.manoeuvre, chosen)
+    return pieces.take(~mask), pieces.take(mask)
+
+
+@or_refusal
+def untouched(after: Base, locked: Pieces | JointPieces) -> tuple[float, float] | ModelError:
+    """(rmse of the model on the locked manoeuvres, the floor there), or why it has none there.
+
+    The offsets are as fitted on the others. Of several observables both are in floors.
+    """
+    if isinstance(locked, JointPieces):
+        return _untouched_several(after, locked)
+    cells = cells_of(locked)
+    for _ in range(3):
+        cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
+    cells = at_mean_speed(cells, _fit_on(after, cells))
+    fit = _fit_on(after, cells)
+    plain = UnweightedMetric.of(cells)
+    known = dict(zip(np.unique(after.cells.log).tolist(), after.fit.offsets, strict=False))
+    offsets = np.array([known.get(log, 0.0) for log in cells.log.tolist()])
+    beside = shared_by(cells, fit, groups_of(after), after.cells)
+    nuisances = np.zeros(cells.values.shape)
+    if beside is not None:
+        cells = replace(cells, shared=beside)
+        nuisances = beside.columns @ after.fit.amplitudes + bends(cells, fit, after.cells)
+    left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None] - nuisances))
+    share = plain.weights**2
+    within = float((share * np.where(share > 0, cells.within, 0.0)).sum() / plain.weight)
+    rmse = float(np.sqrt(max(within + plain.mean_square((left**2).sum()), 0.0)))
+    return rmse, float(np.sqrt(within + after.floor.between))
+
+
+def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
+    """The root mean square over the observables, weighted by their revolutions."""
+    layout = after.cells.together
+    assert layout is not None
+    squares, weights = [], []
+    for part, own, scale in zip(
+        bases_by_observable(after), locked.parts, layout.scales, strict=True
+    ):
+        if len(own):
+            there = untouched(part, own)
+            if isinstance(there, ModelError):
+                raise there
+            squares.append(np.square(there) / scale**2)
+            weights.append(float(own.number.sum()))
+    rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
+    return rmse, floor
+
+
+def _fit_on(after: Base, cells: Any) -> Any:
+    """The fitted model's prediction on other cells."""
+    return replace(after.fit, prediction=predicted(after.model, cells))

@@ -19,7 +19,7 @@ The verdicts:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,24 +29,36 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Stack
-from tirelog.diagnosis.answer import PICTURES, AnswerRecord, AnswerTable, in_unit, plain_fields
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor, out_of_range
-from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects
-from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
-from tirelog.diagnosis.candidates.nuisance_selection import (
-    groups_of,
-    with_form_errors,
-    with_nuisances_on,
+from tirelog.diagnosis.answer import (
+    NUISANCES_SAID,
+    PICTURES,
+    AnswerRecord,
+    AnswerTable,
+    in_unit,
+    next_command,
+    not_varied,
+    percent,
+    plain_fields,
+    probability,
+    sentence_of,
+    separation_sentence,
+    strengths,
+    unexplained_sentence,
 )
-from tirelog.diagnosis.candidates.nuisance_sizes import (
+from tirelog.diagnosis.candidates.assessment import at_noise_floor, candidate_effects, out_of_range
+from tirelog.diagnosis.candidates.naming import not_among_candidates, removed_by
+from tirelog.diagnosis.candidates.nuisances import (
     NuisanceFound,
     alike_sentences,
+    groups_of,
     held_by_form,
     held_sentences,
     nuisance_sentences,
     nuisances_found,
     observed,
     scatter_sentences,
+    with_form_errors,
+    with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.search import (
     Progress,
@@ -58,15 +70,16 @@ from tirelog.diagnosis.candidates.search import (
 from tirelog.diagnosis.candidates.separation import advise, drive_next, drive_sentences
 from tirelog.diagnosis.certainty import (
     Certainty,
+    GroupVerdict,
     Inclusion,
     Marks,
     PerGroup,
     Stability,
     certainty_of,
+    inclusion,
     marks_of,
     unlike_cases,
 )
-from tirelog.diagnosis.checks import Check, Suspect, check_sentences, posterior_checks, suspects
 from tirelog.diagnosis.compare import (
     Measured,
     comparison_of,
@@ -76,7 +89,16 @@ from tirelog.diagnosis.compare import (
     start_from,
 )
 from tirelog.diagnosis.gratings import Gathered, GratingsFound, gathered
-from tirelog.diagnosis.residual_structure import Leftover, describe, scattered
+from tirelog.diagnosis.residual_structure import (
+    Check,
+    Leftover,
+    Suspect,
+    check_sentences,
+    describe,
+    posterior_checks,
+    scattered,
+    suspects,
+)
 from tirelog.diagnosis.results import Candidate, Comparison
 from tirelog.diagnosis.rules import (
     BEYOND_DOUBT_P,
@@ -91,19 +113,10 @@ from tirelog.diagnosis.rules import (
     Evidence,
     verdict_of,
 )
-from tirelog.diagnosis.wording import (
-    NUISANCES_SAID,
-    next_command,
-    not_varied,
-    percent,
-    probability,
-    sentence_of,
-    separation_sentence,
-    strengths,
-    unexplained_sentence,
-)
+from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.base import Base, JointBase, bases_by_observable
 from tirelog.inference.cells.joint import JointPieces, JointStacks, model_of
+from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.floor import Floor
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
@@ -331,7 +344,7 @@ def conclude(
     unnamed, manoeuvres = verdict in ("unknown", "partial"), before.cells.manoeuvres
     excess = decision.excess
     ranking = ranking_of(found, selected, excess.repeats, floor.square, excess.share)
-    scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
+    scatter = scattered(before, floor.square) if verdict == "scatter" else None
     unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
     beside, checks = nuisances_found(result), posterior_checks(result)
     suspected = suspects(result) if unnamed or scatter else ()
@@ -352,7 +365,7 @@ def conclude(
         not_varied(before.cells.conditions, candidate_effects(before.model)),
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
     ]
-    few = manoeuvres < FEWEST_MANOEUVRES
+    few, ranked = manoeuvres < FEWEST_MANOEUVRES, {c.effect for c in ranking}
     groups = tuple(s.group for s in found.steps if few and s.group)
     facts = _facts(decision, found, ranking) | {
         "suspects": tuple(s.said for s in suspected[:3]),
@@ -371,7 +384,8 @@ def conclude(
         nuisances=beside,
         checks=checks,
         suspects=suspected,
-        not_tested=_reasons(found, ranking) | (not_among_candidates(result) if unnamed else {}),
+        not_tested={k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
+        | (not_among_candidates(result) if unnamed else {}),
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
         noise_floor=float(np.sqrt(floor.square)),
@@ -420,7 +434,8 @@ def excess_explained(found: SearchResult, left: Leftover) -> Excess:
     alone = 1.0 - above(named.base) / before if named and before else 0.0
     share = 1.0 - after / before if before > 0 else 0.0
     excess = Excess(before, after, before, share, alone)
-    if not beyond_doubt(found):
+    names = [step.named for step in found.steps if step.named is not None]
+    if not names or any(r.assessed.p > BEYOND_DOUBT_P for r in names):
         return excess
     # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
     size, by_size = removed_by(found.before, found.after, sure=True)
@@ -496,12 +511,6 @@ def decide(found: SearchResult) -> Decision:
     return Decision(verdict, (), excess, describe(before), floor, groups, or_nuisance)
 
 
-def beyond_doubt(found: SearchResult) -> bool:
-    """Is every name so significant that a rest that does not repeat cannot make it doubtful?"""
-    named = [step.named for step in found.steps if step.named is not None]
-    return bool(named) and all(r.assessed.p <= BEYOND_DOUBT_P for r in named)
-
-
 def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, Any]:
     """What the verdict's sentence is made of, beside what stands in the diagnosis."""
     before, excess = found.before, decision.excess
@@ -524,12 +533,6 @@ def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]
         "after": found.after.square_held,
         "floor": decision.floor.square,
     }
-
-
-def _reasons(found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, str]:
-    """Why candidates are not in the ranking."""
-    ranked = {c.effect for c in ranking}
-    return {k: v for k, v in found.steps[0].reasons.items() if k not in ranked}
 
 
 def _next_command(
@@ -604,3 +607,147 @@ def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], li
         rivals = [(name, model_of(model, seen, member)) for name, model in rivals]
     rows, more = advise(before, rivals)
     return rows, notes + more
+
+
+# ---- A diagnosis asked again: without each log or tire, of each alone, of manoeuvres drawn anew.
+#
+#     pieces of all logs, groups of logs -> the pieces without each group, or of it alone
+#         -> a diagnosis each -> `stability.Stability`, `stability.Each`
+#
+# It takes as many diagnoses as there are logs, or tires.
+
+
+#: the pieces of the logs of these names
+Some = Callable[[Sequence[str]], Pieces | JointPieces]
+
+
+def with_draws(found: Diagnosis, draws: int, effects: Iterable[Effect] = ()) -> Diagnosis:
+    """The diagnosis, with how often its effects are named over draws of its manoeuvres."""
+    drawn = inclusion(found.found, draws, effects)
+    return replace(found, inclusion=drawn, notes=(*found.notes, *drawn.sentences))
+
+
+def with_stability(
+    found: Diagnosis, stability: Stability, each: PerGroup | None = None
+) -> Diagnosis:
+    """The diagnosis, with whether it stands without single logs or tires, and what each says."""
+    said = [stability.sentence, *([] if each is None else [each.sentence])]
+    return replace(found, stability=stability, each=each, notes=(*found.notes, *said))
+
+
+def logs_of(pieces: Pieces | JointPieces) -> dict[str, tuple[str, ...]]:
+    """Every log as a group of its own."""
+    return {log: (log,) for log in dict.fromkeys(pieces.logs)}
+
+
+def of_logs(pieces: Pieces | JointPieces, logs: Iterable[str]) -> Pieces | JointPieces:
+    """The pieces of some of the logs; UsageError: there is none."""
+    names = set(logs)
+    if not isinstance(pieces, JointPieces):
+        if (some := _of_logs(pieces, names)) is None:
+            raise UsageError("no log is left", allowed="one at least", do="give more logs")
+        return some
+    parts = [some for part in pieces.parts if (some := _of_logs(part, names)) is not None]
+    if len(parts) < len(pieces.parts):
+        raise UsageError(
+            "a sensor is in none of the other logs",
+            allowed="each observable and grating must be in one log at least",
+            do="give more logs",
+        )
+    return JointPieces.of(parts, pieces.places)
+
+
+def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:
+    """The pieces of some logs, logs and manoeuvres numbered anew; None if there is none."""
+    mine = np.isin(pieces.log, np.flatnonzero([log in names for log in pieces.logs]))
+    if not mine.any():
+        return None
+    some = pieces.take(mine)
+    number, log = np.unique(some.log, return_inverse=True)
+    manoeuvre = np.unique(some.manoeuvre, return_inverse=True)[1]
+    kept = tuple(pieces.logs[i] for i in number)
+    return replace(some, log=log, manoeuvre=manoeuvre, logs=kept)
+
+
+def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:
+    """A diagnosis in few words."""
+    p, left = found.marks.least_p, found.unexplained["p"]
+    if found.verdict == "unknown" and left is not None:
+        p = min(p, left)
+    return GroupVerdict(
+        group,
+        tuple(logs),
+        found.verdict,
+        found.selected,
+        found.ambiguous_groups,
+        # two questions are asked: of candidates, and of any shape
+        None if found.verdict == "too_few" else min(2.0 * p, 1.0),
+        found.certainty.probability,
+    )
+
+
+def _answers(
+    asked: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    effects: Iterable[Effect],
+    progress: Progress,
+    words: str,
+) -> Iterator[GroupVerdict]:
+    """The diagnosis of some logs, by the name of each group; what cannot be asked says why.
+
+    `words` for `progress`, with {group}.
+    """
+    extra = tuple(effects)
+    for group, logs in asked.items():
+        progress(words.format(group=group))
+        try:
+            yield answer_of(group, logs, diagnose(some(logs), model, effects=extra))
+        except TirelogError as problem:
+            yield GroupVerdict(group, tuple(logs), "", problem=problem.message)
+
+
+def leave_one_out(
+    groups: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    whole: Diagnosis,
+    *,
+    by: str = "log",
+    effects: Iterable[Effect] = (),
+    progress: Progress = lambda text: None,
+) -> Stability:
+    """The verdict without each group of logs in turn.
+
+    groups  name -> its logs: those of one tire, or one log each;  some  gives the pieces of logs
+    whole   what is said of all
+    UsageError: there is but one group.
+    """
+    refuse_one(groups, by, "none can be left out")
+    every = [log for logs in groups.values() for log in logs]
+    rest = {name: [log for log in every if log not in logs] for name, logs in groups.items()}
+    without = _answers(rest, some, model, effects, progress, "once more without {group}")
+    return Stability(by, answer_of("", every, whole), tuple(without))
+
+
+def each_alone(
+    groups: Mapping[str, Sequence[str]],
+    some: Some,
+    model: Model,
+    *,
+    by: str = "log",
+    effects: Iterable[Effect] = (),
+    progress: Progress = lambda text: None,
+) -> PerGroup:
+    """What each group of logs says alone, with p adjusted over them; as `leave_one_out`."""
+    refuse_one(groups, by, "it is the whole")
+    alone = _answers(groups, some, model, effects, progress, "{group} alone")
+    return PerGroup(by, tuple(alone))
+
+
+def refuse_one(groups: Mapping[str, Sequence[str]], by: str, but_one: str) -> None:
+    """UsageError: there is but one group."""
+    if len(groups) < 2:
+        raise UsageError(
+            f"one {by} alone: {but_one}", allowed=f"two {by}s at least", do="give more logs"
+        )

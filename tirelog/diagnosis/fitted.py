@@ -14,13 +14,13 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import AnswerRecord, AnswerTable, in_unit, plain_fields
-from tirelog.diagnosis.candidates.nuisance_selection import (
+from tirelog.diagnosis.candidates.nuisances import (
     form_explains,
     groups_of,
+    observed,
     with_best_nuisances,
     with_form_errors,
 )
-from tirelog.diagnosis.candidates.nuisance_sizes import observed
 from tirelog.diagnosis.compare import (
     Measured,
     measured_pieces,
@@ -33,7 +33,7 @@ from tirelog.diagnosis.obstacles import FittedMotion
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
 from tirelog.inference.base import FittedChannel, JointBase, fit_together
-from tirelog.inference.cells.cells import Cells, cells_of, with_nuisances
+from tirelog.inference.cells.cells import cells_of, with_nuisances
 from tirelog.inference.cells.joint import JointPieces, model_of, without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
@@ -47,9 +47,6 @@ from tirelog.vocabulary.quality import Quality, marked, quality_text
 
 #: what a fit takes out of each mean of like revolutions unless asked otherwise, as `compare` does
 AS_COMPARE = ("shift",)
-#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
-#: `diagnose`; twice as high would leave unsaid a misfit as large as the noise itself
-FORM_IN_DOUBT = 1.2
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,10 +72,9 @@ class FitOfLogs(AnswerRecord):
         """Sentences on what the errors do not cover: the model's form, what shares one scale."""
         form = (
             "what is left is more than noise: the errors hold only as far as the model's form "
-            "does; `tirelog diagnose` tells more",
+            "does; `tirelog diagnose` tells more"
         )
-        in_doubt = self.found.reduced_chi2 > FORM_IN_DOUBT
-        return (*(form if in_doubt else ()), *self.found.degenerate)
+        return (*[form] * (self.found.reduced_chi2 > QUIET_CHI2), *self.found.degenerate)
 
     def to_json(self) -> dict[str, Any]:
         """Values, standard errors (None: not determined) and units by name, and how good it is."""
@@ -140,18 +136,39 @@ def fit_channels_measured(
                 or an unknown nuisance
     UsageError  there is nothing to fit, or it is not what the model predicts
     """
-    pieces = [part for channel in channels for part in measured_parts(measured_pieces(channel))]
+    given = [measured_pieces(channel) for channel in channels]
+    pieces = [p for one in given for p in (one.parts if isinstance(one, JointPieces) else (one,))]
     _refuse(pieces, model)
-    said = _remarks(len(pieces), nuisances)
+    said = []
+    if len(pieces) > 1:
+        said.append(
+            f"{len(pieces)} channels are fitted together as if each had a scatter of its own; "
+            f"where one load moves all of them, errors are up to {len(pieces) ** 0.5:.2g} times "
+            "what is said"
+        )
     start = without_motion_parameters(model)
     fitted: Sequence[FittedChannel] | None = None
     if set(nuisances) == set(AS_COMPARE):
-        start, fitted, of_form = _with_form(channels, start)
+        start, fitted, of_form = _with_form(given, start)
         said += of_form
+    else:
+        said.append(
+            f"taken out of each mean of like revolutions: {', '.join(nuisances) or 'nothing'}; "
+            "`compare` takes out the shift, so its parameters, errors and chi-square differ"
+        )
     if fitted is None:
         cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
         if "amplitude" in nuisances:
-            cells, start = _amplitudes_of_model(cells, start)
+            # along the waveforms of the model fitted without free amplitudes: along the measured
+            # ones, noise and all, a model that predicts nothing would fit best
+            plain = [with_nuisances(c, [n for n in c.free if n != "amplitude"]) for c in cells]
+            begun = fit_together(plain, start)
+            waves = [f.fit.prediction[..., None] for f in begun]
+            cells = [
+                replace(c, random=np.concatenate([wave, c.random[..., 1:]], axis=-1))
+                for c, wave in zip(cells, waves, strict=True)
+            ]
+            start = begun[0].model
         fitted = fit_together(cells, start, several="amplitude" not in nuisances)
     for channel in fitted:
         said += remarks_of(channel)
@@ -164,32 +181,27 @@ def fit_channels_measured(
 
 
 def _with_form(
-    channels: Sequence[Measured], model: Model
+    channels: Sequence[Pieces | JointPieces], model: Model
 ) -> tuple[Model, Sequence[FittedChannel] | None, list[str]]:
     """The model, with the tire's form if that earns its place, and what to say of it.
 
     Also the fit, where `compare` made the same.
     """
-    of_model = [
-        pieces
-        for pieces in map(measured_pieces, channels)
-        if observables_of(pieces) == model.observables
-    ]
+    of_model = [one for one in channels if observables_of(one) == model.observables]
     auto = any(n.name == FORM and n.use == "auto" for n in model.nuisances)
     if not (of_model and auto and frees(model, FORM)):
         return model, None, []
     base = start_from(of_model[0], model)
     best = with_best_nuisances(base)
-    names = [name for name in groups_of(best) if name not in groups_of(base)]
-    alone = len(channels) == 1 and not isinstance(base, JointBase)
-    if FORM not in names:
-        return model, [base] if alone else None, []
+    alone = [base] if len(channels) == 1 and not isinstance(base, JointBase) else None
+    if FORM not in groups_of(best) or FORM in groups_of(base):
+        return model, alone, []
     factor, unit = shown(*observed(base))
     with_it, without = (in_unit(own.rmse_held, factor) for own in (best, base))
     errors = f"held-out error {with_it} {unit} with it, {without} without"
     if not form_explains(best, base):
         leaves = f"a form of the tire's own is not in the fit: {errors}, more than the noise floor"
-        return model, [base] if alone else None, [f"{leaves}; `tirelog diagnose` tells why"]
+        return model, alone, [f"{leaves}; `tirelog diagnose` tells why"]
     said = f'the fit includes a form of the tire\'s own: {errors}; [form] use = "off" leaves it out'
     return without_ratios(best.model), None, [said]
 
@@ -219,42 +231,6 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
                 )
 
 
-def measured_parts(pieces: Pieces | JointPieces) -> tuple[Pieces, ...]:
-    """The pieces of each observable."""
-    return pieces.parts if isinstance(pieces, JointPieces) else (pieces,)
-
-
-def _amplitudes_of_model(cells: Sequence[Cells], model: Model) -> tuple[list[Cells], Model]:
-    """The cells with amplitudes along the model's waveforms, and the model so fitted.
-
-    The waveforms are those of the model fitted without free amplitudes. Along the measured
-    waveforms, noise and all, a model that predicts nothing would fit best.
-    """
-    plain = [with_nuisances(c, [name for name in c.free if name != "amplitude"]) for c in cells]
-    fitted = fit_together(plain, model)
-    own = [
-        replace(c, random=np.concatenate([f.fit.prediction[..., None], c.random[..., 1:]], axis=-1))
-        for c, f in zip(cells, fitted, strict=True)
-    ]
-    return own, fitted[0].model
-
-
-def _remarks(channels: int, nuisances: Sequence[str]) -> list[str]:
-    """What sets this fit apart from that of `compare`."""
-    said = []
-    if channels > 1:
-        said.append(
-            f"{channels} channels are fitted together as if each had a scatter of its own; where "
-            f"one load moves all of them, errors are up to {channels**0.5:.2g} times what is said"
-        )
-    if set(nuisances) != set(AS_COMPARE):
-        said.append(
-            f"taken out of each mean of like revolutions: {', '.join(nuisances) or 'nothing'}; "
-            "`compare` takes out the shift, so its parameters, errors and chi-square differ"
-        )
-    return said
-
-
 # ---- The tire's form as a log shows it: contact pressure over the patch, stiffness over
 # wavelength.
 #
@@ -271,10 +247,6 @@ _WAVES = np.unique(np.geomspace(2.0, 120.0, 30).round())
 #: a pressure below zero by more of its errors, or of this share of the highest, is said to pull;
 #: twice as many leave a pull of a tenth without a word
 _PULLS, _LEAST = 2.0, 0.01
-#: models that are drawn for an error: with 200 of them it is known to a twentieth
-_DRAWS = 200
-#: rounds at most until a drawn model keeps what it must; more only matter if many places pull
-_ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -370,20 +342,19 @@ def tire_form(measured: Measured, model: Model) -> TireForm:
             allowed="allowed is a model of strain or radial_acceleration with a patch",
             do="make one with `tirelog model new`",
         )
-    given = model.with_nuisance(FORM, "on")
-    base = start_from(measured_pieces(measured), given)
+    base = start_from(measured_pieces(measured), model.with_nuisance(FORM, "on"))
     fitted, conditions = base.model, base.cells.conditions
-    load = conditions.load_N if np.isfinite(conditions.load_N).all() else np.zeros(0)
+    known = bool(np.isfinite(conditions.load_N).all())
+    means = ("inflation_pressure_Pa", "temperature_K", "distance_km", "time_s", "speed_m_s")
     at = Conditions.of(
         1,
-        speed_m_s=np.array([conditions.speed_m_s.mean()]),
-        load_N=np.array([load.mean() if load.size else fitted.values["load_N"]]),
-        **_means(conditions, ("inflation_pressure_Pa", "temperature_K", "distance_km", "time_s")),
+        load_N=np.array([conditions.load_N.mean() if known else fitted.values["load_N"]]),
+        **{name: np.array([getattr(conditions, name).mean()]) for name in means},
         acceleration_m_s2=np.zeros(1),
         water_depth_mm=np.zeros(1),
     )
-    half, load_N = float(fitted.half_length_m(at)[0]), float(fitted.site_loads_N(at)[0])
-    phi = _PLACES * half / fitted.values["radius_m"]
+    half, radius = float(fitted.half_length_m(at)[0]), fitted.values["radius_m"]
+    phi = _PLACES * half / radius
     plain = bound(fitted, model, FORM) if FORM not in [e.id for e in model.effects] else fitted
 
     def pressure(of: Model) -> FloatArray:
@@ -392,40 +363,28 @@ def tire_form(measured: Measured, model: Model) -> TireForm:
     def stiffness(of: Model) -> FloatArray:
         return np.asarray(of.static_stiffness(at)[_WAVES.astype(int)])
 
-    def half_length(of: Model) -> FloatArray:
-        return of.half_length_m(at)
+    drawn = draws(base.fit)
 
-    radius, drawn = fitted.values["radius_m"], draws(base.fit)
-    places, lengths = _PLACES * half, 2.0 * np.pi * radius / _WAVES
+    def error(quantity: Callable[[Model], FloatArray]) -> FloatArray:
+        """Of a quantity of the fitted model, by models that the log allows as well."""
+        value = quantity(fitted)
+        squares = [(quantity(one) - value) ** 2 for one in drawn]
+        return np.asarray(np.sqrt(np.mean(squares, axis=0)))
+
+    def profile(at: FloatArray, quantity: Callable[[Model], FloatArray]) -> FormProfile:
+        return FormProfile(at, quantity(fitted), error(quantity), quantity(plain))
+
     return TireForm(
-        _profile(places, pressure, fitted, plain, drawn),
-        _profile(lengths, stiffness, fitted, plain, drawn),
-        half,
-        float(_profile(np.zeros(1), half_length, fitted, plain, drawn).se[0]),
-        load_N,
-        float(at.speed_m_s[0]),
-        base.reduced_chi2,
-        int(base.cells.revolutions.sum()),
-        fitted,
+        pressure=profile(_PLACES * half, pressure),
+        stiffness=profile(2.0 * np.pi * radius / _WAVES, stiffness),
+        half_length_m=half,
+        half_length_se_m=float(error(lambda of: of.half_length_m(at))[0]),
+        load_N=float(fitted.site_loads_N(at)[0]),
+        speed_m_s=float(at.speed_m_s[0]),
+        reduced_chi2=base.reduced_chi2,
+        revolutions=int(base.cells.revolutions.sum()),
+        model=fitted,
     )
-
-
-def _means(conditions: Conditions, names: tuple[str, ...]) -> dict[str, FloatArray]:
-    """The mean of each condition, NaN of one that is not known everywhere."""
-    return {name: np.array([getattr(conditions, name).mean()]) for name in names}
-
-
-def _profile(
-    at: FloatArray,
-    quantity: Callable[[Model], FloatArray],
-    fitted: Model,
-    plain: Model,
-    drawn: Sequence[Model],
-) -> FormProfile:
-    """A quantity of the fitted model, and its error by models that the log allows as well."""
-    value = quantity(fitted)
-    square = np.mean([(quantity(model) - value) ** 2 for model in drawn], axis=0)
-    return FormProfile(at, value, np.sqrt(square), quantity(plain))
 
 
 def draws(fit: Fit) -> list[Model]:
@@ -439,9 +398,12 @@ def draws(fit: Fit) -> list[Model]:
     rows, floor = inequalities(fit.model, names)
     mean = np.array([fit.model.values[name] for name in names])
     models = []
-    for theta in np.random.default_rng(0).multivariate_normal(mean, covariance, _DRAWS):
+    # models that are drawn for an error: with 200 of them it is known to a twentieth
+    for theta in np.random.default_rng(0).multivariate_normal(mean, covariance, 200):
         moved, below = theta, np.zeros(floor.size, bool)
-        for _ in range(_ROUNDS):
+        # rounds at most until a drawn model keeps what it must; more only matter if many places
+        # pull
+        for _ in range(20):
             before, below = below, rows @ moved + floor < 0.0
             if np.array_equal(before, below):
                 break

@@ -14,15 +14,14 @@ tire's: its bonding, its channel.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import Scores, flip_test
-from tirelog.diagnosis.candidates.effect_jacobians import hats
+from tirelog.diagnosis.candidates.assessment import Scores, flip_test, hats
 from tirelog.diagnosis.compare import start_from
 from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, fit_together
@@ -116,38 +115,29 @@ class GratingsFound:
         by_frame = {f.frame: f for f in self.frames}
 
         def of(name: str) -> dict[str, Any]:
-            own = by_frame.get(name)
+            own, i = by_frame.get(name), self.names.index(name)
+            k = self.asked.index(name) if name in self.asked else None
             return {
+                "angle_deg": self.angles_deg[i],
                 "alone_size": own.size if own else 0.0,
                 "alone_p": own.p if own else None,
                 "contradicts": name in self.alone,
                 "set_apart": name in self.set_apart,
                 "strengths": {
-                    s.parameter: {"value": s.values[i], "se": s.errors[i], "unit": s.unit}
+                    s.parameter: {"value": s.values[k], "se": s.errors[k], "unit": s.unit}
                     for s in self.strengths
-                    for i in [self.asked.index(name)]
-                    if name in self.asked
-                }
-                if name in self.asked
-                else {},
+                    if k is not None
+                },
             }
 
+        parameters = ("parameter", "q", "freedom", "p", "size", "contradicts")
         return {
-            "gratings": {
-                name: {"angle_deg": angle} | of(name)
-                for name, angle in zip(self.names, self.angles_deg, strict=True)
-            },
-            "frames": [{"frame": f.frame, "size": f.size, "p": f.p} for f in self.frames],
-            "heterogeneity": [
-                {
-                    "parameter": s.parameter, "q": s.q, "freedom": s.freedom, "p": s.p,
-                    "size": s.size, "contradicts": s.contradicts,
-                }
-                for s in self.strengths
-            ],
+            "gratings": {name: of(name) for name in self.names},
+            "frames": [vars(f) for f in self.frames],
+            "heterogeneity": [{n: getattr(s, n) for n in parameters} for s in self.strengths],
             "searched_on": list(self.searched or self.asked),
             "sentence": " ".join(self.sentences()),
-        }  # fmt: skip
+        }
 
     def sentences(self) -> list[str]:
         """What the gratings say together, in words."""
@@ -196,29 +186,11 @@ class GratingsFound:
 
 # ---- Each grating of several at the parameters of one fit, fitted or held to it.
 
-
-#: means of like revolutions that each grating is asked on: thirty tell a twentieth of a squared
-#: floor and take a third of a second; twice as many tell no more that matters
-_ASKED = 30
-
-
-@dataclass(frozen=True)
-class Member:
-    """One grating at the parameters of a fit to several.
-
-    channel    its cells, metric, floor, and the fit, whose residual is without what is `beside`
-    place_rad  its angle on the wheel;  manoeuvre (C,) of its cells, numbered through all gratings
-    shared     columns (C, m, K) of the random effects that all gratings share, each as large as
-               its standard deviation
-    wheel      does what is beside the model hold the wheel's nuisance?
-    """
-
-    name: str
-    channel: FittedChannel
-    place_rad: float
-    manoeuvre: IntArray
-    shared: FloatArray
-    wheel: bool
+#: one grating at the parameters of a fit to several: its cells, whose manoeuvres are numbered
+#: through all gratings, metric, floor, and the fit, whose residual is without what is `beside`;
+#: columns (C, m, K) of the random effects that all gratings share, each as large as its standard
+#: deviation; and whether what is beside the model holds the wheel's nuisance
+Member = tuple[FittedChannel, FloatArray, bool]
 
 
 def members_of(base: JointBase) -> Iterator[Member]:
@@ -232,14 +204,9 @@ def members_of(base: JointBase) -> Iterator[Member]:
         columns = np.zeros((*part.cells.phi.shape, 0))
         if shared is not None:
             columns = shared.columns[rows][:, : layout.widths[i]] * shared.sd * layout.scales[i]
-        yield Member(
-            part.cells.member,
-            part,
-            part.cells.place_rad,
-            cells.manoeuvre[rows],
-            columns,
-            shared is not None and WHEEL in shared.groups,
-        )
+        own = replace(part.cells, manoeuvre=cells.manoeuvre[rows])
+        wheel = shared is not None and WHEEL in shared.groups
+        yield replace(part, cells=own), columns, wheel
 
 
 def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
@@ -254,13 +221,14 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
     model = replace(model, nuisances=tuple(n.used("auto") for n in model.nuisances))
     free = [name for name in model.free if name != LEVER]
     held = model.with_parameters({name: model.parameters[name].fixed() for name in free})
-    rows = [np.linspace(0, len(p) - 1, min(_ASKED, len(p))).round() for p in pieces.parts]
+    # means of like revolutions that each grating is asked on: thirty tell a twentieth of a squared
+    # floor and take a third of a second; twice as many tell no more that matters
+    rows = [np.linspace(0, len(p) - 1, min(30, len(p))).round() for p in pieces.parts]
     parts = [p.take(np.unique(r.astype(int))) for p, r in zip(pieces.parts, rows, strict=True)]
-    pieces = replace(pieces, parts=tuple(parts))
-    number = np.unique(pieces.manoeuvre, return_inverse=True)[1]
-    ends = np.cumsum([len(part) for part in pieces.parts])[:-1]
+    number = np.unique(replace(pieces, parts=tuple(parts)).manoeuvre, return_inverse=True)[1]
+    numbers = np.split(number, np.cumsum([len(part) for part in parts])[:-1])
     for part, place, name, manoeuvre in zip(
-        pieces.parts, pieces.places, pieces.members, np.split(number, ends), strict=True
+        parts, pieces.places, pieces.members, numbers, strict=True
     ):
         if not name:
             continue
@@ -277,14 +245,9 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
         )
         names = tuple(n for n in (*free, LEVER) if n in anew.parameters)
         (fit,) = finish([Problem(channel.cells, channel.white)], anew, names, True)
-        yield Member(
-            name,
-            replace(channel, fit=fit, cells=fit.cells),
-            place,
-            manoeuvre,
-            np.zeros((*cells.phi.shape, 0)),
-            WHEEL in groups,
-        )
+        own = replace(fit.cells, member=name, manoeuvre=manoeuvre)
+        none = np.zeros((*own.phi.shape, 0))
+        yield replace(channel, fit=fit, cells=own), none, WHEEL in groups
 
 
 # ---- Flips over normal equations by manoeuvre: in which frame something repeats, and how strongly.
@@ -295,28 +258,15 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
 # others.
 
 
-_EFFECT, _LEVER = " effect", " lever arm"
-#: share of the largest frame that its free shape may leave, since its nodes are 3 to 10 degrees
-#: apart: a splice of 6 degrees leaves 3 %. Twice as much would hide a bad grating beside an effect
-#: of eight times its size
-_FORM = 0.06
-#: shapes are asked as they are and growing with the speed, from this one on: what an effect of
-#: v^2, a lag or a bandwidth leaves at one speed is not what it leaves at another.  Another speed
-#: spans the same columns
-_SPEED_M_S = 15.0
-#: a column of which less than this share is left beside the others is one of them
-_NOTHING = 1e-9
-#: eigenvalues of the normal equations below this share of the largest are rounding
-_RANK = 1e-10
+_BASE, _EFFECT, _LEVER = " base", " effect", " lever arm"
 
 
 @dataclass(frozen=True)
 class _Part:
     """Normal equations of one grating: by manoeuvre gram (M, P, P), right (M, P).
 
-    The first columns are those of `base`, then one of an effect if there is one, then the road's
-    shapes and the wheel's, and the grating's lever arm. `size_gram` (P, P), `size_right` (P,): in
-    squared floors, of all manoeuvres. `weight`: the values that a mean square of it is over.
+    `size_gram` (P, P), `size_right` (P,): in squared floors, of all manoeuvres. `weight`: the
+    values that a mean square of it is over. `columns`: those that a block of all gratings has here.
     """
 
     name: str
@@ -325,59 +275,30 @@ class _Part:
     size_gram: FloatArray
     size_right: FloatArray
     weight: float
-    base: IntArray
-    effect: IntArray
-    road: IntArray
-    wheel: IntArray
-    lever: IntArray
-
-
-@dataclass(frozen=True)
-class _Ground:
-    """Base and blocks beside it, of all gratings, and what they explain of the residual.
-
-    `where` (parts) of each grating its columns among these, `local` (parts) among its own.
-    """
-
-    where: list[IntArray]
-    local: list[IntArray]
-    found: FloatArray
-    inverse: FloatArray
-    left: FloatArray
-    gram: FloatArray
-    size_gram: FloatArray
-    size_left: FloatArray
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """The evidence for some columns beside others, and their size in squared floors."""
-
-    scores: Scores
-    size: float
+    columns: Mapping[str, IntArray]
 
 
 def frames_of(members: Iterable[Member]) -> tuple[Frame, ...]:
     """What repeats beside a fitted model, by frame: all that matters, or the largest of nothing."""
     parts, prior = _parts(members, shapes=True)
-    manoeuvres = max(part.gram.shape[0] for part in parts)
-    names = [part.name for part in parts]
-    taken: list[str] = []
+    manoeuvres = max(len(part.gram) for part in parts)
+    every = [ROAD, WHEEL, *(part.name for part in parts)]
     found: list[Frame] = []
-    while len(taken) < len(names) + 2:
-        frames = [frame for frame in (ROAD, WHEEL, *names) if frame not in taken]
-        ground = _ground(parts, prior, taken)
-        asked = [_asked(parts, ground, [frame]) for frame in frames]
-        statistic, p = flip_test([one.scores for one in asked], manoeuvres)
-        rows = [Frame(f, asked[i].size, float(p[i])) for i, f in enumerate(frames)]
-        least = _FORM * max((frame.size for frame in found), default=0.0)
-        largest = [
-            i for i in np.argsort(-statistic).tolist() if rows[i].matters and rows[i].size > least
-        ]
-        if not largest:
+    while len(found) < len(every):
+        taken = [frame.frame for frame in found]
+        frames = [frame for frame in every if frame not in taken]
+        asked = [_evidence(parts, prior, taken, [frame]) for frame in frames]
+        statistic, p = flip_test([scores for scores, _ in asked], manoeuvres)
+        rows = [Frame(f, asked[i][1], float(p[i])) for i, f in enumerate(frames)]
+        # share of the largest frame that its free shape may leave, since its nodes are 3 to 10
+        # degrees apart: a splice of 6 degrees leaves 3 %. Twice as much would hide a bad grating
+        # beside an effect of eight times its size
+        least = 0.06 * max((frame.size for frame in found), default=0.0)
+        order = np.argsort(-statistic).tolist()
+        large = [rows[i] for i in order if rows[i].matters and rows[i].size > least]
+        if not large:
             return tuple(found) or (rows[int(np.argmax(statistic))],)
-        found.append(rows[largest[0]])
-        taken.append(frames[largest[0]])
+        found.append(large[0])
     return tuple(found)
 
 
@@ -393,24 +314,22 @@ def strengths_of(
     for name in asked:
         parts, prior = _parts(seen, effect=name)
         own = [f"{_EFFECT} {part.name}" for part in parts]
-        each = _asked(parts, _ground(parts, prior, []), own).scores
-        differing = _asked(parts, _ground(parts, prior, [_EFFECT]), own[1:])
-        root = each.root()
-        step = root @ (root.T @ each.scores.sum(axis=0))
+        each, _ = _evidence(parts, prior, [], own)
+        differing, size = _evidence(parts, prior, [_EFFECT], own[1:])
         scale = max(1.0, fitted.fit.reduced_chi2)
-        errors = np.sqrt((root**2).sum(axis=1) * scale)
-        statistic, p = flip_test([differing.scores], each.scores.shape[0])
+        errors = np.sqrt((each.root() ** 2).sum(axis=1) * scale)
+        statistic, p = flip_test([differing], len(each.scores))
         parameter = fitted.model.parameters[name]
         found.append(
             Strengths(
-                name,
-                parameter.unit,
-                tuple((parameter.value + step).tolist()),
-                tuple(errors.tolist()),
-                float(statistic[0] ** 2) / scale,
-                len(own) - 1,
-                float(p[0]),
-                differing.size,
+                parameter=name,
+                unit=parameter.unit,
+                values=tuple((parameter.value + each.step()).tolist()),
+                errors=tuple(errors.tolist()),
+                q=float(statistic[0] ** 2) / scale,
+                freedom=len(own) - 1,
+                p=float(p[0]),
+                size=size,
             )
         )
     return tuple(found)
@@ -421,50 +340,54 @@ def _parts(
 ) -> tuple[list[_Part], FloatArray]:
     """The normal equations of each grating, and the prior precision of the base's columns."""
     found, prior, lever = [], np.zeros(0), 0.0
-    for member in members:
-        fit, cells = member.channel.fit, member.channel.cells
-        moving, of_lever = fit.moving, (LEVER, ratio_name(member.name))
+    for channel, shared, has_wheel in members:
+        fit, cells = channel.fit, channel.cells
+        of_lever = (LEVER, ratio_name(cells.member))
         kept = [
             k
             for k, name in enumerate(fit.names)
             if name not in (effect, LEVER) and not name.startswith(ratio_name(""))
         ]
-        prior = np.concatenate([np.zeros(len(kept)), np.ones(member.shared.shape[-1])])
+        prior = np.concatenate([np.zeros(len(kept)), np.ones(shared.shape[-1])])
         own = [k for k, name in enumerate(fit.names) if name in of_lever][:1]
-        blocks: list[list[FloatArray]] = [[moving[..., kept], member.shared], [], [], []]
-        blocks.append([moving[..., own]])
-        if effect:
-            blocks[1].append(moving[..., [fit.names.index(effect)]])
+        blocks: dict[str, list[FloatArray]] = {
+            _BASE: [fit.moving[..., kept], shared],
+            _EFFECT: [fit.moving[..., [fit.names.index(effect)]]] if effect else [],
+            ROAD: [],
+            WHEEL: [],
+            _LEVER: [fit.moving[..., own]],
+        }
         if shapes:
-            ratio = fit.model.values.get(LEVER, 1.0) / (lever or fit.model.values.get(LEVER, 1.0))
             lever = lever or fit.model.values.get(LEVER, 1.0)
-            faster = (cells.conditions.speed_m_s / _SPEED_M_S - 1.0)[:, None, None]
-            for block, angle in ((2, cells.phi), (3, cells.phi + member.place_rad)):
+            ratio = fit.model.values.get(LEVER, 1.0) / lever
+            # shapes are asked as they are and growing with the speed, from this one on: what an
+            # effect of v^2, a lag or a bandwidth leaves at one speed is not what it leaves at
+            # another.  Another speed spans the same columns
+            faster = (cells.conditions.speed_m_s / 15.0 - 1.0)[:, None, None]
+            for block, angle in ((ROAD, cells.phi), (WHEEL, cells.phi + cells.place_rad)):
                 still = ratio * hats(angle)
                 blocks[block] += [still, still * faster]
-            wheel = None if member.wheel else shared_effects(cells, fit, WHEEL)
+            wheel = None if has_wheel else shared_effects(cells, fit, WHEEL)
             if wheel is not None:
-                blocks[3].append(wheel.columns * wheel.sd)
-        found.append(_normal(member, blocks))
+                blocks[WHEEL].append(wheel.columns * wheel.sd)
+        found.append(_normal(channel, blocks))
     return found, prior
 
 
-def _normal(member: Member, blocks: Sequence[Sequence[FloatArray]]) -> _Part:
+def _normal(channel: FittedChannel, blocks: Mapping[str, Sequence[FloatArray]]) -> _Part:
     """The normal equations of one grating, its logs' offsets taken out."""
-    channel, manoeuvre = member.channel, member.manoeuvre
-    cells = replace(channel.cells, shared=None)
+    cells, manoeuvre = replace(channel.cells, shared=None), channel.cells.manoeuvre
     good = np.isfinite(cells.values)[..., None]
-    columns = np.concatenate([x for block in blocks for x in block], axis=-1)
+    columns = np.concatenate([x for block in blocks.values() for x in block], axis=-1)
     columns = np.where(good, columns, 0.0)
     left = np.where(good[..., 0], cells.values - channel.fit.prediction, 0.0)
-    many = columns.shape[-1]
+    many, total = columns.shape[-1], int(manoeuvre.max()) + 1
 
     def without_own(metric: Whitener | UnweightedMetric) -> tuple[FloatArray, FloatArray]:
         own = Offsets.of(cells, metric)
         return own.without(metric(columns)), own.without(metric(left))
 
     slopes, residual = without_own(channel.white)
-    total = int(manoeuvre.max()) + 1
     gram, right = np.zeros((total, many, many)), np.zeros((total, many))
     for number in np.unique(manoeuvre):
         rows = manoeuvre == number
@@ -472,107 +395,64 @@ def _normal(member: Member, blocks: Sequence[Sequence[FloatArray]]) -> _Part:
         gram[number], right[number] = flat.T @ flat, flat.T @ residual[rows].ravel()
     slopes, residual = without_own(channel.plain)
     flat = slopes.reshape(-1, many)
-    ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks)])
+    ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks.values())])
+    own = {name: np.arange(a, b) for name, (a, b) in zip(blocks, pairwise(ends), strict=True)}
+    name = cells.member
     return _Part(
-        member.name,
-        gram,
-        right,
-        flat.T @ flat / channel.floor.square,
-        flat.T @ residual.ravel() / channel.floor.square,
-        channel.plain.weight,
-        *(np.arange(a, b) for a, b in pairwise(ends)),
+        name=name,
+        gram=gram,
+        right=right,
+        size_gram=flat.T @ flat / channel.floor.square,
+        size_right=flat.T @ residual.ravel() / channel.floor.square,
+        weight=channel.plain.weight,
+        columns=own
+        | {name: own[ROAD], f"{_EFFECT} {name}": own[_EFFECT], f"{_LEVER} {name}": own[_LEVER]},
     )
 
 
-def _local(part: _Part, block: str) -> IntArray:
-    """The columns of a grating that a block of all is made of; none if it has no part in it."""
-    if block.startswith(_EFFECT):
-        return part.effect if block in (_EFFECT, f"{_EFFECT} {part.name}") else part.effect[:0]
-    if block.startswith(_LEVER):
-        return part.lever if block == f"{_LEVER} {part.name}" else part.lever[:0]
-    if block == WHEEL:
-        return part.wheel
-    return part.road if block in (ROAD, part.name) else part.road[:0]
-
-
-def _layout(parts: Sequence[_Part], blocks: Sequence[str], first: int) -> tuple[Any, Any, int]:
-    """(columns of each grating in `blocks` under each other from `first`, its own, how many)."""
-    widths = [max(_local(part, block).size for part in parts) for block in blocks]
-    begins = first + np.cumsum([0, *widths])
-    where, local = [], []
-    for part in parts:
-        owns = [_local(part, block) for block in blocks]
-        places = [np.arange(b, b + own.size) for b, own in zip(begins, owns, strict=False)]
-        where.append(np.concatenate([np.zeros(0, np.int64), *places]))
-        local.append(np.concatenate([np.zeros(0, np.int64), *owns]))
-    return where, local, int(begins[-1])
-
-
-def _ground(parts: Sequence[_Part], prior: FloatArray, beside: Sequence[str]) -> _Ground:
-    """Base and the blocks `beside` it, as all gratings have them."""
+def _evidence(
+    parts: Sequence[_Part], prior: FloatArray, beside: Sequence[str], tested: Sequence[str]
+) -> tuple[Scores, float]:
+    """The evidence for blocks of columns beside the base and others, and its squared floors."""
     levers = [f"{_LEVER} {part.name}" for part in parts]
-    where, local, many = _layout(parts, [*levers, *beside], prior.size)
-    where = [np.concatenate([np.arange(prior.size), own]) for own in where]
-    local = [np.concatenate([part.base, own]) for part, own in zip(parts, local, strict=True)]
-    total = max(part.gram.shape[0] for part in parts)
+    blocks = [_BASE, *levers, *beside, *tested]
+    none = np.zeros(0, np.int64)
+    owns = [[part.columns.get(block, none) for block in blocks] for part in parts]
+    ends = np.cumsum([0, *(max(own.size for own in block) for block in zip(*owns, strict=True))])
+    n, many = int(ends[len(blocks) - len(tested)]), int(ends[-1])
+    total = max(len(part.gram) for part in parts)
     gram, right = np.zeros((total, many, many)), np.zeros((total, many))
     size_gram, size_right = np.zeros((many, many)), np.zeros(many)
-    for part, b, a in zip(parts, where, local, strict=True):
-        turns = np.arange(part.gram.shape[0])
-        gram[np.ix_(turns, b, b)] += part.gram[np.ix_(turns, a, a)]
-        right[np.ix_(turns, b)] += part.right[np.ix_(turns, a)]
-        size_gram[np.ix_(b, b)] += part.size_gram[np.ix_(a, a)]
-        size_right[b] += part.size_right[a]
+    for part, own in zip(parts, owns, strict=True):
+        where = np.concatenate([e + np.arange(x.size) for e, x in zip(ends, own, strict=False)])
+        local, turns = np.concatenate(own), np.arange(len(part.gram))
+        gram[np.ix_(turns, where, where)] += part.gram[np.ix_(turns, local, local)]
+        right[np.ix_(turns, where)] += part.right[np.ix_(turns, local)]
+        size_gram[np.ix_(where, where)] += part.size_gram[np.ix_(local, local)]
+        size_right[where] += part.size_right[local]
     whole = gram.sum(axis=0)
     whole[np.diag_indices(prior.size)] += prior
-    inverse = _inverse(whole)
-    found = inverse @ right.sum(axis=0)
-    left = right - gram @ found
-    return _Ground(
-        where, local, found, inverse, left, gram.sum(axis=0), size_gram,
-        size_right - size_gram @ found,
-    )  # fmt: skip
-
-
-def _asked(parts: Sequence[_Part], ground: _Ground, tested: Sequence[str]) -> _Asked:
-    """The `tested` blocks, with the ground projected out."""
-    where, local, many = _layout(parts, tested, 0)
-    total, n = ground.left.shape
-    right, square = np.zeros((total, many)), np.zeros((many, many))
-    cross, size_gram = np.zeros((n, many)), np.zeros((many, many))
-    size_right, size_cross = np.zeros(many), np.zeros((n, many))
-    for part, s, own, b, a in zip(parts, where, local, ground.where, ground.local, strict=True):
-        if not s.size:
-            continue
-        turns = np.arange(part.gram.shape[0])
-        between = part.gram[np.ix_(turns, own, a)]
-        seen = part.right[np.ix_(turns, own)] - between @ ground.found[b]
-        right[np.ix_(turns, s)] += seen
-        square[np.ix_(s, s)] += part.gram[np.ix_(turns, own, own)].sum(axis=0)
-        cross[np.ix_(b, s)] += between.sum(axis=0).T
-        size_gram[np.ix_(s, s)] += part.size_gram[np.ix_(own, own)]
-        size_cross[np.ix_(b, s)] += part.size_gram[np.ix_(a, own)]
-        size_right[s] += part.size_right[own] - part.size_gram[np.ix_(own, a)] @ ground.found[b]
-    turn = ground.inverse @ cross
-    scores = right - ground.left @ turn
-    left = square - cross.T @ turn
-    seen_of = np.diag(left) > _NOTHING * np.diag(square)
-    left, scores = left * seen_of * seen_of[:, None], scores * seen_of
-    evidence = Scores(scores, 0.5 * (left + left.T))
-    root = evidence.root()
-    step = root @ (root.T @ scores.sum(axis=0))
-    back = -turn @ step
-    removed = 2.0 * (back @ ground.size_left + step @ size_right) - (
-        back @ ground.size_gram @ back + 2.0 * back @ size_cross @ step + step @ size_gram @ step
-    )
-    own = [part.weight for part in parts if part.name in tested]
-    return _Asked(evidence, float(removed) / (sum(own) or sum(part.weight for part in parts)))
+    inverse = _inverse(whole[:n, :n])
+    ground = inverse @ right[:, :n].sum(axis=0)
+    left = right - gram[:, :, :n] @ ground
+    turn = inverse @ whole[:n, n:]
+    square = whole[n:, n:] - whole[:n, n:].T @ turn
+    # a column of which less than this share is left beside the others is one of them
+    seen = np.diag(square) > 1e-9 * np.diag(whole[n:, n:])
+    square = square * seen * seen[:, None]
+    evidence = Scores((left[:, n:] - left[:, :n] @ turn) * seen, 0.5 * (square + square.T))
+    step = evidence.step()
+    moved = np.concatenate([-turn @ step, step])
+    removed = 2.0 * moved @ (size_right - size_gram[:, :n] @ ground) - moved @ size_gram @ moved
+    weights = [part.weight for part in parts if part.name in tested]
+    return evidence, float(removed) / (sum(weights) or sum(part.weight for part in parts))
 
 
 def _inverse(whole: FloatArray) -> FloatArray:
     """The inverse of normal equations, whatever units their columns have."""
     size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-    scaled = np.linalg.pinv(whole / size[:, None] / size, rcond=_RANK, hermitian=True)
+    # eigenvalues of the normal equations below this share of the largest are rounding
+    scaled = np.linalg.pinv(whole / size[:, None] / size, rcond=1e-10, hermitian=True)
     return np.asarray(scaled / size[:, None] / size, dtype=np.float64)
 
 
@@ -582,12 +462,6 @@ def _inverse(whole: FloatArray) -> FloatArray:
 #: gratings that effects are searched on if there are more: a wheel's three harmonics are parted
 #: from the road by four places; three would take a third less, and five add what all say again
 MOST_SEARCHED = 4
-#: means of like revolutions that a search of them takes, or as many as one grating has: a search
-#: takes 0.2 to 0.4 s for each
-_ENOUGH = 80
-#: share of what a grating showed alone that stays with it beside a named effect: all of it if the
-#: grating is bad, a tenth if it is what a free shape left of the effect
-_STAYS = 0.5
 
 
 @dataclass(frozen=True)
@@ -614,14 +488,15 @@ class Gathered:
             return self.found
         found = self.found
         if found.alone:
-            before = {frame.frame: _STAYS * frame.size for frame in found.frames}
+            # share of what a grating showed alone that stays with it beside a named effect: all of
+            # it if the grating is bad, a tenth if it is what a free shape left of the effect
+            before = {frame.frame: 0.5 * frame.size for frame in found.frames}
             after = frames_of(members_held(self.every, result))
             still = {f.frame for f in after if f.matters and f.size > before.get(f.frame, 0.0)}
             found = replace(found, agreeing=tuple(n for n in found.alone if n not in still))
         one_fit = self.searched is self.pieces
         seen = members_of(result) if one_fit else members_held(self.pieces, result)
-        own = strengths_of(seen, result, selected)
-        return replace(found, strengths=own)
+        return replace(found, strengths=strengths_of(seen, result, selected))
 
 
 def gathered(pieces: JointPieces, model: Model) -> Gathered:
@@ -629,30 +504,30 @@ def gathered(pieces: JointPieces, model: Model) -> Gathered:
 
     A grating that shows what no other does is left out if most remain, two at least.
     """
+
+    def fitted(some: JointPieces) -> JointBase:
+        base = start_from(some, model)
+        assert isinstance(base, JointBase)
+        return base
+
+    every, searched = pieces, spread_out(pieces)
     names = tuple(name for name in pieces.members if name)
-    places = [np.degrees(p) % 360.0 for p in pieces.places if np.isfinite(p)]
-    searched, base = _searched(pieces, model)
+    places = tuple(float(np.degrees(p) % 360.0) for p in pieces.places if np.isfinite(p))
+    base = fitted(searched)
     frames = frames_of(members_of(base) if searched is pieces else members_held(pieces, base))
-    found = GratingsFound(names, tuple(float(p) for p in places), frames, ())
-    out, every = found.alone, pieces
+    found = GratingsFound(names, places, frames, ())
+    out = found.alone
     if out and len(names) - len(out) >= max(2, len(out) + 1):
         found = replace(found, set_apart=out)
         pieces = pieces.without(out)
-        searched, base = _searched(pieces, model)
+        searched = spread_out(pieces)
+        base = fitted(searched)
     found = replace(
         found,
         asked=tuple(name for name in names if name not in found.set_apart),
         searched=() if searched is pieces else searched.members,
     )
     return Gathered(every, pieces, searched, base, found)
-
-
-def _searched(pieces: JointPieces, model: Model) -> tuple[JointPieces, JointBase]:
-    """What effects are searched on, and the model fitted to it."""
-    some = spread_out(pieces)
-    base = start_from(some, model)
-    assert isinstance(base, JointBase)
-    return some, base
 
 
 def spread_out(pieces: JointPieces) -> JointPieces:
@@ -671,6 +546,8 @@ def spread_out(pieces: JointPieces) -> JointPieces:
     rest = [pieces.members[i] for i in gratings if i not in chosen]
     some = pieces.without(rest) if rest else pieces
     total = sum(len(part) for part in some.parts)
-    every = int(np.clip(np.ceil(total / _ENOUGH), 1, MOST_SEARCHED))
+    # means of like revolutions that a search of them takes, or as many as one grating has: a search
+    # takes 0.2 to 0.4 s for each
+    every = int(np.clip(np.ceil(total / 80), 1, MOST_SEARCHED))
     kept = [(np.arange(len(part)) + i) % every == 0 for i, part in enumerate(some.parts)]
     return some.take(np.concatenate(kept)) if every > 1 else some

@@ -11,29 +11,32 @@ The error falls to the floor on the way.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.answer import excess_of
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor, out_of_range
-from tirelog.diagnosis.candidates.naming import Step, without_needless
-from tirelog.diagnosis.candidates.nuisance_selection import with_nuisances_on
-from tirelog.diagnosis.candidates.nuisance_sizes import (
+from tirelog.diagnosis.answer import excess_of, probability
+from tirelog.diagnosis.candidates.assessment import at_noise_floor, out_of_range
+from tirelog.diagnosis.candidates.naming import without_needless
+from tirelog.diagnosis.candidates.nuisances import (
     nuisance_sentences,
     nuisances_found,
     observed,
+    with_nuisances_on,
 )
 from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
-from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.compare import (
+    Measured,
+    locked_away,
+    measured_pieces,
+    remarks_of,
+    start,
+    untouched,
+)
 from tirelog.diagnosis.gratings import gathered
-from tirelog.diagnosis.holdout import locked_away, untouched
 from tirelog.diagnosis.propose.propose import propose
-from tirelog.diagnosis.propose.results import Proposal
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
-from tirelog.diagnosis.wording import probability
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, with_scatter_estimated
 from tirelog.inference.cells.joint import JointPieces
@@ -41,14 +44,6 @@ from tirelog.inference.fit.cells import Problem
 from tirelog.inference.metric import Normal, solve_scaled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-
-#: every so many manoeuvres one is locked away, if at least so many remain: these leave sign flips a
-#: least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single one
-_LOCK_EVERY = 7
-#: the fourth is the first: those before it are as a rule the slowest
-_LOCK_FIRST = 3
-#: with twice as many, logs of fewer than 27 manoeuvres have none locked
-_LOCK_LEAST = 12
 
 
 def ladder(
@@ -64,7 +59,12 @@ def ladder(
     `effects`: the user's own candidates beside the catalogue. `proposing`: if they end above the
     floor, what is unknown is written down (`propose`) and is the last step.
     """
-    seen, locked = locked_away(measured_pieces(measured), _LOCK_FIRST, _LOCK_EVERY, _LOCK_LEAST)
+    # every so many manoeuvres one is locked away, if at least so many remain: these leave sign
+    # flips a least p of 2^-11.  Twice as rarely, logs of up to 17 manoeuvres are judged by a single
+    # one
+    # the fourth is the first: those before it are as a rule the slowest
+    # with twice as many, logs of fewer than 27 manoeuvres have none locked
+    seen, locked = locked_away(measured_pieces(measured), first=3, every=7, least=12)
     progress("fitting the model")
     said: list[str] = []
     base: Base
@@ -77,7 +77,10 @@ def ladder(
         base = start(seen, model)
     effects = tuple(effects)
     found = search_effects(base, effects, progress)
-    after, steps, verdict = found.after, list(_steps(found)), _verdict(found)
+    after, steps = found.after, list(_steps(found))
+    verdict = _reached(found.before, after) if found.named else "nothing_added"
+    if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
+        verdict = "too_few"
     more: tuple[str, ...] = ()
     if proposing and verdict in ("nothing_added", "above_the_floor"):
         progress("writing down what is unknown")
@@ -86,12 +89,17 @@ def ladder(
             more = (proposal.sentence,)
         else:
             top = start(seen, proposal.model)
+            name = " and ".join(proposal.written)
+            sentence = f"{name} added, written down from what was left: {proposal.sentence}"
+            p = max((term.p for term in proposal.terms), default=None)
             steps = [step for step in steps if step.outcome != "not_added"]
-            steps.append(_proposed(len(steps), top, after, proposal))
+            steps.append(
+                _row(len(steps), top, after, name, p, "added", "added: proposed", sentence)
+            )
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
                 after = with_scatter_estimated(after)
-                steps.append(_removed(_row(len(steps), after, top, None), dropped))
+                steps.append(_removed(len(steps), after, top, dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)
     fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
@@ -100,19 +108,25 @@ def ladder(
         untested.append(f"No error on the manoeuvres that nothing had touched: {on_locked.what}.")
         on_locked = None, None
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
+    if kept_back:
+        untested.append(
+            f"{kept_back} of {base.cells.manoeuvres + kept_back} manoeuvres are locked away until "
+            f"the last step is made; the errors of the steps are those on the other "
+            f"{base.cells.manoeuvres}, so the first differs somewhat from what `compare` says on "
+            "all"
+        )
+    left_before, held = out_of_range(found.before), [effect.id for effect in after.model.effects]
+    observable, unit = observed(after)
     return Ladder(
-        observable=observed(after)[0],
-        unit=observed(after)[1],
+        observable=observable,
+        unit=unit,
         steps=tuple(steps),
         model=with_nuisances_on(after),
         verdict=verdict,
         rmse_untouched=on_locked[0],
         floor_untouched=on_locked[1],
         strengths_by_log=tuple(
-            row
-            for name in found.named
-            if any(effect.id == name for effect in after.model.effects)
-            for row in strengths_by_log(after, name)
+            row for name in found.named if name in held for row in strengths_by_log(after, name)
         ),
         revolutions=int(after.cells.revolutions.sum()),
         manoeuvres=after.cells.manoeuvres,
@@ -121,29 +135,12 @@ def ladder(
         remarks=(
             *remarks_of(found.before),
             *said,
-            *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
+            *(said for said in out_of_range(after) if said not in left_before),
             *nuisance_sentences(nuisances_found(after), after, fails=fails),
             *more,
             *untested,
-            *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),
         ),
     )
-
-
-def _said(seen: int, locked: int) -> str:
-    return (
-        f"{locked} of {seen + locked} manoeuvres are locked away until the last step is made; "
-        "the errors of the steps are those on the "
-        f"other {seen}, so the first differs somewhat from what `compare` says on all"
-    )
-
-
-def _verdict(found: SearchResult) -> str:
-    if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
-        return "too_few"
-    if not found.named:
-        return "nothing_added"
-    return _reached(found.before, found.after)
 
 
 def _reached(first: Base, last: Base) -> str:
@@ -152,89 +149,69 @@ def _reached(first: Base, last: Base) -> str:
     return "at_the_floor" if after <= (1.0 - EXPLAINED) * before else "above_the_floor"
 
 
-def _proposed(number: int, top: Base, last: Base, proposal: Proposal) -> LadderStep:
-    """The step to the model with what was proposed."""
-    name = " and ".join(proposal.written)
-    p = max((term.p for term in proposal.terms), default=None)
-    return replace(
-        _row(number, top, last, None),
-        effect=name,
-        p_adjusted=p,
-        outcome="added",
-        decision="added: proposed",
-        sentence=f"{name} added, written down from what was left: {proposal.sentence}",
-    )
-
-
 def _steps(found: SearchResult) -> Iterable[LadderStep]:
     """The base's row, a row for each effect that came in, and one for the first that did not."""
-    bases = [found.before] + [s.before for s in found.steps[1:]]
-    if found.steps[-1].named is not None:
-        bases.append(found.after)
-    last: Base | None = None
-    for number, base in enumerate(bases):
-        step = found.steps[number - 1] if number else None
-        yield _row(number, base, last, step)
+    last, later = found.before, [*(step.before for step in found.steps[1:]), found.after]
+    yield _row(0, last, None, "base", None, "start", "start", "The model as it came.")
+    number = 0
+    for step, base in zip(found.steps, later, strict=True):
+        if step.named is None:
+            break
+        number += 1
+        others = [name for name in step.group if name != step.named.id]
+        decision = f"added (or {', '.join(others)})" if others else "added"
+        noise = probability(step.named.assessed.p, base.cells.manoeuvres)
+        sentence = f"{step.named.id} added: the improvement has probability {noise} of being noise."
+        p = step.named.assessed.p
+        yield _row(number, base, last, step.named.id, p, "added", decision, sentence)
         last = base
     if found.dropped:
-        yield _removed(_row(len(bases), found.after, last, None), found.dropped)
-        bases.append(found.after)
+        number += 1
+        yield _removed(number, found.after, last, found.dropped)
+        last = found.after
     final = found.steps[-1]
     if final.named is None and final.assessed:
         best = final.contenders[0].assessed if final.contenders else final.assessed[0]
-        row = _row(len(bases), bases[-1], bases[-1], None)
-        few = found.before.cells.manoeuvres < FEWEST_MANOEUVRES
-        reason = (
-            "too few manoeuvres"
-            if few
-            else "within what a different form of the others would leave"
-            if final.contenders
-            else "no gain"
+        reason = "no gain"
+        if final.contenders:
+            reason = "within what a different form of the others would leave"
+        if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
+            reason = "too few manoeuvres"
+        noise = probability(best.p, last.cells.manoeuvres)
+        sentence = (
+            f"An improvement by {best.id} has probability {noise} of being noise; it is not added "
+            f"({reason})."
         )
-        noise = probability(best.p, bases[-1].cells.manoeuvres)
-        yield replace(
-            row,
-            effect=best.id,
-            p_adjusted=best.p,
-            outcome="not_added",
-            decision=f"not added: {reason}",
-            sentence=f"An improvement by {best.id} has probability {noise} of being noise; "
-            f"it is not added ({reason}).",
-        )
+        decision = f"not added: {reason}"
+        yield _row(number + 1, last, last, best.id, best.p, "not_added", decision, sentence)
 
 
-def _removed(row: LadderStep, names: Sequence[str]) -> LadderStep:
+def _removed(number: int, base: Base, last: Base, names: Sequence[str]) -> LadderStep:
     """The step on which effects went that later ones had made needless."""
     every = ", ".join(names)
-    return replace(
-        row,
-        effect=every,
-        outcome="removed",
-        decision="removed",
-        sentence=f"{every} removed: what came later has made it needless.",
-    )
+    sentence = f"{every} removed: what came later has made it needless."
+    return _row(number, base, last, every, None, "removed", "removed", sentence)
 
 
-def _row(number: int, base: Base, last: Base | None, step: Step | None) -> LadderStep:
-    named = step.named if step else None
-    rmse_fit, rmse_held = float(np.sqrt(max(base.square_fit, 0.0))), base.rmse_held
-    floor = float(np.sqrt(base.floor.square))
-    outcome, decision, sentence = "start", "start", "The model as it came."
-    if named and step:
-        others = [name for name in step.group if name != named.id]
-        outcome, decision = "added", "added" if not others else f"added (or {', '.join(others)})"
-        sentence = (
-            f"{named.id} added: the improvement has probability "
-            f"{probability(named.assessed.p, base.cells.manoeuvres)} of being noise."
-        )
+def _row(
+    number: int,
+    base: Base,
+    last: Base | None,
+    effect: str,
+    p: float | None,
+    outcome: str,
+    decision: str,
+    sentence: str,
+) -> LadderStep:
+    held, floor = base.rmse_held, float(np.sqrt(base.floor.square))
     return LadderStep(
         step=number,
-        effect=named.id if named else "base",
-        rmse_fit=rmse_fit,
-        rmse_heldout=rmse_held,
+        effect=effect,
+        rmse_fit=float(np.sqrt(max(base.square_fit, 0.0))),
+        rmse_heldout=held,
         noise_floor=floor,
-        excess_heldout=None if rmse_held is None else excess_of(rmse_held, floor),
-        p_adjusted=named.assessed.p if named else None,
+        excess_heldout=None if held is None else excess_of(held, floor),
+        p_adjusted=p,
         outcome=outcome,
         decision=decision,
         sentence=sentence,

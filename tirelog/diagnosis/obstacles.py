@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares, minimize_scalar
 
 from tirelog.data.recording import Conditions
+from tirelog.diagnosis.answer import AnswerTable, excess_of, plain_fields
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.fit.cells import descend, errors_of
 from tirelog.inference.measured import motion_names
@@ -28,6 +30,8 @@ from tirelog.physics.moving.transient import (
     free_rolling_radius,
 )
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import shown
+from tirelog.vocabulary.quality import OK, Quality, quality_text
 
 # ---- When a hit happened, and what the model says of it.
 #
@@ -52,16 +56,10 @@ NUISANCES = 4
 #: The patch centre of the model is sought this far [rad] from the passages, and compared at so
 #: many angles. Twice as far reaches shapes that lie on the wrong side of the patch.
 _ALIGNED_RAD, _ALIGNED_AT = 0.15, 1024
-#: Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for what
-#: the start leaves to die away; twice as much drives that metre more.
-_RUN_UP_M = 1.0
 #: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns]
 #: from the rough time; then beside the best few on a fine grid and unsmoothed. Twice as coarse a
 #: grid needs signals smoothed as much more; twice as many of the best take twice as long.
 _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
-#: Angle [rad] from the patch centre within which the steady waveform is steep. Twice as much
-#: leaves an eighth less of the turn to find a hit's time by.
-_STEEP_RAD = 0.4
 #: Turns before and after the rough time between which the hit is sought. Twice as far takes in the
 #: passages before and after the one that was hit.
 _BEFORE, _AFTER = 1.25, 0.5
@@ -111,7 +109,9 @@ def motion_at(
     radius = free_rolling_radius(
         model, replace(conditions, speed_m_s=np.array([log.radius_m * spin]))
     )
-    run_up = _RUN_UP_M / (radius * spin)
+    # Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for
+    # what the start leaves to die away; twice as much drives that metre more.
+    run_up = 1.0 / (radius * spin)
     length = run_up + window_s + 0.02
     speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
     speed = (
@@ -120,13 +120,9 @@ def motion_at(
         else Schedule.constant(float(radius * spin))
     )
     folder = Path(log.folder).parent if log.folder else None
-    road = road_of(replace(log.road, spacing_m=None), _driven(speed, run_up), folder=folder)
+    begins = 0.5 * (speed(0.0) + speed(run_up)) * run_up
+    road = road_of(replace(log.road, spacing_m=None), begins, folder=folder)
     return driven(model, conditions, Course(speed, Schedule.constant(load), road, length)), run_up
-
-
-def _driven(speed: Schedule, time_s: float) -> float:
-    """Distance [m] after `time_s` of a straight schedule."""
-    return 0.5 * (speed(0.0) + speed(time_s)) * time_s
 
 
 def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = WINDOW_S) -> Hit:
@@ -135,26 +131,8 @@ def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = W
     The window ends after `window_s` or with the log.
     """
     window_s = min(window_s, log.time_s[-1] - rough_s)
-    transient, reached = motion_at(log, model, rough_s, window_s)
-    return _fitted(log, transient, reached, rough_s, window_s)
-
-
-def view_of(
-    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
-) -> View:
-    """The samples from before to after the hit beside the motion."""
-    early = rough_s - _BEFORE * 2.0 * np.pi / log.spin_rad_s
-    rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
-    return View(
-        log, transient, reached, rows, alignment(log, transient.model, transient.conditions)
-    )
-
-
-def _fitted(
-    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
-) -> Hit:
     turn = 2.0 * np.pi / log.spin_rad_s
-    view = view_of(log, transient, reached, rough_s, window_s)
+    view = view_of(log, model, rough_s, window_s)
     times = np.arange(rough_s - _BEFORE * turn, rough_s + _AFTER * turn, _GRID_S)
     best = _sought(view, times, max(round(_SMOOTH_S * log.rate_Hz), 1))
 
@@ -164,12 +142,19 @@ def _fitted(
     bounds = ([-1.0, -_PHASE_RAD], [1.0, _PHASE_RAD])
     found = least_squares(left_at, np.zeros(2), bounds=bounds, diff_step=[1e-3, 1e-3])
     time, phase = best + 1e-3 * float(found.x[0]), float(found.x[1])
-    left = view.left(time, phase)
-    freedom = max(left.size - NUISANCES, 1)
-    slopes: FloatArray = np.asarray(found.jac, dtype=np.float64)
-    variance = float(left @ left) / freedom
+    left, slopes = view.left(time, phase), np.asarray(found.jac, dtype=np.float64)
+    variance = float(left @ left) / max(left.size - NUISANCES, 1)
     error = 1e-3 * float(np.sqrt(variance * np.linalg.pinv(slopes.T @ slopes)[0, 0]))
     return view.hit(time, error, phase, window_s)
+
+
+def view_of(log: TransientLog, model: Model, rough_s: float, window_s: float) -> View:
+    """The samples from before to after the hit beside the model's motion."""
+    transient, reached = motion_at(log, model, rough_s, window_s)
+    early = rough_s - _BEFORE * 2.0 * np.pi / log.spin_rad_s
+    rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
+    aligned = alignment(log, transient.model, transient.conditions)
+    return View(log, transient, reached, rows, aligned)
 
 
 def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
@@ -195,7 +180,9 @@ def _sought(view: View, times: FloatArray, width: int) -> float:
     """The time [s] at which the model's answer is most like the measured one."""
     # where the waveform is steep, a wheel that was turned a little off weighs more than the time of
     # the hit
-    apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > _STEEP_RAD
+    # Angle [rad] from the patch centre within which the steady waveform is steep. Twice as much
+    # leaves an eighth less of the turn to find a hit's time by.
+    apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > 0.4
     losses = np.array(
         [
             np.sum(uniform_filter1d(view.left(float(time), 0.0) * apart, width) ** 2)
@@ -221,35 +208,29 @@ class View:
     rows: NDArray[np.bool_]
     aligned_rad: float
 
-    def _angles(self, when: FloatArray, time_s: float, phase_rad: float) -> FloatArray:
-        """The wheel's angle among the passages at the samples, (m,), if the hit is at `time_s`.
-
-        Passages before and after tell it; between, where the obstacle disturbs them, it swings as
-        the model's does.
-        """
-        motion, turn = self.transient.motion, 2.0 * np.pi / self.log.spin_rad_s
-        begin, end = self.reached, min(self.reached + DISTURBED[1] * turn, motion.time_s[-1])
-        at = np.clip(when, begin, end)
-        psi = np.interp(at, motion.time_s, motion.psi_rad)
-        first, last = np.interp([begin, end], motion.time_s, motion.psi_rad)
-        swing: FloatArray = psi - first - (last - first) * (at - begin) / (end - begin)
-        return self.log.wheel.theta(when - self.reached + time_s) + phase_rad + swing
-
     def _parts(
         self, time_s: float, phase_rad: float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """(added by the model, steady as measured, motion's time, wheel's angle), (m,) each.
 
-        The angle is that among the passages.
+        The angle is that among the passages, if the hit is at `time_s`. Passages before and after
+        tell it; between, where the obstacle disturbs them, it swings as the model's does.
         """
-        when = self.log.time_s[self.rows] - time_s + self.reached
-        theta = self._angles(when, time_s, phase_rad)
+        log, motion = self.log, self.transient.motion
+        when = log.time_s[self.rows] - time_s + self.reached
+        begin = self.reached
+        end = min(begin + DISTURBED[1] * 2.0 * np.pi / log.spin_rad_s, motion.time_s[-1])
+        at = np.clip(when, begin, end)
+        first, last = np.interp([begin, end], motion.time_s, motion.psi_rad)
+        swing = np.interp(at, motion.time_s, motion.psi_rad) - first
+        swing -= (last - first) * (at - begin) / (end - begin)
+        theta = log.wheel.theta(when - self.reached + time_s) + phase_rad + swing
         added = self.transient.added(
-            self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface
+            log.observable, theta + self.aligned_rad, when, surface=log.surface
         )
-        added = np.where(when < self.transient.motion.time_s[0], 0.0, added)
-        spin = np.interp(when, self.transient.motion.time_s, self.transient.motion.omega_rad_s)
-        return added, self.log.steady_at(theta, spin), when, theta
+        added = np.where(when < motion.time_s[0], 0.0, added)
+        spin = np.interp(when, motion.time_s, motion.omega_rad_s)
+        return added, log.steady_at(theta, spin), when, theta
 
     def left(self, time_s: float, phase_rad: float) -> FloatArray:
         """Measured less steady as measured less added by the model, without its mean, (m,)."""
@@ -294,7 +275,6 @@ class View:
 #: the other. The first stages see the blow alone, before an error of a frequency has become one of
 #: phase; in stages twice as long it has become twice as large.
 _STAGES = ((0.03, 2e-3), (0.06, 1e-3), (0.12, 0.0), (0.2, 0.0))
-_WINDOW_S = _STAGES[-1][0]
 #: Steps of a stage at most, the share of the sum of squares that a further one has to gain, and
 #: the step of a parameter for its derivative, relative. Twice as many steps take twice as long;
 #: twice as long ones double what is not linear in a slope.
@@ -318,21 +298,6 @@ class FittedMotion:
     hits: int
 
 
-@dataclass(frozen=True)
-class _Event:
-    """A hit: its log around it, rough time and window."""
-
-    log: TransientLog
-    rough_s: float
-    window_s: float
-
-    def view(self, model: Model, window_s: float) -> View:
-        """The log beside the motion, for so long after the hit, at most to the window's end."""
-        window_s = min(window_s, self.window_s)
-        motion = motion_at(self.log, model, self.rough_s, window_s)
-        return view_of(self.log, *motion, self.rough_s, window_s)
-
-
 def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
     """The free parameters of `motion_names` fitted to all hits.  UsageError if none is free."""
     names = motion_names(model)
@@ -342,7 +307,7 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
             allowed=f"allowed are {', '.join(MOTION)}",
             do="free one in the model file",
         )
-    problem = _Hits(model, names, *_events(logs, model))
+    problem = _Hits(model, names, logs)
     theta = problem.start
     begun = problem.residual(theta)
     low, high = problem.bounds
@@ -356,24 +321,8 @@ def learn_motion(logs: Sequence[TransientLog], model: Model) -> FittedMotion:
     count = len(names)
     errors = {n: s for n, s in zip(names, known.se[:count].tolist()) if np.isfinite(s)}
     fitted = model.with_values(dict(zip(names, theta[:count].tolist())), se=errors)
-    return FittedMotion(fitted, names, _rms(begun), _rms(left), len(problem.events))
-
-
-def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], FloatArray]:
-    """All hits, and time and phase of each by the model as it is, (h, 2)."""
-    events, nuisances = [], []
-    for log in logs:
-        for i, rough in enumerate(log.hits_s):
-            window = float(
-                min(
-                    [_WINDOW_S, *(log.hits_s[i + 1 : i + 2] - rough - 0.02), log.time_s[-1] - rough]
-                )
-            )
-            near = around(log, float(rough))
-            hit = fit_hit(near, model, float(rough), window)
-            events.append(_Event(near, hit.time_s, window))
-            nuisances.append((hit.time_s, hit.phase_rad))
-    return events, np.array(nuisances)
+    before, after = (float(np.sqrt(np.mean(x**2))) for x in (begun, left))
+    return FittedMotion(fitted, names, before, after, len(problem.events))
 
 
 class _Hits:
@@ -383,13 +332,21 @@ class _Hits:
     how smooth.
     """
 
-    def __init__(
-        self, model: Model, names: tuple[str, ...], events: Sequence[_Event], nuisances: FloatArray
-    ) -> None:
-        self.model, self.names, self.events = model, names, events
-        self.start = np.concatenate([[model.values[n] for n in names], nuisances.ravel()])
-        self.stage = _STAGES[-1]
+    def __init__(self, model: Model, names: tuple[str, ...], logs: Sequence[TransientLog]) -> None:
+        self.model, self.names, self.stage = model, names, _STAGES[-1]
         self._seen: tuple[tuple[bytes, float], list[View]] = (b"", 0.0), []
+        #: of each hit its log around it, its time and window [s]
+        self.events: list[tuple[TransientLog, float, float]] = []
+        start = [model.values[name] for name in names]
+        for log in logs:
+            for i, rough in enumerate(log.hits_s):
+                ends = [self.stage[0], *(log.hits_s[i + 1 : i + 2] - rough - 0.02)]
+                window = float(min([*ends, log.time_s[-1] - rough]))
+                near = around(log, float(rough))
+                hit = fit_hit(near, model, float(rough), window)
+                self.events.append((near, hit.time_s, window))
+                start += [hit.time_s, hit.phase_rad]
+        self.start = np.array(start)
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -439,7 +396,8 @@ class _Hits:
 
     def _made(self, theta: FloatArray) -> list[View]:
         model = self.model.with_values(dict(self._own(theta)))
-        return [event.view(model, self.stage[0]) for event in self.events]
+        longest = self.stage[0]
+        return [view_of(log, model, at, min(longest, end)) for log, at, end in self.events]
 
     def _left(self, views: Sequence[View], theta: FloatArray) -> FloatArray:
         """What the model misses at all hits within the stage, one after the other, (N,)."""
@@ -463,5 +421,328 @@ def _variance(left: FloatArray, fitted: int) -> float:
     return float(left @ left) / max(left.size - fitted, 1) * together
 
 
-def _rms(left: FloatArray) -> float:
-    return float(np.sqrt(np.mean(left**2)))
+# ---- `compare` on transients.
+#
+# A coupled ring model's answer to an obstacle against a log, in time and in frequency.
+#
+#     TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits
+#         --rows in time and frequency--> TransientComparison
+#
+# The model's own parameters are not touched here: what it says of an obstacle is a prediction,
+# with
+# four nuisance numbers per hit (when, phase, level, alignment), which the errors are charged for.
+# Beside the error of the whole reading stand the model's error off the obstacle (`rmse_steady`),
+# the
+# repeatability of steady revolutions at the same wheel angles (`noise_floor`), what the obstacle
+# added as measured (`added`) and what of that the model does not cover (`missed`). Errors in the
+# observable's unit; squares of a band are mean squares, so that bands add up to the whole.
+
+
+#: Rows of the table by time [s], and edges of the bands [Hz] of the table by frequency: thirds of
+#: an octave above 20 Hz. Twice as long rows show half as much of a hit's course, each with less
+#: scatter.
+BIN_S = 0.01
+BANDS_HZ = np.array(
+    [
+        0,
+        20,
+        25,
+        31.5,
+        40,
+        50,
+        63,
+        80,
+        100,
+        125,
+        160,
+        200,
+        250,
+        315,
+        400,
+        500,
+        630,
+        800,
+        1000,
+        1250,
+        1600,
+        2000,
+        2500,
+        4e3,
+        1e4,
+    ]
+)
+#: Angles over which errors off the obstacle are averaged. Twice as many leave half as many samples
+#: for each mean.
+_ANGLES = 128
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Mean squares of one hit per band of frequency, (b,).
+
+    `edges_Hz` (b + 1,) of the bands; `added` by the obstacle as measured, `residual` that the model
+    leaves, `missed` by its answer, `steady` error, noise `floor`.
+    """
+
+    edges_Hz: FloatArray
+    added: FloatArray
+    residual: FloatArray
+    missed: FloatArray
+    steady: FloatArray
+    floor: FloatArray
+
+
+@dataclass(frozen=True)
+class HitResult:
+    """A hit and its numbers, in the observable's unit but for times, phase and shares."""
+
+    log: TransientLog
+    ordinal: int
+    hit: Hit
+    floor: FloatArray
+    steady: FloatArray
+    spectrum: Spectrum
+
+    @property
+    def _charged(self) -> float:
+        """Samples over samples less nuisances."""
+        size = self.hit.since_s.size
+        return size / max(size - NUISANCES, 1)
+
+    @property
+    def _squares(self) -> FloatArray:
+        """Squares of what `_errors` names, (5, m), charged for the nuisances."""
+        hit, charged = self.hit, self._charged
+        left = charged * (hit.measured - hit.predicted) ** 2
+        missed = charged * hit.missed**2
+        return np.stack([left, self.steady, self.floor, hit.added**2, missed])
+
+    def row(self) -> dict[str, Any]:
+        """One row of the table by hit."""
+        hit, errors = self.hit, _errors(self._squares.mean(axis=1))
+        floor, added, missed = (errors[name] for name in ("noise_floor", "added", "missed"))
+        covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
+        # A hit of which the model covers less than this share may be something else than the
+        # obstacle. Twice as much marks also hits of which a third is explained.
+        quality = quality_text(0 if covered > 0.2 else Quality.UNLIKE)
+        return {
+            **self._name(),
+            "time_s": hit.time_s,
+            "time_se_s": hit.time_se_s,
+            "speed_m_s": hit.speed_m_s,
+            "phase_deg": float(np.degrees(hit.phase_rad)),
+            "alignment_deg": float(np.degrees(hit.alignment_rad)),
+            "level": hit.level,
+            "samples": int(hit.since_s.size),
+            **errors,
+            "covered": covered,
+            "quality": quality,
+        }
+
+    def time_rows(self) -> list[dict[str, Any]]:
+        """Rows of 10 ms after the hit."""
+        bins, squares = (self.hit.since_s / BIN_S).astype(np.int64), self._squares
+        return [
+            {
+                **self._name(),
+                "since_s": (number + 0.5) * BIN_S,
+                "samples": int((bins == number).sum()),
+                **_errors(squares[:, bins == number].mean(axis=1)),
+            }
+            for number in np.unique(bins)
+        ]
+
+    def frequency_rows(self) -> list[dict[str, Any]]:
+        """Rows of bands up to half the sampling rate."""
+        s, charged = self.spectrum, self._charged
+        squares = [charged * s.residual, s.steady, s.floor, s.added, charged * s.missed]
+        return [
+            {**self._name(), "low_Hz": float(low), "high_Hz": float(high), **_errors(own)}
+            for low, high, own in zip(s.edges_Hz[:-1], s.edges_Hz[1:], np.transpose(squares))
+        ]
+
+    def _name(self) -> dict[str, Any]:
+        return {"log": self.log.log, "channel": self.log.channel, "hit": self.ordinal}
+
+
+def _errors(squares: FloatArray) -> dict[str, float]:
+    """rmse, rmse_steady, noise_floor, excess, added, missed.
+
+    From mean squares in that order (excess is their own).
+    """
+    rmse, steady, floor, added, missed = np.sqrt(np.maximum(squares, 0.0)).tolist()
+    return {
+        "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor),
+        "added": added, "missed": missed,
+    }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TransientComparison:
+    """All hits of all logs."""
+
+    observable: str
+    unit: str
+    hits: tuple[HitResult, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        return {
+            "hit": [hit.row() for hit in self.hits],
+            "time": [row for hit in self.hits for row in hit.time_rows()],
+            "frequency": [row for hit in self.hits for row in hit.frequency_rows()],
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Totals over the hits, each as many samples as it has, and a row per hit."""
+        rows = self.tables["hit"]
+        names = ("rmse", "rmse_steady", "noise_floor", "added", "missed")
+        squares = [[row[name] ** 2 for row in rows] for name in names]
+        means = np.average(squares, axis=1, weights=[row["samples"] for row in rows])
+        numbers = dict(zip(names, np.sqrt(means).tolist(), strict=True))
+        floor = numbers["noise_floor"] ** 2
+        added, missed = (numbers[name] ** 2 - floor for name in ("added", "missed"))
+        numbers["excess"] = excess_of(numbers["rmse"], numbers["noise_floor"])
+        numbers["covered"] = 1.0 - max(missed, 0.0) / max(added, 1e-300)
+        return plain_fields({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
+
+    def hits_table(self, log_name: Callable[[str], str] = str) -> AnswerTable:
+        """Hit by hit: what the obstacle added, what of it the model misses, errors and floor."""
+        factor, unit = shown(self.observable, self.unit)
+        sizes = ("added", "missed", "rmse", "rmse_steady", "noise_floor", "excess")
+        rows = [
+            [
+                f"  {log_name(row['log'])} at {row['time_s']:.4f} +- {row['time_se_s']:.1g} s",
+                row["speed_m_s"],
+                *(row[name] * factor for name in sizes),
+                f"{100.0 * row['covered']:.0f}",
+                row["quality"],
+            ]
+            for row in self.tables["hit"]
+        ]
+        words = ("m/s", "added", "missed", "rmse", "steady", "floor", "excess", "covered [%]")
+        return AnswerTable(f"Hit by hit, in {unit}", [f"in {unit}", *words, "quality"], rows)
+
+
+def compare_transients(
+    logs: Sequence[TransientLog], model: Model, *, unit: str
+) -> TransientComparison:
+    """The model's answer to every hit of the logs.
+
+    ModelError if the model cannot be driven over their roads.
+    """
+    results: list[HitResult] = []
+    remarks: list[str] = []
+    for log in logs:
+        for ordinal, rough in enumerate(log.hits_s):
+            following = log.hits_s[ordinal + 1 :]
+            window = min([WINDOW_S, *(following[:1] - rough - 0.02)])
+            near = around(log, float(rough))
+            hit = fit_hit(near, model, float(rough), float(window))
+            results.append(_result(near, ordinal, hit, model))
+            remarks += [remark for remark in hit.remarks if remark not in remarks]
+            if results[-1].row()["quality"] != OK:
+                remarks.append(
+                    f"{log.log}: the model covers little of what happened at {hit.time_s:.4g} s; "
+                    "the obstacle's dimensions, the model, or another event are to be doubted"
+                )
+    return TransientComparison(model.observable, unit, tuple(results), tuple(remarks))
+
+
+def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResult:
+    """The hit beside the errors off the obstacle, by wheel angle and by frequency."""
+    off, error = log.off(), _steady_error(log, hit, model)
+    near = np.flatnonzero(log.calm)
+    phi = split_turns(log.wheel.theta(log.time_s))[1]
+    place = (phi + np.pi) * (_ANGLES / (2.0 * np.pi))
+    bins = np.clip(place.astype(np.int64), 0, _ANGLES - 1)
+    rows = (log.time_s >= hit.time_s) & (log.time_s - hit.time_s <= hit.since_s[-1] + 1e-9)
+    at_hit = bins[rows][: hit.since_s.size]
+    edges = BANDS_HZ[: int(np.searchsorted(BANDS_HZ, 0.5 * log.rate_Hz))]
+    edges = (
+        np.append(edges[:-1], 0.5 * log.rate_Hz)
+        if edges.size > 1
+        else np.array([0.0, 0.5 * log.rate_Hz])
+    )
+    spectra = {"added": hit.added, "residual": hit.measured - hit.predicted, "missed": hit.missed}
+    powers = {
+        name: band_squares(hit.since_s, values, edges, log.rate_Hz)
+        for name, values in spectra.items()
+    }
+    calm = {
+        name: _calm_squares(log, values, near, hit.since_s[-1], edges)
+        for name, values in (("steady", error), ("floor", off))
+    }
+    by_angle = [_by_angle(values[near] ** 2, bins[near])[at_hit] for values in (off, error)]
+    return HitResult(log, ordinal, hit, by_angle[0], by_angle[1], Spectrum(edges, **powers, **calm))
+
+
+def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
+    """Samples less the model's steady waveform, level removed, (N,).
+
+    At the angle of the passages and at the hit's conditions.
+    """
+    nearest = int(np.argmin(np.abs(log.conditions.time_s - hit.time_s)))
+    conditions = log.conditions.take(slice(nearest, nearest + 1))
+    phi = split_turns(log.wheel.theta(log.time_s) + hit.alignment_rad)[1]
+    wave = model.predict(conditions, phi, surface=log.surface)[0]
+    if log.observable == "radial_acceleration":
+        frame = model.predict(conditions, phi, observable="frame_acceleration")[
+            0
+        ]  # does not follow the spin
+        wave = (wave - frame) * (
+            log.wheel.speed_rad_s(log.time_s) * log.radius_m / conditions.speed_m_s[0]
+        ) ** 2 + frame
+    error: FloatArray = log.values - wave
+    level: FloatArray = error - error[log.calm].mean()
+    return level
+
+
+def _by_angle(squares: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
+    """Mean square per angle (_ANGLES,); if no sample fell in one, the mean of all."""
+    count = np.bincount(bins, minlength=_ANGLES)
+    total = np.bincount(bins, squares, minlength=_ANGLES)
+    return np.where(count > 0, total / np.maximum(count, 1), squares.mean())
+
+
+def _calm_squares(
+    log: TransientLog,
+    values: FloatArray,
+    near: NDArray[np.int64],
+    length_s: float,
+    edges_Hz: FloatArray,
+) -> FloatArray:
+    """Mean squares per band over stretches of steady rolling, (b,).
+
+    The stretches are as long as the window (or the longest there is).
+    """
+    stretches = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
+    size = min(max(round(length_s * log.rate_Hz), 8), max(len(s) for s in stretches))
+    parts = [
+        stretch[i : i + size]
+        for stretch in stretches
+        for i in range(0, len(stretch) - size + 1, size)
+    ]
+    squares: FloatArray = np.mean(
+        [band_squares(log.time_s[p], values[p], edges_Hz, log.rate_Hz) for p in parts], axis=0
+    )
+    return squares
+
+
+def band_squares(
+    time_s: FloatArray, values: FloatArray, edges_Hz: FloatArray, rate_Hz: float
+) -> FloatArray:
+    """Mean square of the values in each band [low, high), (b,).
+
+    The bands of a whole spectrum add up to their variance. Lost samples are bridged by straight
+    lines.
+    """
+    size = max(round((time_s[-1] - time_s[0]) * rate_Hz) + 1, 2)
+    even = np.interp(time_s[0] + np.arange(size) / rate_Hz, time_s, values)
+    power = np.abs(np.fft.rfft(even - even.mean())) ** 2 * (2.0 / size**2)
+    if size % 2 == 0:
+        power[-1] *= 0.5
+    frequency = np.fft.rfftfreq(size, 1.0 / rate_Hz)
+    band = np.clip(np.searchsorted(edges_Hz, frequency, side="right") - 1, 0, edges_Hz.size - 2)
+    return np.asarray(np.bincount(band, power, minlength=edges_Hz.size - 1), dtype=np.float64)

@@ -16,28 +16,35 @@ removal of the best family.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
+from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes a second to import
+from numpy.typing import NDArray
+from scipy.special import stdtrit
 
-from tirelog.diagnosis.agreement import contributions
 from tirelog.diagnosis.candidates.assessment import (
     Scores,
+    beside_base,
+    even_share,
     flip_test,
     gain_and_error,
-    nuisance,
+    hats,
+    hats_on,
     surely_gains,
+    with_candidate,
 )
-from tirelog.diagnosis.candidates.effect_jacobians import even_share, hats, hats_on, with_candidate
-from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.results import contributions
+from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
 from tirelog.inference.cells.joint import model_of
-from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric import ProjectedOut, per_group, side_by_side
+from tirelog.inference.floor import held_out_losses, held_out_losses_with
+from tirelog.inference.metric import Offsets, ProjectedOut, side_by_side, solve_scaled
+from tirelog.inference.nuisances import condition_slopes
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import Drive, Effect, Site
 from tirelog.physics.effects.base import Values
@@ -55,15 +62,6 @@ from tirelog.vocabulary.conditions import CONDITIONS
 
 #: exponents of speed that are tested: each is one more candidate for chance
 EXPONENTS = (0.0, 1.0, 2.0)
-#: single logs that a remainder may follow: each is one more factor that may fit by chance; the
-#: family-wise p counts them all, so that twice as many ask more of each
-MOST_LOGS = 4
-#: a quantity is named in place of a log from this share of its statistic on; half as much would
-#: name a quantity that explains half of what the log does
-_NAMED_FIRST = 0.95
-#: two quantities that move together beyond this correlation are not told apart: a fifth of the one
-#: in size is its own then; at 0.96 it would be 28 %
-_TOGETHER = 0.98
 #: a rest is looked at over powers of the speed, and over the size of what has a sign
 SPEED = CONDITIONS["speed_m_s"].symbol
 SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
@@ -84,10 +82,11 @@ def factors_of(base: Base) -> dict[str, FloatArray]:
                 values - (0.0 if condition.signed else values.mean())
             ) / np.abs(values).max()
     logs = np.unique(base.cells.log)
-    for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
-        result[f"log {number}"] = (base.cells.log == number) - float(
-            np.mean(base.cells.log == number)
-        )
+    # single logs that a remainder may follow: each is one more factor that may fit by chance; the
+    # family-wise p counts them all, so that twice as many ask more of each
+    for number in logs[: 4 if logs.size > 2 else logs.size - 1]:
+        own = base.cells.log == number
+        result[f"log {number}"] = own - float(np.mean(own))
     return result
 
 
@@ -99,10 +98,12 @@ def best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
     best = int(np.argmax(statistic))
     names = list(factors)
     if names[best].startswith("log "):
+        # a quantity is named in place of a log from this share of its statistic on; half as much
+        # would name a quantity that explains half of what the log does
         near = [
             i
             for i, name in enumerate(names)
-            if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]
+            if not name.startswith("log ") and statistic[i] >= 0.95 * statistic[best]
         ]
         best = max(near, key=lambda i: statistic[i]) if near else best
     return best
@@ -121,7 +122,9 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
         for n, x in factors.items()
         if n != name and not n.startswith((SPEED, "log ")) and np.ptp(x) > 0.0
     ]
-    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
+    # two quantities that move together beyond this correlation are not told apart: a fifth of the
+    # one in size is its own then; at 0.96 it would be 28 %
+    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > 0.98)
 
 
 # ---- Free shapes of the contact pressure as columns of the observable.
@@ -137,10 +140,6 @@ def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
 # these few columns explain as much as free shapes of the strain do, they tell the exponent.
 
 
-#: centres over L, width over L, height over the mean pressure
-_CENTRES = np.linspace(-1.8, 1.8, 19)
-#: half of it leaves gaps between the centres, twice as much tells neighbours apart half as well
-_WIDTH = 0.15
 #: twice as much doubles the share of the response that is not linear in it
 _HEIGHT = 0.02
 
@@ -150,7 +149,9 @@ def _probe(centre: float) -> Effect:
 
     def pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
         height = v["height"] * site.mean_pressure
-        return bell(height, centre * site.half_length_m, _WIDTH * site.half_length_m, site.radius_m)
+        # half of it leaves gaps between the centres, twice as much tells neighbours apart half as
+        # well
+        return bell(height, centre * site.half_length_m, 0.15 * site.half_length_m, site.radius_m)
 
     return Effect(
         id="probe",
@@ -176,7 +177,8 @@ def pressure_columns(base: Base) -> FloatArray | None:
     None if the model cannot be computed with one of them.
     """
     changes = []
-    for centre in _CENTRES:
+    # centres over L, width over L, height over the mean pressure
+    for centre in np.linspace(-1.8, 1.8, 19):
         pressed = with_candidate(base.model, _probe(float(centre)), {"height": _HEIGHT})
         change = change_to(base, pressed)
         if isinstance(change, ModelError):
@@ -193,12 +195,6 @@ _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
 _DECAYS_M = (0.1, 0.3)
-#: a ringing turns so often before it has fallen to 1/e: with half of it a single bump would be one
-_TURNS = 1.0
-#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what is left:
-#: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
-_RINGS_MORE = 1.15
-_RINGS_SHARE = 0.35
 #: share of the energy that makes a parity: the other one is then a third as large.  With twice the
 #: rest it may be half as large; of a shape on one side alone both are equal
 _PARITY = 0.9
@@ -206,14 +202,6 @@ _PARITY = 0.9
 #: of its side (a wake is longer)
 _NEAR = 3.5
 _WAKE = 6.0
-#: cells that a ring-down is looked for in: the time goes with their number
-_SOME_CELLS = 24
-#: share of what both sides explain that one side alone must, and its ratio to the other side's;
-#: half as much would call a shape of both sides one-sided if one of them is the larger
-_ONE_SIDED = 0.93
-_MORE = 1.03
-#: a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave none
-_ONE_SIGN = 0.8
 
 
 #: nodes of free shapes over the time since the exit edge [s]: as many as over the angle; half as
@@ -235,13 +223,13 @@ class Leftover:
     significant: bool
     p: float
     size: float
-    where: str | None
-    parity: str | None
-    follows: str | None
-    speed_exponent: float | None
-    frequency_Hz: float | None
     shape: FloatArray
     phi_rad: FloatArray
+    where: str | None = None
+    parity: str | None = None
+    follows: str | None = None
+    speed_exponent: float | None = None
+    frequency_Hz: float | None = None
     in_pressure: bool = False
     together: tuple[str, ...] = ()
     observable: str | None = None
@@ -252,26 +240,21 @@ class Leftover:
 def _describe_several(base: JointBase) -> Leftover:
     """The rest of the observable in which it is largest."""
     parts = bases_by_observable(base)
-    found = [describe(part) for part in parts]
     share = [part.plain.weight / base.plain.weight for part in parts]
+    # one test for each observable
+    found = [replace(left, p=min(left.p * len(parts), 1.0)) for left in map(describe, parts)]
     sizes = [
         left.size / part.floor.square * part_share
         for left, part, part_share in zip(found, parts, share, strict=True)
     ]
-    # one test for each observable
-    found = [
-        replace(left, p=min(left.p * len(parts), 1.0), significant=left.significant)
-        for left in found
-    ]
     told = [i for i, left in enumerate(found) if left.significant]
     if told:
         most = max(told, key=lambda i: sizes[i])
-        return replace(
-            found[most], size=sum(sizes[i] for i in told), observable=parts[most].cells.label
-        )
+        size = sum(sizes[i] for i in told)
+        return replace(found[most], size=size, observable=parts[most].cells.label)
     against = max(contributions(base), key=lambda one: one.size * one.contradicts)
-    most = int(np.argmax(sizes))
     if not against.contradicts:
+        most = int(np.argmax(sizes))
         return replace(found[most], size=sizes[most])
     at = [part.cells.label for part in parts].index(against.observable)
     return replace(
@@ -316,11 +299,7 @@ def _score(
     Free shapes are many, so some columns are projected at a time.
     """
     left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
-    flat = left.reshape(-1, left.shape[-1])
-    return Scores(
-        per_group((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre),
-        flat.T @ flat,
-    )
+    return Scores.of(base, left, residual)
 
 
 def _scores(
@@ -342,8 +321,7 @@ def describe(base: Base) -> Leftover:
     if isinstance(base, JointBase):
         return _describe_several(base)
     cells = base.cells
-    taken = nuisance(base)
-    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    taken, residual = beside_base(base)
     factors, free = factors_of(base), _shapes(base)
     scores = _scores(base, taken, residual, free, [f[:, None, None] for f in factors.values()])
     by_speed = [name for name in factors if name.startswith(SPEED) and cells.phi.shape[1] > 1]
@@ -365,52 +343,30 @@ def describe(base: Base) -> Leftover:
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
     gain, error = gain_and_error(base.held_white, held_white)
     size = float((base.held_plain - held_plain).sum()) / base.plain.weight
-    shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
+    phi = np.nanmean(cells.phi, axis=0)
+    left = Leftover(True, float(p[best]), size, leading_shape(base), phi)
     if (
         p[best] > ALARM_P
-        or not surely_gains(gain, error, float(p[best]), base.share(size))
+        or not surely_gains(gain, error, left.p, base.share(size))
         or size < LEAST_SHARE_OF_FLOOR * base.floor.square
     ):
-        return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
+        return replace(left, significant=False)
     free = _late_shapes(base) if in_time else _shapes(base)
-    exponent, in_pressure = (
-        _exponent(base, taken, residual, free, pressed=not in_time)
-        if name.startswith(SPEED) and not _crosses_zero(base)
-        else (None, False)
-    )
-    if cells.phi.shape[1] == 1:
-        return Leftover(
-            True,
-            float(p[best]),
-            size,
-            None,
-            None,
-            "nothing" if exponent == 0.0 else name.split("^")[0],
-            exponent,
-            None,
-            shape,
-            phi,
-            together=together,
-        )
-    where, parity = place_and_parity(base, shape, phi)
-    if in_time:
-        where, parity = "exit", "mixed"
-    side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
-    where, parity = (side, "mixed") if side else (where, parity)
+    exponent, in_pressure = None, False
+    if name.startswith(SPEED) and not _crosses_zero(base):
+        exponent, in_pressure = _exponent(base, taken, residual, free, pressed=not in_time)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
-    return Leftover(
-        True,
-        float(p[best]),
-        size,
-        where,
-        parity,
-        follows,
-        exponent,
-        _frequency(base),
-        shape,
-        phi,
-        in_pressure,
-        together,
+    left = replace(left, follows=follows, speed_exponent=exponent, together=together)
+    if cells.phi.shape[1] == 1:
+        return left
+    where, parity = ("exit", "mixed") if in_time else place_and_parity(base, left.shape, phi)
+    side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
+    return replace(
+        left,
+        where=side or where,
+        parity="mixed" if side else parity,
+        frequency_Hz=_frequency(base),
+        in_pressure=in_pressure,
         in_time=in_time,
     )
 
@@ -450,7 +406,9 @@ def _crosses_zero(base: Base) -> bool:
     if cells.phi.shape[1] > 1:
         return False
     left = base.plain(np.nan_to_num(cells.values - base.fit.prediction))
-    return bool(abs(left.sum()) < _ONE_SIGN * np.abs(left).sum())
+    # a remainder is of one sign if its sum is this share of its sizes'; twice as much would leave
+    # none
+    return bool(abs(left.sum()) < 0.8 * np.abs(left).sum())
 
 
 def _one_side(
@@ -474,7 +432,9 @@ def _one_side(
         {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)},
     )
     best, other = sorted(sides, key=lambda name: -sides[name])
-    return best if sides[best] > _ONE_SIDED * both and sides[best] > _MORE * sides[other] else None
+    # share of what both sides explain that one side alone must, and its ratio to the other side's;
+    # half as much would call a shape of both sides one-sided if one of them is the larger
+    return best if sides[best] > 0.93 * both and sides[best] > 1.03 * sides[other] else None
 
 
 def _explained(score: Scores) -> float:
@@ -530,10 +490,10 @@ def _frequency(base: Base) -> float | None:
 
     Only if a fixed frequency in time explains more than a fixed wavelength.
     """
-    base = with_fewer_cells(base, _SOME_CELLS)
+    # cells that a ring-down is looked for in: the time goes with their number
+    base = with_fewer_cells(base, 24)
     cells = base.cells
-    taken = nuisance(base)
-    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    taken, residual = beside_base(base)
     behind = _behind_m(base)
     since = behind / cells.conditions.speed_m_s[:, None]
     factor = (cells.conditions.speed_m_s / 20.0)[:, None, None]
@@ -542,30 +502,22 @@ def _frequency(base: Base) -> float | None:
         numbers: FloatArray, phase: FloatArray, decays: tuple[float, ...]
     ) -> tuple[float, float]:
         found = []
-        for number in numbers:
-            for decay in decays:
-                if decays is _DECAYS_S and number * decay < _TURNS:
-                    continue
-                turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
-                wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
-                found.append(
-                    (
-                        _explained(
-                            _score(
-                                base,
-                                taken,
-                                residual,
-                                np.concatenate([wave, factor * wave], axis=-1),
-                            )
-                        ),
-                        float(number),
-                    )
-                )
+        for number, decay in product(numbers, decays):
+            # a ringing turns so often before it has fallen to 1/e: with half of it a single bump
+            # would be one
+            if decays is _DECAYS_S and number * decay < 1.0:
+                continue
+            turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
+            wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
+            columns = np.concatenate([wave, factor * wave], axis=-1)
+            found.append((_explained(_score(base, taken, residual, columns)), float(number)))
         return max(found)
 
     in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)
     in_space, _ = best(1.0 / _WAVELENGTHS_M, behind, _DECAYS_M)
-    if in_time < _RINGS_MORE * in_space or in_time < _RINGS_SHARE * float((residual**2).sum()):
+    # a fixed frequency must explain so much more than a fixed wavelength, and so much of what is
+    # left: 0.59 of it in size.  Twice the share leaves little room for anything beside the ringing
+    if in_time < 1.15 * in_space or in_time < 0.35 * float((residual**2).sum()):
         return None
     return best(np.linspace(0.92, 1.08, 17) * frequency, since, _DECAYS_S)[1]
 
@@ -573,45 +525,18 @@ def _frequency(base: Base) -> float | None:
 # ---- What is left that does not repeat: its size, whether a load looks like it, what it goes with.
 
 
-#: share of what is left that one shape must make up to be said, and rank correlation over
-#: manoeuvres of its size with what it is said to follow: so much, and more than chance gives with
-#: this probability on either side (a dozen factors are looked at); doubling either says nothing
-_ONE_SHAPE = 0.5
-_FOLLOWS = 0.5
-_FOLLOWS_P = 0.00135
+def scattered(base: Base, floor_square: float) -> dict[str, Any]:
+    """Size and course of what does not repeat beside the floor.
 
-
-@dataclass(frozen=True)
-class Scattered:
-    """What does not repeat.
-
-    Its root mean square `size` in the observable's unit, whether it looks like a load that
-    changes, and the quantity with which it is large ("" if none), growing with it or falling, and
-    what went along with that.
+    Its root mean square `size` in the observable's unit, whether it looks like a load that changes,
+    the quantity that it `follows` ("" if none), whether it `grows` with that or falls, and what
+    went `together` with it. If only chi-square tells of it, the size is that of cell means.
     """
-
-    size: float
-    like_load: bool
-    follows: str
-    grows: bool
-    together: tuple[str, ...] = ()
-
-
-def _scattered_several(base: JointBase) -> Scattered:
-    """That of the observable that is farthest above its floor, in floors."""
-    parts = bases_by_observable(base, held_by_all=True)
-    worst = max(parts, key=lambda part: part.square_held / part.floor.square)
-    found = scattered(worst, worst.floor.square)
-    return replace(found, size=found.size / float(np.sqrt(worst.floor.square)))
-
-
-def scattered(base: Base, floor_square: float) -> Scattered:
-    """Size and course of what is left beside the floor.
-
-    If only chi-square tells of it, the size is that of cell means.
-    """
-    if isinstance(base, JointBase):
-        return _scattered_several(base)
+    if isinstance(base, JointBase):  # of the observable farthest above its floor, in floors
+        parts = bases_by_observable(base, held_by_all=True)
+        worst = max(parts, key=lambda part: part.square_held / part.floor.square)
+        found = scattered(worst, worst.floor.square)
+        return found | {"size": found["size"] / float(np.sqrt(worst.floor.square))}
     plain, cells = base.plain, base.cells
     beyond = max(
         base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
@@ -620,14 +545,21 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     square = (left**2).sum(axis=1)
     load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
     along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
-    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
+    # share of what is left that one shape must make up to be said, and rank correlation over
+    # manoeuvres of its size with what it is said to follow: so much, and more than chance gives
+    # with this probability on either side (a dozen factors are looked at); doubling either says
+    # nothing
+    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > 0.5 * square.sum())
     factors, best, name = factors_of(base), 0.0, ""
     number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
     sizes = [np.log(np.maximum(square / cells.revolutions, 1e-300))]
     if cells.phi.shape[1] == 1:  # what crosses zero is largest at both ends
         sizes.append(left[:, 0])
     ranked = [_ranks(np.bincount(cells.manoeuvre, size) / number) for size in sizes]
-    least = max(_FOLLOWS, _least_rank(cells.manoeuvres))
+    least, freedom = 1.0, cells.manoeuvres - 2
+    if freedom > 0:  # what manoeuvres that follow nothing reach
+        t = float(stdtrit(freedom, 1.0 - 0.00135))
+        least = max(0.5, t / float(np.sqrt(freedom + t**2)))
     for factor, values in factors.items():
         mean = np.bincount(cells.manoeuvre, np.abs(values) if factor in SIGNED else values) / number
         if np.ptp(mean) > 0.0:
@@ -635,17 +567,165 @@ def scattered(base: Base, floor_square: float) -> Scattered:
                 rank = float(np.corrcoef(of_size, _ranks(mean))[0, 1])
                 if abs(rank) > max(abs(best), least):
                     best, name = rank, factor
-    together = gone_along(factors, name) if name else ()
-    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
-
-
-def _least_rank(manoeuvres: int) -> float:
-    """Rank correlation that manoeuvres which follow nothing reach with `_FOLLOWS_P`."""
-    if manoeuvres < 3:
-        return 1.0
-    t = float(stdtrit(manoeuvres - 2, 1.0 - _FOLLOWS_P))
-    return float(t / np.sqrt(manoeuvres - 2 + t**2))
+    return {
+        "size": float(np.sqrt(beyond)),
+        "like_load": like_load,
+        "follows": name.split("^")[0],
+        "grows": best > 0.0,
+        "together": gone_along(factors, name) if name else (),
+    }
 
 
 def _ranks(x: FloatArray) -> FloatArray:
     return np.unique(x, return_inverse=True)[1].astype(float)
+
+
+# ---- What a fitted model never does, and which conditions are suspects before physics.
+#
+# Base -> whitened residual -> five numbers, beside those of noise as the floor has it, fitted
+#         alike -> what the model never does
+#      -> a load, a radius or a pressure wrong in one log -> how much of the excess that would
+#         remove
+
+
+#: residuals that are drawn, and the standard deviations about their mean that make the range: one
+#: of the five leaves it by chance in a log in two hundred; twice as many tell the ranges to 3.5
+#: instead of 5 %, in twice the time; with a range twice as wide only what is twice as far off
+#: fails
+_DRAWN = 200
+_WITHIN = 3.3
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number of the residual beside the range in which noise alone leaves it."""
+
+    name: str
+    measured: float
+    low: float
+    high: float
+
+    @property
+    def never(self) -> bool:
+        """The model and its floor never leave this."""
+        return not self.low <= self.measured <= self.high
+
+
+def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
+    """Largest cell, lag one over angles and cells, kurtosis and drift of the whitened residual.
+
+    The ranges are those of residuals drawn from noise and scatter as the floor has them, with base
+    parameters, offsets and nuisances taken out as they are of what was measured.
+    """
+    if isinstance(base, JointBase):
+        return tuple(
+            replace(check, name=f"{check.name} of {part.cells.label}")
+            for part in bases_by_observable(base)
+            for check in posterior_checks(part, seed)
+        )
+    if base.cells.phi.shape[1] == 1:
+        return ()  # one number per revolution has no shape
+    cells, white = base.cells, base.noise
+    other = ProjectedOut.of(Offsets.of(cells, white), white(base.fit.moving))
+    measured = other.without(white(np.nan_to_num(cells.values - base.fit.prediction)))
+    random, used = np.random.default_rng(seed), white.inverse_sd > 0.0
+    statistics = _statistics(base, used)
+    drawn = np.empty((_DRAWN, len(statistics)))
+    for row in drawn:
+        noise = random.standard_normal(measured.shape) * used
+        along = np.swapaxes(white.basis, 1, 2) @ noise[..., None]
+        # a direction shrunk by so much is free, and no residual has a part in it
+        free = (white.shrink > 0.99)[..., None]
+        noise = other.without(noise - (white.basis @ (free * along))[..., 0])
+        row[:] = [statistic(noise) for statistic in statistics.values()]
+    mean, spread = drawn.mean(axis=0), drawn.std(axis=0, ddof=1)
+    low, high = mean - _WITHIN * spread, mean + _WITHIN * spread
+    return tuple(
+        Check(name, statistic(measured), float(a), float(b))
+        for (name, statistic), a, b in zip(statistics.items(), low, high, strict=True)
+    )
+
+
+def _statistics(base: Base, used: NDArray[np.bool_]) -> dict[str, Callable[[FloatArray], float]]:
+    """The five numbers, of a whitened residual (C, m)."""
+    cells = base.cells
+    count = np.maximum(used.sum(axis=1), 1)
+    order = np.lexsort((cells.conditions.time_s, cells.manoeuvre))
+    beside = np.flatnonzero(np.diff(cells.manoeuvre[order]) == 0)
+    before, after = order[beside], order[beside + 1]
+    time = np.zeros(len(cells))
+    for log in np.unique(cells.log):
+        rows = cells.log == log
+        own = cells.conditions.time_s[rows]
+        time[rows] = own - own.mean() if np.isfinite(own).all() else 0.0
+    time /= max(float(np.sqrt((time**2).sum())), 1e-300)
+
+    def square(r: FloatArray) -> float:
+        return max(float((r**2).sum()), 1e-300)
+
+    return {
+        "largest cell": lambda r: float(((r**2).sum(axis=1) / count).max()),
+        "lag one over angles": lambda r: float((r[:, 1:] * r[:, :-1]).sum()) / square(r),
+        "lag one over cells": lambda r: float((r[before] * r[after]).sum()) / square(r),
+        "kurtosis": lambda r: float(np.square(r**2).sum()) * float(used.sum()) / square(r) ** 2,
+        "drift": lambda r: float(time @ (r.sum(axis=1) / np.sqrt(count))),
+    }
+
+
+def check_sentences(checks: tuple[Check, ...]) -> list[str]:
+    """What the model and its floor never do, in one sentence; none if there is nothing."""
+    said = [
+        f"{c.name} {c.measured:.3g} (model: {c.low:.3g} to {c.high:.3g})" for c in checks if c.never
+    ]
+    return [f"What this model never does: {'; '.join(said)}."] if said else []
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A condition that would remove a `share` of the excess if it were `change` higher in a log."""
+
+    condition: str
+    log: int
+    change: float
+    share: float
+
+    @property
+    def said(self) -> str:
+        return (
+            f"a {self.condition} {100.0 * abs(self.change):.2g} % "
+            f"{'higher' if self.change > 0.0 else 'lower'} in log {self.log + 1} than its setup "
+            f"says would remove {100.0 * self.share:.0f} % of the excess"
+        )
+
+
+def suspects(base: Base) -> tuple[Suspect, ...]:
+    """Load, rolling radius and pressure of one log each that would explain much, the best first.
+
+    Of one log alone none: what a level does there is what the model's parameters do.
+    """
+    if isinstance(base, JointBase):
+        each = [suspect for part in bases_by_observable(base) for suspect in suspects(part)]
+        return tuple(sorted(each, key=lambda s: -s.share))
+    cells, logs = base.cells, np.unique(base.cells.log)
+    if base.excess <= LEAST_SHARE_OF_FLOOR * base.floor.square or logs.size < 2:
+        return ()
+    taken, residual = beside_base(base)
+    found = []
+    columns = {
+        (condition, int(log)): (slope * (cells.log == log)[:, None])[..., None]
+        for condition, slope in condition_slopes(cells, base.fit).items()
+        for log in logs
+    }
+    single = [[column] for column in columns.values()]
+    losses = held_out_losses_with(cells, base.white, base.plain, base.fit, single)
+    for ((condition, log), column), (white, plain) in zip(columns.items(), losses, strict=True):
+        gain, error = gain_and_error(base.held_white, white)
+        share = float((base.held_plain - plain).sum()) / base.plain.weight / base.excess
+        # a suspect is said from this share of the excess on, that it would remove; twice as much
+        # names only what removes more than half of it
+        if gain <= GAIN_SIGMAS * error or share < 0.3:
+            continue
+        left = taken.without(base.white(column)).reshape(-1, 1)
+        change = solve_scaled(left.T @ left, left.T @ residual.ravel())[0]
+        found.append(Suspect(condition, log, float(change), min(share, 1.0)))
+    return tuple(sorted(found, key=lambda s: -s.share))

@@ -9,29 +9,34 @@ computes nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite
 from pathlib import Path, PurePath
 from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtrc
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.agreement import Contribution
 from tirelog.diagnosis.answer import (
+    NUISANCES_SAID,
     PICTURES,
     AnswerRecord,
     AnswerTable,
     excess_of,
     in_unit,
     plain_fields,
+    strengths,
 )
-from tirelog.diagnosis.obstacle_comparison import TransientComparison
-from tirelog.diagnosis.wording import NUISANCES_SAID, strengths
+from tirelog.diagnosis.obstacles import TransientComparison
+from tirelog.diagnosis.rules import ALARM_P, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError, UsageError, or_refusal, refuse_unknown
-from tirelog.inference.base import Base, bases_by_observable, change_to
+from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
 from tirelog.inference.cells.joint import model_of
+from tirelog.inference.fit.cells import NULL, errors_of
+from tirelog.inference.metric import Offsets
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -92,6 +97,22 @@ class ErrorTables(Mapping[str, Rows]):
         large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]],
     ) -> None:
         self._small, self._large = small, large
+
+    @classmethod
+    def joined(cls, parts: Sequence[Comparison]) -> ErrorTables:
+        """The tables of each observable under each other, each row with its name and unit."""
+
+        def rows(name: str) -> Iterator[Rows]:
+            for part in parts:
+                whose = {"observable": part.observable, "grating": part.member, "unit": part.unit}
+                known = {key: value for key, value in whose.items() if value}
+                yield from ([known | row for row in some] for some in part.tables.parts(name))
+
+        small = ("angle", "speed", "regime", "conditions")
+        return cls(
+            {name: [row for some in rows(name) for row in some] for name in small},
+            {"revolution": partial(rows, "revolution")},
+        )
 
     def __getitem__(self, name: str) -> Rows:
         return [row for part in self.parts(name) for row in part]
@@ -435,37 +456,18 @@ class Ladder(AnswerRecord):
 
     def rows(self) -> list[dict[str, Any]]:
         """The table, one dict per step, parameters as `name` and `name_se` columns at the end."""
-        names = [n for n in LadderStep.__dataclass_fields__ if n != "parameters"]
         result = []
         for step in self.steps:
-            row = {name: getattr(step, name) for name in names}
-            for name, value in step.parameters.items():
-                row |= {
-                    name: value["value"],
-                    f"{name}_se": value["se"],
-                    f"{name}_shift_sigma": value["shift_sigma"],
-                }
+            row = {name: value for name, value in vars(step).items() if name != "parameters"}
+            for name, p in step.parameters.items():
+                row |= {name: p["value"], f"{name}_se": p["se"]}
+                row[f"{name}_shift_sigma"] = p["shift_sigma"]
             result.append(plain_fields(row))
         return result
 
     def to_json(self) -> dict[str, Any]:
-        steps = [
-            {name: getattr(s, name) for name in LadderStep.__dataclass_fields__} for s in self.steps
-        ]
-        names = (
-            "observable",
-            "unit",
-            "verdict",
-            "rmse_untouched",
-            "floor_untouched",
-            "strengths_by_log",
-            "revolutions",
-            "manoeuvres",
-            "logs",
-            "manoeuvres_locked",
-            "remarks",
-        )
-        return plain_fields({name: getattr(self, name) for name in names} | {"steps": steps})
+        fields = {name: value for name, value in vars(self).items() if name != "model"}
+        return plain_fields(fields | {"steps": [vars(step) for step in self.steps]})
 
     @property
     def headline(self) -> str:
@@ -478,31 +480,25 @@ class Ladder(AnswerRecord):
 
 
 def steps_table(climbed: Mapping[str, Any]) -> AnswerTable:
-    """The steps of a ladder, as its JSON has them."""
+    """The steps of a ladder, as its JSON has them.
+
+    Of each step the parameters that it brought: the first all, a further one what it added.
+    """
     factor, unit = shown(climbed["observable"], climbed["unit"])
-    rows = [
-        [
-            str(step["step"]),
-            step["effect"],
-            *("-" if step[k] is None else step[k] * factor for k in _STEP_ERRORS),
-            step["p_adjusted"],
-            step["decision"],
-            strengths(_own_parameters(step)),
-        ]
-        for step in climbed["steps"]
-    ]
+    rows = []
+    for step in climbed["steps"]:
+        added = str(step["effect"]).split(" and ")
+        own = {
+            name: p
+            for name, p in step["parameters"].items()
+            if step["step"] == 0 or name.split(".")[0] in added
+        }
+        sizes = ("-" if step[k] is None else step[k] * factor for k in _STEP_ERRORS)
+        shares = (step["p_adjusted"], step["decision"], strengths(own))
+        rows.append([str(step["step"]), step["effect"], *sizes, *shares])
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
     names = ["step", "effect", *errors, "p, adjusted", "decision", "its parameters"]
     return AnswerTable("Steps of the ladder", names, rows)
-
-
-def _own_parameters(step: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The parameters that a step brought: the first all, a further one those of what it added."""
-    found: Mapping[str, Any] = step["parameters"]
-    if step["step"] == 0:
-        return found
-    names = str(step["effect"]).split(" and ")
-    return {name: p for name, p in found.items() if name.split(".")[0] in names}
 
 
 # ---- What each effect of a fitted model adds, as a curve beside what the measurement leaves for
@@ -572,3 +568,173 @@ def _curve(base: Base, effect: str) -> EffectCurve | ModelError:
     log = PurePath(cells.logs[cells.log[i]]).name
     label = f"{cells.conditions.speed_m_s[i]:.1f} m/s, {cells.regime[i]}, {log}"
     return EffectCurve(effect, label, log, cells.phi[i], added[i], error[i], left[i], floor[i])
+
+
+# ---- What each observable of one fit knows, and whether they contradict each other.
+#
+#     whitened slopes J_i and residual r_i of each observable at the fit to all
+#         -> information I_i = J_i' J_i, pull g_i = J_i' r_i, all together I and 0
+#         -> directions in which I is 1: there the observable knows the share s of it, and pulls
+#         with
+#            the variance s (1 - s) if all are right
+#         -> chi-square of what it wants against what the others want, g^2 / (s (1 - s)) summed over
+#            the directions that both know (the "parameter goodness of fit" of Maltoni and Schwetz,
+#            Phys. Rev. D 68 (2003) 033020, in its linear form)
+#         -> the error of each parameter if the observable were left out
+#
+# A parameter that one observable alone can see is no matter of agreement. What chance does not
+# explain may still be too small to matter: a contradiction is said if the observable would be
+# nearer
+# to its floor by as much as an effect must remove.
+
+
+#: a direction of which an observable knows less than this share, or the others do, is no matter of
+#: agreement: one of the two is thirty times as far off there.  Doubling it changes nothing seen
+_BOTH_KNOW = 1e-3
+
+
+@dataclass(frozen=True)
+class Tension:
+    """A parameter as an observable wants it alone, and as the others want it without it."""
+
+    parameter: str
+    alone: float
+    alone_se: float
+    others: float
+    others_se: float
+
+    @property
+    def sigmas(self) -> float:
+        return float(abs(self.alone - self.others) / np.hypot(self.alone_se, self.others_se))
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one observable brings to a fit of several.
+
+    error_without  standard error of each free parameter if it were left out; inf: not determined
+    chi2, freedom, p  of what it wants of the parameters against what the others want
+    size           squared floors by which it would be nearer to its floor alone
+    pulls          the parameters that differ most, if it contradicts the others
+    """
+
+    observable: str
+    error_without: Mapping[str, float]
+    chi2: float
+    freedom: int
+    p: float
+    size: float
+    pulls: tuple[Tension, ...] = ()
+
+    @property
+    def contradicts(self) -> bool:
+        """More than chance does, and enough to matter."""
+        return self.p <= ALARM_P and self.size > LEAST_SHARE_OF_FLOOR
+
+    def to_json(self) -> dict[str, Any]:
+        pulls = [vars(pull) | {"sigmas": pull.sigmas} for pull in self.pulls]
+        own = {name: value for name, value in vars(self).items() if name != "observable"}
+        return own | {"contradicts": self.contradicts, "pulls": pulls}
+
+
+def contributions(base: JointBase) -> tuple[Contribution, ...]:
+    """What each observable of the base brings."""
+    cells, fit = base.cells, base.fit
+    offsets = Offsets.of(cells, base.white)
+    slopes = offsets.without(base.white(fit.moving))
+    left = np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0)
+    residual = offsets.without(base.white(left))
+    scale, p = max(1.0, fit.reduced_chi2), slopes.shape[-1]
+    norm = np.linalg.norm(slopes.reshape(-1, p), axis=0)
+    size, norm = np.where(norm > 0.0, norm, np.inf), np.where(norm > 0.0, norm, 0.0)
+    parts, found = bases_by_observable(base), []
+    known = [np.flatnonzero(cells.part == i) for i in range(len(parts))]
+    flat = [slopes[rows].reshape(-1, p) / size for rows in known]
+    pull = [x.T @ residual[rows].ravel() for x, rows in zip(flat, known, strict=True)]
+    information = [x.T @ x for x in flat]
+    values, vectors = np.linalg.eigh(np.sum(information, axis=0))
+    good = values > NULL * max(float(values[-1]), 1e-300)  # what nothing shows is left out
+    root = vectors[:, good] / np.sqrt(values[good])
+    for i, part in enumerate(parts):
+        share, turn = np.linalg.eigh(root.T @ information[i] @ root)
+        both = (share > _BOTH_KNOW) & (share < 1.0 - _BOTH_KNOW)
+        along, s = turn[:, both].T @ (root.T @ pull[i]), share[both]
+        chi2, freedom = float((along**2 / (s * (1.0 - s))).sum()) / scale, int(both.sum())
+        step = root @ (turn[:, both] @ (along / s)) / size
+        others = np.concatenate([x for k, x in enumerate(flat) if k != i]) * norm
+        without = errors_of(others, scale).se
+        one = Contribution(
+            observable=part.cells.label,
+            error_without=dict(zip(fit.names, without.tolist(), strict=True)),
+            chi2=chi2,
+            freedom=freedom,
+            p=float(chdtrc(freedom, chi2)) if freedom else 1.0,
+            size=_size(part, step),
+        )
+        if one.contradicts:
+            back = root @ (turn[:, both] @ (-along / (1.0 - s))) / size
+            alone = errors_of(flat[i] * norm, scale).se
+            pulls = [
+                Tension(name, value + step[k], alone[k], value + back[k], without[k])
+                for k, name in enumerate(fit.names)
+                if np.isfinite([alone[k], without[k]]).all()
+                for value in (base.model.values[name],)
+            ]
+            # standard errors by which a parameter differs that is named, and how many are at most;
+            # with twice as many, contradictions are told without the parameter that makes them
+            named = sorted((x for x in pulls if x.sigmas >= 3.0), key=lambda x: -x.sigmas)[:3]
+            one = replace(one, pulls=tuple(named))
+        found.append(one)
+    return tuple(found)
+
+
+def _size(part: Base, step: FloatArray) -> float:
+    """Squared floors by which the observable's error falls if the parameters move by a step."""
+    left = part.cells.values - part.fit.prediction - part.fit.beside
+    moved = left - np.nan_to_num(part.fit.moving) @ step
+    before, after = (float((part.plain(np.nan_to_num(x)) ** 2).sum()) for x in (left, moved))
+    return (before - after) / part.plain.weight / part.floor.square
+
+
+def agreement_sentence(
+    found: tuple[Contribution, ...], units: Mapping[str, str], word: str = "observable"
+) -> str:
+    """Whether the observables agree, in words; `units` of the parameters, `word` for one."""
+    wrong = [one for one in found if one.contradicts]
+    sharing = [one for one in found if one.freedom]
+    if not sharing:
+        return f"No parameter is known by more than one {word}: nothing can contradict."
+    if not wrong:
+        told = ", ".join(
+            f"{one.observable} against the others {one.chi2:.3g} of {one.freedom}"
+            for one in sharing
+        )
+        if any(one.p <= ALARM_P for one in found):
+            told += "; what chance does not explain of it is too small to matter"
+        alone = " and ".join(one.observable for one in found if not one.freedom)
+        own = f" {alone} shares no parameter that it can tell." if alone else ""
+        return f"The {word}s agree on what they share (chi-square of {told}).{own}"
+    said, many = [], len(wrong)
+    if word == "grating" and many > 1:  # a wheel's force variation makes all differ
+        wrong = [max(wrong, key=lambda one: one.size)]
+        said = [f"{many} of {len(found)} gratings differ from the others"]
+    for one in wrong:
+        pulls = "; ".join(
+            f"{pull.parameter} {pull.alone:.4g} ± {pull.alone_se:.2g} alone, {pull.others:.4g} ± "
+            f"{pull.others_se:.2g} by the others"
+            + (f" [{unit}]" if (unit := units.get(pull.parameter, "1")) != "1" else "")
+            for pull in one.pulls
+        )
+        said.append(
+            f"{one.observable} contradicts the others (chi-square {one.chi2:.3g} of "
+            f"{one.freedom}){': ' if pulls else ''}{pulls}"
+        )
+    if word == "grating":
+        return (
+            f"{'. '.join(said)}. It may be the wheel's force variation, something missing, or the "
+            "grating: diagnose tells them apart."
+        )
+    return (
+        f"{'. '.join(said)}. Each alone would fit better: something is missing that is not the "
+        "same in all, or a channel's scale or place is wrong."
+    )

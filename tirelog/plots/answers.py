@@ -57,8 +57,8 @@ if TYPE_CHECKING:
 
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.fitted import FitOfLogs, FormProfile, TireForm
-    from tirelog.diagnosis.obstacle_comparison import HitResult, TransientComparison
-    from tirelog.diagnosis.propose.results import Proposal
+    from tirelog.diagnosis.obstacles import HitResult, TransientComparison
+    from tirelog.diagnosis.propose.propose import Proposal
     from tirelog.diagnosis.results import Comparison, Ladder, Map
 
 #: what is drawn outside its point, and by how many points

@@ -1,24 +1,297 @@
-"""All candidates against one fitted model: statistic, family-wise p, held-out gain, size.
+"""What each candidate would do to the waveforms of these cells.
 
-Base, signatures
-    -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
-    -> held-out losses with the candidate's columns added
-       -> gain (whitened) and removal (mean square)
+Columns (C, m, k), and which candidates cannot be tested, and why.
+
+A signature is the change of the fitted model's prediction when the effect is switched on at its
+probe strength, per unit of strength, one column per strength parameter. If an effect has shape
+parameters besides (the width of a pulse, a time constant), it is tried at a few of them, one at a
+time: variants, of which the one with the largest statistic stands for the effect (all take part in
+the family-wise maximum).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.effect_jacobians import Signature
-from tirelog.diagnosis.rules import ALARM_P, BEYOND_DOUBT_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, MOST
-from tirelog.inference.base import Base
+from tirelog.diagnosis.rules import (
+    ALARM_P,
+    BEYOND_DOUBT_P,
+    ERROR_SIGMAS,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    MOST,
+    QUIET_CHI2,
+    QUIET_FLOORS,
+)
+from tirelog.errors import ModelError, or_refusal
+from tirelog.inference.base import Base, FittedChannel, JointBase, bases_by_observable, change_to
+from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
 from tirelog.inference.floor import held_out_losses_with
-from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_side
+from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_side, stacked
+from tirelog.inference.nuisances import FORM
+from tirelog.physics.carcass.numbers import steady_carcass
+from tirelog.physics.effects import BY_ID, Effect, readers
+from tirelog.physics.model.model import Model, why_idle
+from tirelog.physics.model.nuisances import ModelEffect
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
+from tirelog.vocabulary.observables import OWN_ZERO
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What each strength of an effect would do to the observable.
+
+    `columns` (C, m, k) in the observable's unit per unit of each of `strengths`; `shape` the
+    shape parameters it holds at.
+    """
+
+    effect: Effect
+    strengths: tuple[str, ...]
+    shape: Mapping[str, float]
+    columns: FloatArray
+    one_sided: bool
+
+
+def candidate_effects(
+    model: Model, extra: Iterable[Effect] = (), *, tried: bool = True
+) -> list[Effect]:
+    """The catalogue and the user's own effects, for this observable and carcass.
+
+    Without what the model holds already, and what acts on nothing in it. Those that a search does
+    not try, if `tried` is False.
+    """
+    beside = [held.effect for held in model.effects]
+    held = {effect.id for effect in beside}
+    known = {**BY_ID, **{effect.id: effect for effect in extra}}
+    return [
+        effect
+        for effect in known.values()
+        if effect.id not in {*held, FORM}
+        and effect.tried == tried
+        and model.acted_on_by(effect, beside)
+        and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
+    ]
+
+
+def idle_candidates(model: Model, extra: Iterable[Effect] = ()) -> dict[str, str]:
+    """Effects that act on nothing in this model, and why: the user's own, and ours that would act
+    on its observable beside another effect.
+    """
+    beside = [held.effect for held in model.effects]
+    held = {effect.id for effect in beside}
+    own = {effect.id: effect for effect in extra}
+    return {
+        effect.id: why_idle(effect, model.observable)
+        for effect in {**BY_ID, **own}.values()
+        if effect.id not in held
+        and effect.tried
+        and not model.acted_on_by(effect, beside)
+        and (effect.id in own or any(readers(effect, one) for one in model.observables))
+    }
+
+
+def variants(effect: Effect) -> list[dict[str, float]]:
+    """Values of the free shape parameters to try: their start, then each moved alone."""
+    shapes = [p for p in effect.parameters if p.name not in effect.strength and p.free]
+    start = {p.name: p.value for p in shapes}
+    # shape parameters are tried at these factors of their probe
+    moved = [
+        {**start, p.name: float(np.clip(f * p.probe, p.min, p.max))}
+        for p in shapes
+        for f in (0.5, 2.0)
+    ]
+    return [start, *(m for m in moved if m != start)]
+
+
+def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) -> Model:
+    """The model with the effect at these values, clipped to the bounds.
+
+    Strengths that are not given are zero.
+    """
+    at = {**dict.fromkeys(effect.strength, 0.0), **values}
+    clipped = {
+        p.name: float(np.clip(at[p.name], p.min, p.max)) for p in effect.parameters if p.name in at
+    }
+    return model.with_effect(ModelEffect.of(effect), **clipped)
+
+
+@or_refusal
+def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
+    """All variants of one candidate, or why it cannot be tested on these cells."""
+    cells, model = base.cells, base.model
+    missing = lacking(effect, model, cells)
+    if missing:
+        raise ModelError(f"needs {', '.join(missing)}")
+    refuse_stand_in(effect, model, cells)
+    own = {p.name: p for p in effect.parameters}
+    result = []
+    size = float(np.nanmax(np.abs(base.fit.prediction)))
+    for shape in variants(effect):
+        columns, names = [], []
+        for name in effect.strength:
+            added = with_candidate(model, effect, {**shape, name: own[name].probe})
+            change = change_to(base, added.resolved(cells.conditions))
+            if isinstance(change, ModelError):
+                return change
+            # a change below this share of the waveform is rounding; doubling it decides nothing,
+            # since what acts at its probe strength does far more
+            if np.nanmax(np.abs(change)) > 1e-9 * size:
+                columns.append(change / own[name].probe)
+                names.append(name)
+        several = np.unique(cells.log).size > 1
+        if columns and several and all(_moves_zeros_alone(cells, x) for x in columns):
+            raise ModelError(
+                "differs from log to log alone, and each log counts the "
+                f"{' and '.join(OWN_ZERO)} from a zero of its own"
+            )
+        if columns:
+            single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
+            result.append(
+                Signature(effect, tuple(names), shape, np.stack(columns, axis=-1), single)
+            )
+    if not result:
+        raise ModelError(
+            "does nothing under these conditions (a quantity it follows is zero or does not vary)"
+        )
+    return result
+
+
+def refuse_stand_in(effect: Effect, model: Model, cells: Cells) -> None:
+    """ModelError if the effect stands for what is measured, in all observables that it acts on."""
+    names: dict[str, None] = {}
+    for observable, rows in rows_by_observable(cells).items():
+        if not model.acts_on(effect, observable):
+            continue
+        own = effect.stands_for.get(observable, ())
+        known = [np.isfinite(getattr(cells.conditions, name)[rows]).all() for name in own]
+        if not known or not all(known):
+            return
+        names |= dict.fromkeys(own)
+    if names:
+        raise ModelError(f"stands for {' and '.join(names)}, which is measured")
+
+
+def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
+    """True if a change (C, m) is the same all along each log, of what has a zero of its own."""
+    moved = change.copy()
+    for observable, rows in rows_by_observable(cells).items():
+        if observable in OWN_ZERO:
+            for log in np.unique(cells.log[rows]):
+                own = rows[cells.log[rows] == log]
+                moved[own] -= np.nanmean(change[own])
+    # what differs by less than this share of a change within a log is its zero; a tenth of it is
+    # what a pressure moves while the tire warms in a minute, and twice as much decides nothing
+    return bool(np.nanmax(np.abs(moved)) < 0.05 * np.nanmax(np.abs(change)))
+
+
+def all_signatures(base: Base, effects: Iterable[Effect]) -> tuple[list[Signature], dict[str, str]]:
+    """Signatures of all candidates, and the reasons of those that are not tested."""
+    found: list[Signature] = []
+    reasons: dict[str, str] = {}
+    for effect in effects:
+        own = signatures_of(base, effect)
+        if isinstance(own, ModelError):
+            reasons[effect.id] = own.what
+        else:
+            found += own
+    return found, reasons
+
+
+# ---- Free shapes over the angle: what a form that is somewhat wrong could leave of an effect.
+
+
+#: nodes of free shapes over the wheel's angle [rad]: 3 degrees apart about the patch, 10 beyond;
+#: half as many lose the edges of the patch, twice as many measure noise
+ANGLES = np.r_[-180:-60:10.0, -60:60:3.0, 60:181:10.0] * (np.pi / 180.0)
+#: share of a contribution's energy that makes it even, or odd: the other part is a quarter as large
+#: at most; with twice the rest, a third
+_SYMMETRIC = 0.95
+
+
+def hats_on(x: FloatArray, nodes: FloatArray, period: float | None = None) -> FloatArray:
+    """Linear B-splines on nodes (k,), at x (...): (..., k); nothing outside the nodes."""
+    if period is not None:
+        x = (x - nodes[0]) % period + nodes[0]
+    out = np.zeros((*x.shape, nodes.size))
+    inside = (x >= nodes[0]) & (x <= nodes[-1])
+    i = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
+    share = (x - nodes[i]) / (nodes[i + 1] - nodes[i])
+    np.put_along_axis(out, i[..., None], np.where(inside, 1.0 - share, 0.0)[..., None], -1)
+    np.put_along_axis(out, (i + 1)[..., None], np.where(inside, share, 0.0)[..., None], -1)
+    return out
+
+
+def hats(phi: FloatArray) -> FloatArray:
+    """Free shapes over the angle, (C, m) to (C, m, k): hats all around the wheel."""
+    found = hats_on(np.nan_to_num(phi), ANGLES, 2.0 * np.pi)
+    found[..., 0] += found[..., -1]  # half a turn before the patch and after it are one place
+    return found[..., :-1]
+
+
+def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
+    """Columns (C, m, k): an effect's size per cell times free shapes over the angle.
+
+    A form that is somewhat wrong keeps its symmetry: if the effect's own contribution is even
+    (or odd) about the patch centre, so are the shapes.
+    """
+    if isinstance(base, JointBase):
+        parts = bases_by_observable(base)
+        each = [
+            embedded(base.cells, i, freedom_of_shape(part, effect_id))
+            for i, part in enumerate(parts)
+            for e in part.model.effects
+            if e.id == effect_id and part.model.acts_on(e.effect, part.cells.observable)
+        ]
+        if all(part.cells.member for part in parts):  # the tire's shape is one to all
+            return np.asarray(sum(each), dtype=np.float64)
+        return np.concatenate(each, axis=-1)
+    weight = base.plain.weights
+    contribution = np.nan_to_num(_contribution(base, effect_id)) * weight
+    size, strength, shape = np.linalg.svd(contribution, full_matrices=False)
+    loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
+    phi = base.cells.phi
+    here = hats(phi)
+    even = even_share(shape[0], np.nanmean(phi, axis=0))
+    if even > _SYMMETRIC:
+        here += hats(-phi)
+    elif even < 1.0 - _SYMMETRIC:
+        here -= hats(-phi)
+    if not 1.0 - _SYMMETRIC <= even <= _SYMMETRIC:
+        here = here[..., : here.shape[-1] // 2 + 1]  # symmetric pairs once
+    loading /= max(float(np.abs(loading).max()), 1e-300)
+    return np.asarray(loading[:, None, None] * here)
+
+
+def _contribution(base: Base, effect_id: str) -> FloatArray:
+    """What an effect of the fitted model adds, (C, m); its tangent if nothing holds without it."""
+    others = tuple(e for e in base.model.effects if e.id != effect_id)
+    lost = change_to(base, replace(base.model, effects=others))
+    if not isinstance(lost, ModelError):
+        return -lost
+    (own,) = (e for e in base.model.effects if e.id == effect_id)
+    strengths = [f"{effect_id}.{name}" for name in own.effect.strength]
+    values = [base.model.values[n] * (n in strengths) for n in base.fit.names]
+    return np.asarray(base.fit.jacobian @ np.array(values))
+
+
+def even_share(shape: FloatArray, phi: FloatArray) -> float:
+    """Share of the energy of a shape (m,) at angles (m,) that is even about zero."""
+    mirrored = np.interp(-phi, phi, shape, period=2.0 * np.pi)
+    return float((((shape + mirrored) / 2.0) ** 2).sum() / ((shape**2).sum() + 1e-300))
+
+
+# ---- All candidates against one fitted model: statistic, family-wise p, held-out gain, size.
+#
+# Base, signatures
+#     -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
+#     -> held-out losses with the candidate's columns added
+#        -> gain (whitened) and removal (mean square)
+
 
 # ---- Whether an effect is there: significance, held-out gain and size.
 #
@@ -61,6 +334,15 @@ class Scores:
     gram: FloatArray
     one_sided: bool = False
 
+    @classmethod
+    def of(
+        cls, base: Base, left: FloatArray, residual: FloatArray, one_sided: bool = False
+    ) -> Scores:
+        """Of whitened columns (C, m, k) and residual (C, m), both with the base taken out."""
+        by_cell = (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0]
+        flat = stacked(left)
+        return cls(per_group(by_cell, base.cells.manoeuvre), flat.T @ flat, one_sided)
+
     def root(self) -> FloatArray:
         """(k, r) W with T = | scores W |.
 
@@ -70,8 +352,12 @@ class Scores:
         length = np.where(length > 0.0, length, np.inf)
         values, vectors = np.linalg.eigh(self.gram / length[:, None] / length)
         keep = values > 1e-8 * max(float(values[-1]), 1e-300)
-        root: FloatArray = vectors[:, keep] / np.sqrt(values[keep]) / length[:, None]
-        return root
+        return np.asarray(vectors[:, keep] / np.sqrt(values[keep]) / length[:, None])
+
+    def step(self) -> FloatArray:
+        """The strengths (k,) of the linear fit."""
+        root = self.root()
+        return np.asarray(root @ (root.T @ self.scores.sum(axis=0)))
 
 
 def least_p(manoeuvres: int) -> float:
@@ -109,13 +395,8 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
         for start in range(0, signs.shape[0], _BLOCK):
             rows = slice(start, start + _BLOCK)
             flipped = signs[rows] @ projected
-            if flipped.shape[1] == 1:
-                sign = np.sign(root[0, 0]) if candidate.one_sided else 1.0
-                result[rows, i] = (
-                    np.maximum(sign * flipped[:, 0], 0.0)
-                    if candidate.one_sided
-                    else np.abs(flipped[:, 0])
-                )
+            if candidate.one_sided and root.size:
+                result[rows, i] = np.maximum(np.sign(root[0, 0]) * flipped[:, 0], 0.0)
             else:
                 result[rows, i] = np.linalg.norm(flipped, axis=1)
     return result
@@ -149,12 +430,6 @@ def gain_and_error(before: FloatArray, after: FloatArray) -> tuple[float, float]
     return float(gain.sum()), float(
         np.sqrt(gain.size) * gain.std(ddof=1)
     ) if gain.size > 1 else float("inf")
-
-
-#: a projected signature with less than this share of its norm left shows nothing of its own: the
-#: effect would have to be a thousand times as large as what is seen of it; twice as much refuses
-#: effects that are seen to a five hundredth
-_INVISIBLE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -191,10 +466,16 @@ class Assessed:
         )
 
 
-def nuisance(base: Base, more: FloatArray | None = None) -> ProjectedOut:
-    """The whitened base Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit."""
+def beside_base(base: Base, more: FloatArray | None = None) -> tuple[ProjectedOut, FloatArray]:
+    """(what the base takes out, the whitened residual (C, m) that it leaves).
+
+    Its Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit.
+    """
     parts = [base.fit.moving] if more is None else [base.fit.moving, more]
-    return ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
+    taken = ProjectedOut.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
+    measured = np.isfinite(base.cells.values)
+    left = np.where(measured, base.cells.values - base.fit.prediction, 0.0)
+    return taken, taken.without(base.white(left))
 
 
 def assess(
@@ -207,21 +488,20 @@ def assess(
     kept, scores, reasons = scores_of(base, signatures, more)
     statistic, p = flip_test(scores, base.cells.manoeuvres)
     best = best_variants(kept, statistic)
-    losses = held_out_losses_with(
-        base.cells,
-        base.white,
-        base.plain,
-        base.fit,
-        [[kept[i].columns] for i in best.values()],
-    )
-    found = [
-        _assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i]), held)
-        for i, held in zip(best.values(), losses, strict=True)
-    ]
+    columns = [[kept[i].columns] for i in best.values()]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    found = []
+    for i, (white, plain) in zip(best.values(), losses, strict=True):
+        gain, error = gain_and_error(base.held_white, white)
+        removed = float((base.held_plain - plain).sum()) / base.plain.weight
+        found.append(
+            Assessed(
+                kept[i], float(statistic[i]), float(p[i]), scores[i].step(), gain, error, removed
+            )
+        )
     tested = {a.id for a in found}
-    return sorted(found, key=lambda a: -a.statistic), {
-        k: v for k, v in reasons.items() if k not in tested
-    }
+    untested = {k: v for k, v in reasons.items() if k not in tested}
+    return sorted(found, key=lambda a: -a.statistic), untested
 
 
 def least_left(base: Base, assessed: Sequence[Assessed]) -> float:
@@ -251,45 +531,103 @@ def scores_of(
     base: Base, signatures: Sequence[Signature], more: FloatArray | None = None
 ) -> tuple[list[Signature], list[Scores], dict[str, str]]:
     """The signatures that show something of their own, their scores, and why others do not."""
-    other = nuisance(base, more)
-    residual = other.without(
-        base.white(
-            np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)
-        )
-    )
+    taken, residual = beside_base(base, more)
     kept, scores = [], []
     reasons: dict[str, str] = {}
     for signature in signatures:
         white = base.white(signature.columns)
-        left = other.without(white)
-        visible = np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) / np.linalg.norm(
-            white.reshape(-1, white.shape[-1]), axis=0
-        )
-        if not np.any(visible > _INVISIBLE):
+        left = taken.without(white)
+        visible = np.linalg.norm(stacked(left), axis=0) / np.linalg.norm(stacked(white), axis=0)
+        # a projected signature with less than this share of its norm left shows nothing of its own:
+        # the effect would have to be a thousand times as large as what is seen of it; twice as much
+        # refuses effects that are seen to a five hundredth
+        if not np.any(visible > 1e-3):
             reasons[signature.effect.id] = "does here only what the model's own parameters do"
             continue
-        flat = left.reshape(-1, left.shape[-1])
-        score = per_group(
-            (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
-        )
         kept.append(signature)
-        scores.append(Scores(score, flat.T @ flat, signature.one_sided))
+        scores.append(Scores.of(base, left, residual, signature.one_sided))
     return kept, scores, reasons
 
 
-def _assessed(
-    base: Base,
-    signature: Signature,
-    scores: Scores,
-    statistic: float,
-    p: float,
-    held: tuple[FloatArray, FloatArray],
-) -> Assessed:
-    """A candidate with its evidence; `held`: the losses (M,) with its columns."""
-    held_white, held_plain = held
-    gain, error = gain_and_error(base.held_white, held_white)
-    removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
-    total = scores.scores.sum(axis=0)
-    root = scores.root()
-    strengths = root @ (root.T @ total)
-    return Assessed(signature, statistic, p, strengths, gain, error, removed)
+# ---- Where logs or fitted numbers leave the ranges in which a model's effects are valid.
+
+
+# ---- Whether what a model leaves is the noise floor.
+
+
+def at_noise_floor(base: Base, floor_square: float) -> bool:
+    """Is what the model leaves the noise floor?  By the held-out error and by chi-square.
+
+    Of a held-out error goes what chance adds to it, since few manoeuvres decide the parameters, and
+    of a chi-square: that of the 64 values of a number per revolution is above 1.2 in one of eight
+    logs in which nothing is missing. Of several observables each has to be at its own: the mean of
+    three hides what one is above it.
+    """
+    if isinstance(base, JointBase) and not all(
+        at_noise_floor(part, part.floor.square)
+        for part in bases_by_observable(base, held_by_all=True)
+    ):
+        return False
+    if base.reduced_chi2 > QUIET_CHI2 + ERROR_SIGMAS * np.sqrt(2.0 / base.fit.freedom):
+        return False
+    above = base.square_held - QUIET_FLOORS**2 * floor_square
+    if above <= 0.0:
+        return True
+    mean, spread = base.of_errors
+    return above <= mean + ERROR_SIGMAS * spread
+
+
+def quiet_waveforms(base: Base) -> bool:
+    """Is what the model leaves of the waveforms the noise floor?
+
+    Of a number per revolution it may be more: no nuisance of wheel, road or day acts on one.
+    """
+    parts = bases_by_observable(base, held_by_all=True)
+    waveforms = [part for part in parts if part.cells.phi.shape[1] > 1]
+    if len(waveforms) == len(parts):
+        return at_noise_floor(base, base.floor.square)
+    return all(at_noise_floor(part, part.floor.square) for part in waveforms)
+
+
+def out_of_range(base: FittedChannel) -> list[str]:
+    """A remark for each range of an effect of the fitted model that is left; none if it is off.
+
+    A log's conditions are judged by the means of like revolutions, which is what is fitted; one
+    that is not known leaves no range.
+    """
+    model, cells = base.model, base.cells
+    flat, carcass = model.values, steady_carcass(model.carcass)
+    said = []
+    for entry in model.effects:
+        effect, values = entry.effect, entry.values(flat)
+        if not effect.is_on(values, carcass):
+            continue
+        for name, bounds in effect.valid_range.items():
+            low, high = float(bounds[0]), float(bounds[1])
+            condition = CONDITIONS.get(name)
+            if condition is None:
+                unit = next(p.unit for p in entry.parameters if p.name == name)
+                if not low <= values[name] <= high:
+                    said.append(
+                        f"{effect.id} is valid for {name} {_range(low, high, unit)}; "
+                        f"it stands at {values[name]:.4g}"
+                    )
+                continue
+            x = getattr(cells.conditions, name)
+            outside = int(cells.revolutions[(x < low) | (x > high)].sum())
+            if outside:
+                said.append(
+                    f"{effect.id} is valid for {condition.name} "
+                    f"{_range(low, high, condition.unit)}; {outside} of "
+                    f"{int(cells.revolutions.sum())} revolutions are outside, by the means of like "
+                    "ones"
+                )
+    return said
+
+
+def _range(low: float, high: float, unit: str) -> str:
+    """`from 2 to 40 m/s`, or one bound if there is no other."""
+    after = "" if unit == "1" else f" {unit}"
+    upper = "" if np.isinf(high) else f"to {high:g}{after}"
+    lower = "" if np.isinf(low) else f"from {low:g}" + ("" if upper else after)
+    return f"{lower} {upper}".strip() if lower else f"up {upper}"

@@ -24,17 +24,15 @@ import numpy as np
 
 from tirelog.diagnosis.candidates.assessment import (
     Assessed,
-    assess,
-    flip_signs,
-    gain_and_error,
-    surely_gains,
-)
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
-from tirelog.diagnosis.candidates.effect_jacobians import (
     all_signatures,
+    assess,
+    at_noise_floor,
     candidate_effects,
+    flip_signs,
     freedom_of_shape,
+    gain_and_error,
     idle_candidates,
+    surely_gains,
     with_candidate,
 )
 from tirelog.diagnosis.rules import (
@@ -78,15 +76,6 @@ from tirelog.vocabulary.arrays import FloatArray
 # side by side, and come to the same numbers.
 
 
-#: starts of a candidate are tried on so many cells, so many steps, before the best is finished on
-#: all cells; the time goes with both
-_TRIAL_CELLS = 24
-_TRIAL_STEPS = 12
-#: starts that end so near the least chi-square, as a share of it, fit alike; of these the one
-#: counts that stays nearest to the values given: EJ, k, y and tension share a scale, and along it a
-#: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
-#: nothing seen
-SAME_CHI2 = 1e-3
 #: a model with a candidate where its trial ended, and chi-square there
 Trial = tuple[Model, float]
 #: a refit as it comes from another process: fit and held-out losses
@@ -132,7 +121,9 @@ def _trial(
     start = with_candidate(model, candidate.signature.effect, values)
     start = start.resolved(base.cells.conditions)
     names, problem = free_names(start, few.cells), Problem(few.cells, few.white)
-    return descend_together([problem], start, names, steps=_TRIAL_STEPS)[:2]
+    # starts of a candidate are tried on so many cells, so many steps, before the best is finished
+    # on all cells; the time goes with both
+    return descend_together([problem], start, names, steps=12)[:2]
 
 
 def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) -> Base:
@@ -144,7 +135,11 @@ def refit_candidate(base: Base, candidate: Assessed, trials: Sequence[Trial]) ->
     if not trials:
         raise ModelError(f"the fit with {name} failed")
     least = min(chi2 for _, chi2 in trials)
-    reached = [model for model, chi2 in trials if chi2 <= (1.0 + SAME_CHI2) * least]
+    # starts that end so near the least chi-square, as a share of it, fit alike; of these the one
+    # counts that stays nearest to the values given: EJ, k, y and tension share a scale, and along
+    # it a fit may drift until something stands at a bound.  Ten times what settles a fit; doubling
+    # changes nothing seen
+    reached = [model for model, chi2 in trials if chi2 <= (1.0 + 1e-3) * least]
     best = refit(base, min(reached, key=lambda model: _moved(base, model)))
     if isinstance(best, ModelError):
         raise best
@@ -172,7 +167,7 @@ def _moved(base: Base, model: Model) -> float:
 
 def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError]:
     """Of each candidate the base with it, refitted, or why that failed."""
-    few = with_fewer_cells(base, _TRIAL_CELLS)
+    few = with_fewer_cells(base, 24)
     begun = [(one, *start) for one in candidates for start in _starts(base, one)]
     ends = made_apart([partial(_trial, base, few, *start) for start in begun])
     trials = [
@@ -184,19 +179,14 @@ def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError
         for one in candidates
     ]
     jobs = [partial(_again, base, *pair) for pair in zip(candidates, trials, strict=True)]
-    found: list[Base | ModelError] = []
-    for again in made_apart(jobs):
-        if isinstance(again, ModelError):
-            found.append(again)
-            continue
-        fit, white, plain = again
-        found.append(replace(base, cells=fit.cells, fit=fit, held_white=white, held_plain=plain))
-    return found
-
-
-#: share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
-#: strength be told of which a fifth cannot be seen
-_UNDETERMINED = 0.1
+    return [
+        again
+        if isinstance(again, ModelError)
+        else replace(
+            base, cells=again[0].cells, fit=again[0], held_white=again[1], held_plain=again[2]
+        )
+        for again in made_apart(jobs)
+    ]
 
 
 @dataclass(frozen=True)
@@ -225,11 +215,6 @@ class Refitted:
         What stands at its bounds, or what other parameters do as well, is not.
         """
         return self.sigmas >= ESTABLISHED_SIGMAS
-
-    @property
-    def at_bounds(self) -> bool:
-        """Whether one of its own parameters stands at a bound that it would cross."""
-        return any(name.startswith(f"{self.id}.") for name in self.base.fit.held)
 
 
 @dataclass(frozen=True)
@@ -300,20 +285,19 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
     if not assessed:
         return []
     leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][
-        :MOST_CONTENDERS
+        : int(MOST_CONTENDERS)
     ]
     tried = []
     for one, found in zip(leading, refits(base, leading), strict=True):
         if isinstance(found, ModelError):
             reasons[one.id] = found.what
         else:
-            tried.append(Refitted(one, found))
-    if not tried:
-        return []
-    tried = [replace(r, sigmas=strength_sigmas(r.base, r.id)) for r in tried]
+            tried.append(Refitted(one, found, sigmas=strength_sigmas(found, one.id)))
     tried.sort(key=lambda r: (not r.established, float(r.base.held_white.sum())))
-    best = tried[0].base
-    return [Refitted(r.assessed, r.base, *likenesses(base, best, r.base), r.sigmas) for r in tried]
+    return [
+        Refitted(r.assessed, r.base, *likenesses(base, tried[0].base, r.base), r.sigmas)
+        for r in tried
+    ]
 
 
 def strength_sigmas(base: Base, effect_id: str) -> float:
@@ -344,10 +328,9 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
         columns[:, seen].T @ columns[:, seen] / norm[seen][:, None] / norm[seen]
     )
     good = size > NULL * size[-1]
-    if (
-        base.cells.phi.shape[1] == 1
-        and np.abs(direction[mine][:, ~good]).max(initial=0.0) > _UNDETERMINED
-    ):
+    # share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
+    # strength be told of which a fifth cannot be seen
+    if base.cells.phi.shape[1] == 1 and np.abs(direction[mine][:, ~good]).max(initial=0.0) > 0.1:
         return 0.0
     root = direction[mine][:, good] / np.sqrt(size[good])
     spread, axes = np.linalg.eigh(root @ root.T)
@@ -419,7 +402,7 @@ def right_to_the_floor(best: Refitted) -> bool:
 
     Once what it explains is no longer taken for scatter.
     """
-    if best.at_bounds:
+    if any(name.startswith(f"{best.id}.") for name in best.base.fit.held):  # it would cross a bound
         return False
     after = with_scatter_estimated(best.base)
     return at_noise_floor(after, after.floor.square)
@@ -466,22 +449,6 @@ def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
 Known = tuple[list[Assessed], dict[str, str]]
 
 
-def first_step(base: Base, extra: Iterable[Effect] = (), known: Known | None = None) -> Step:
-    """The first effect, if there is one; `known`: what `assess_all` has said."""
-    assessed, reasons = known or assess_all(base, extra)
-    alarming = [a for a in assessed if a.alarms(base)]
-    if not alarming:
-        return Step.of(base, assessed, reasons)
-    contenders = contend(base, assessed, reasons)
-    return Step.of(
-        base,
-        assessed,
-        reasons,
-        contenders,
-        named=bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p),
-    )
-
-
 def step_beside_form(base: Base, without: Sequence[Assessed], known: Known) -> Step | None:
     """A first effect beside a form that has learnt some of it, so that no slope shows it now.
 
@@ -505,29 +472,28 @@ def step_beside_form(base: Base, without: Sequence[Assessed], known: Known) -> S
 
 def next_step(
     base: Base,
-    named: Sequence[str],
-    excess: float,
     extra: Iterable[Effect] = (),
     known: Known | None = None,
+    *,
+    named: Sequence[str] = (),
+    excess: float = 0.0,
 ) -> Step:
-    """A further effect beside those `named`.
+    """The first effect, or a further one beside those `named`, if there is one.
 
-    `excess` is the mean square that the first base left above the floor; `known`: what `assess_all`
-    has said.
+    `known`: what `assess_all` has said; `excess`: the mean square that the first base left above
+    the floor.
     """
     assessed, reasons = known or assess_all(base, extra)
-    floor = base.floor.square
-    if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(base) for a in assessed):
+    small = bool(named) and base.excess < LEAST_SHARE_OF_FLOOR * base.floor.square
+    if small or not any(a.alarms(base) for a in assessed):
         return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
-    if not contenders or not worth_it(base, contenders[0].base, contenders[0].assessed.p):
-        return Step.of(base, assessed, reasons, contenders)
-    best = contenders[0]
-    taken = base.square_held - best.base.square_held
-    beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
-    return Step.of(
-        base, assessed, reasons, contenders, named=beyond_form or survives(base, named, best)
-    )
+    is_named = bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p)
+    if named and is_named:
+        taken = base.square_held - contenders[0].base.square_held
+        beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
+        is_named = beyond_form or survives(base, named, contenders[0])
+    return Step.of(base, assessed, reasons, contenders, named=is_named)
 
 
 def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str, ...]]:
@@ -563,7 +529,7 @@ def regrouped(
         assessed, reasons = assess_all(without_it, extra)
         rivals = [
             a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic
-        ][:MOST_CONTENDERS]
+        ][: int(MOST_CONTENDERS)]
         contenders = contend(without_it, rivals, reasons)
         if contenders and contenders[0].id == name:
             groups[name] = group_of(contenders)

@@ -12,23 +12,26 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import Assessed, gain_and_error, least_left
-from tirelog.diagnosis.candidates.at_noise_floor import quiet_waveforms
+from tirelog.diagnosis.candidates.assessment import (
+    Assessed,
+    gain_and_error,
+    least_left,
+    quiet_waveforms,
+)
 from tirelog.diagnosis.candidates.naming import (
     Refitted,
     Step,
     assess_all,
     clearly_worse,
     contend,
-    first_step,
     group_of,
     next_step,
     regrouped,
     step_beside_form,
     without_needless,
 )
-from tirelog.diagnosis.candidates.nuisance_selection import (
-    RefittedNuisance,
+from tirelog.diagnosis.candidates.nuisances import (
+    Rival,
     allowed_nuisances,
     assess_nuisances,
     best_of,
@@ -54,10 +57,6 @@ from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
 Progress = Callable[[str], None]
-#: a search with a form of the tire's own ends if all candidates at once, in a linear fit, leave
-#: more than this share of what is left with it and without it: of effects that the form had partly
-#: learnt they left up to 0.45, of an unknown wave more than a half
-_MAY_BE_LEFT = 0.5
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ def search_effects(
     where the search without it ends above the floor, or names more effects to come there.
     """
     if base.cells.manoeuvres < FEWEST_MANOEUVRES:
-        step = first_step(base, extra)
+        step = next_step(base, extra)
         contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
         group = group_of(contenders) if contenders else ()
         return SearchResult(
@@ -151,7 +150,7 @@ def _formed(
     progress: Progress,
     allowed: tuple[str, ...],
     without: Base,
-    most_effects: int = MOST_EFFECTS,
+    most_effects: float = MOST_EFFECTS,
 ) -> SearchResult | None:
     """The search with the tire's form; None if it does not explain what is left `without` it.
 
@@ -159,8 +158,8 @@ def _formed(
     """
     progress("once more with a form of the tire's own")
     at_floor = quiet_waveforms(without)
-    most_left = np.inf if at_floor else _MAY_BE_LEFT * without.excess
-    climb = _climb(base, extra, progress, allowed, most_left, most_effects)
+    left = np.inf if at_floor else without.excess
+    climb = _climb(base, extra, progress, allowed, left, most_effects)
     if not climb.steps or (at_floor and not quiet_waveforms(climb.after)):
         return None
     found = _search(base, extra, progress, allowed, climb)
@@ -240,7 +239,7 @@ def _search(
 
 def _with_one_to_begin(
     base: Base,
-    rivals: tuple[RefittedNuisance, ...] | None,
+    rivals: tuple[Rival, ...] | None,
     extra: tuple[Effect, ...],
     progress: Progress,
     climb: _Climb,
@@ -279,7 +278,7 @@ class _Climb:
     steps: list[Step] = field(default_factory=list)
     alike: list[tuple[str, str]] = field(default_factory=list)
     passed_over: Base | None = None
-    rivals: tuple[RefittedNuisance, ...] | None = None
+    rivals: tuple[Rival, ...] | None = None
 
     @property
     def named(self) -> int:
@@ -292,13 +291,13 @@ def _climb(
     extra: tuple[Effect, ...],
     progress: Progress,
     nuisances: Sequence[str],
-    most_left: float = np.inf,
-    most_effects: int = MOST_EFFECTS,
+    left: float = np.inf,
+    most_effects: float = MOST_EFFECTS,
 ) -> _Climb:
     """The search from a base upwards, to `most_effects` names.
 
-    It ends without a step where the tire's form came in and all candidates at once would leave more
-    than `most_left` [unit^2] beside it, and than half of what it leaves.
+    It ends without a step where the tire's form came in and all candidates at once, in a linear
+    fit, leave more than half of what it leaves, and than half of what is `left` [unit^2] without it.
 
     Before each step the best of the `nuisances` that earns its place comes in if it leaves less
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
@@ -315,16 +314,13 @@ def _climb(
         step, known = None, assess_all(after, extra)
         if after is base and FORM not in groups_of(base):
             without = known[0] if any(a.alarms(base) for a in known[0]) else []
-        if FORM in groups_of(after):
-            enough = max(most_left, _MAY_BE_LEFT * after.excess)
-            if least_left(after, known[0]) > enough:
-                return _Climb(after, None)
+        # of an unknown wave candidates leave more than half, of effects that a form had partly
+        # learnt up to 0.45
+        half = 0.5 * max(left, after.excess)
+        if FORM in groups_of(after) and least_left(after, known[0]) > half:
+            return _Climb(after, None)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
-            step = (
-                next_step(after, named, excess, extra, known)
-                if named
-                else first_step(after, extra, known)
-            )
+            step = next_step(after, extra, known, named=named, excess=excess)
         if step is not None and not (named or step.named) and FORM in groups_of(after):
             step = step_beside_form(after, without, known) or step
         named_now = None if step is None else step.named
@@ -414,39 +410,33 @@ def ranking_of(
     """
     first = found.steps[0]
     refitted = {r.id: r for r in first.contenders}
-    rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
-    tested = [
-        a for a in first.assessed if a.id not in first.reasons or a.id in selected
-    ]  # a failed refit is no number
-    for a in tested:
-        removed = (
-            refitted[a.id].base.square_held
-            if a.id in refitted
-            else first.before.square_held - a.removed
-        )
+    own: dict[str, tuple[Assessed, float]] = {}
+    for a in first.assessed:
+        if a.id in first.reasons and a.id not in selected:
+            continue  # a failed refit is no number
+        left = first.before.square_held - a.removed
+        if a.id in refitted:
+            left = refitted[a.id].base.square_held
         unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
-        share = (first.before.square_held - removed) / excess if shared else 0.0
+        share = (first.before.square_held - left) / excess if shared else 0.0
         share = share_of_all if tuple(selected) == (a.id,) else share
-        rows.append((a, float(np.clip(share, 0.0, 1.0)), _strengths(found, a, refitted)))
-    later = [s.named for s in found.steps[1:] if s.named is not None]
-    p = {r.id: r.assessed.p for r in later}
-    order = [r.id for r in first.contenders] + [a.id for a in tested if a.id not in refitted]
-    order = list(selected) + [name for name in order if name not in selected]
+        own[a.id] = a, float(np.clip(share, 0.0, 1.0))
+    p = {s.named.id: s.named.assessed.p for s in found.steps[1:] if s.named is not None}
+    order = dict.fromkeys([*selected, *(r.id for r in first.contenders), *own])
     groups = {s.named.id: s.group for s in found.steps if s.named is not None}
-    by_id = {a.id: (a, share, strengths) for a, share, strengths in rows}
     return tuple(
         Candidate(
             effect=name,
             rank=i + 1,
-            excess_removed=by_id[name][1],
-            p_adjusted=p.get(name, by_id[name][0].p),
+            excess_removed=own[name][1],
+            p_adjusted=p.get(name, own[name][0].p),
             selected=name in selected,
             group=tuple(g for g in groups.get(name, ()) if g != name),
-            statistic=by_id[name][0].statistic,
-            strengths=by_id[name][2],
+            statistic=own[name][0].statistic,
+            strengths=_strengths(found, own[name][0], refitted),
         )
-        for i, name in enumerate(n for n in order if n in by_id)
+        for i, name in enumerate(n for n in order if n in own)
     )
 
 

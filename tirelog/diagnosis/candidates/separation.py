@@ -18,10 +18,13 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.candidates.assessment import gain_and_error
-from tirelog.diagnosis.candidates.effect_jacobians import candidate_effects, with_candidate
+from tirelog.diagnosis.candidates.assessment import (
+    candidate_effects,
+    gain_and_error,
+    with_candidate,
+)
 from tirelog.diagnosis.candidates.naming import Step
-from tirelog.diagnosis.candidates.nuisance_selection import groups_of
+from tirelog.diagnosis.candidates.nuisances import groups_of
 from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
@@ -50,10 +53,6 @@ SAME = 0.1
 _MOST_OF = 0.7
 _SLOWER = 0.4
 _LONG_S = 60.0
-#: time that a stretch takes beside itself [s]: to come to it; with another load, pressure, water or
-#: tread to come to that. Doubled, what needs no stop is advised sooner
-_APPROACH_S = 20.0
-_CHANGE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,11 @@ class CandidateManoeuvre:
         speed = 0.5 * sum(self.speed_m_s)
         revolutions = 2.0 * np.pi * radius_m * _REVOLUTIONS / speed
         ramp = abs(self.speed_m_s[1] - self.speed_m_s[0]) / (abs(self.acceleration_m_s2) or np.inf)
-        once = _CHANGE_S if self.load != 1.0 or self.values else 0.0
+        # time that a stretch takes beside itself [s]: to come to it; with another load, pressure,
+        # water or tread to come to that. Doubled, what needs no stop is advised sooner
+        once = 600.0 if self.load != 1.0 or self.values else 0.0
         once += self.time_s if self.time_s > _LONG_S else 0.0
-        return float(once + repeats * (_APPROACH_S + max(revolutions, ramp))) / 60.0
+        return float(once + repeats * (20.0 + max(revolutions, ramp))) / 60.0
 
 
 ALLOWED = (
@@ -184,7 +185,10 @@ def separations(
         ours = first.predict(conditions, phi, surface=base.cells.surface)
         other, slopes = second.linearised(conditions, phi, names, surface=base.cells.surface)
         shift = np.gradient(other, phi, axis=1)[..., None] * np.eye(_SPEEDS)[:, None, :]
-        between = _load_columns(base, first, conditions, phi, ours)
+        # what a load other than planned would do
+        loaded = replace(conditions, load_N=conditions.load_N * 1.01)
+        slope = (first.predict(loaded, phi, surface=base.cells.surface) - ours) / 0.01
+        between = np.where(np.isfinite(slope), slope, ours)[..., None]
         own = np.ones((_SPEEDS, _ANGLES, 1))
         columns = [(ours - other)[..., None], np.moveaxis(slopes, 0, -1)]
         if shared is not None:
@@ -203,7 +207,9 @@ def separations(
         left = both[:, 0] - basis @ (basis.T @ both[:, 0])
         sigma = float(np.linalg.norm(left[old.shape[0] :]))
         rest = float(left[old.shape[0] :].std() * noise)
-        return {"manoeuvre": manoeuvre.name, "separation_sigma": sigma, "rest": rest}
+        return {
+            "manoeuvre": manoeuvre.name, "separation_sigma": sigma, "rest": rest, "plan": manoeuvre
+        }  # fmt: skip
 
     rows = [row for row in map(row_of, ALLOWED) if isinstance(row, dict)]
     known = [row for row in rows if np.isfinite(row["separation_sigma"])]
@@ -227,17 +233,6 @@ def _stretch(cells: Cells, conditions: Conditions, phi: FloatArray, level: Float
     )
 
 
-def _load_columns(
-    base: Base, model: Model, conditions: Conditions, phi: FloatArray, level: FloatArray
-) -> FloatArray:
-    """One column: what a load other than planned would do."""
-    loaded = model.predict(
-        replace(conditions, load_N=conditions.load_N * 1.01), phi, surface=base.cells.surface
-    )
-    slope = (loaded - level) / 0.01
-    return np.where(np.isfinite(slope), slope, level)[..., None]
-
-
 def advise(
     base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3
 ) -> tuple[list[dict[str, Any]], list[str]]:
@@ -250,10 +245,7 @@ def advise(
             "the list of manoeuvres is searched for waveforms only: compare the rivals there."
         ]
     rows, notes = [], []
-    name, model = rivals[0]
-    floor = np.sqrt(base.floor.square)
-    held = {manoeuvre.name for manoeuvre in ALLOWED if driven(base, manoeuvre)}
-    by_name = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
+    (name, model), floor = rivals[0], np.sqrt(base.floor.square)
     for other, rival in rivals[1:]:
         found = separations(base, model, rival)
         if isinstance(found, ModelError):
@@ -262,13 +254,13 @@ def advise(
         useful = [
             row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0
         ]
+        new = [row for row in useful if not driven(base, row["plan"])]
         if not useful:
             notes.append(
                 f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape "
                 f"(cosine above {LIKE:g}) on each of them."
             )
-        new = [row for row in useful if row["manoeuvre"] not in held]
-        if useful and not new:
+        elif not new:
             notes.append(
                 f"these logs hold every manoeuvre on the list that would tell {name} from {other}: "
                 "what is new would have to be another load, pressure, water depth or tread."
@@ -281,7 +273,7 @@ def advise(
                     "separates": [name, other],
                     "separation_sigma": row["separation_sigma"],
                     "repeats": repeats,
-                    "minutes": by_name[row["manoeuvre"]].minutes(base.cells.radius_m, repeats),
+                    "minutes": row["plan"].minutes(base.cells.radius_m, repeats),
                 }
             )
     return rows, notes
@@ -307,15 +299,8 @@ def advise(
 #: a growth of the probability below this is not worth a drive; at half of it a tenth of what is
 #: advised would be for rivals that are as good as excluded
 LEAST_GAIN = 0.005
-#: manoeuvres that are named, rivals that are asked about, runs of one manoeuvre at most
-_MOST = 3
-_MOST_RIVALS = 4
+#: runs of one manoeuvre at most
 _MOST_REPEATS = 20
-#: probability that any effect of the catalogue is missing, before anything is measured: as in the
-#: priors of the calibration
-_MISSING_AT_ALL = 0.45
-#: a verdict without a calibration is taken to be as likely as not
-_EVEN = 0.5
 
 
 @dataclass(frozen=True)
@@ -366,45 +351,43 @@ def drive_next(
     separation_sigma of the first pair and run, and whether the probability that it starts from is
     calibrated or even odds. None if nothing on the list is worth it.
     """
-    p = _EVEN if probability is None else probability
+    # a verdict without a calibration is taken to be as likely as not
+    p = 0.5 if probability is None else probability
     base, rivals = _rivals(found, verdict, p)
-    if base is None or not rivals:
+    if base is None:
         return []
-    radius = base.cells.radius_m
-    held = {manoeuvre.name for manoeuvre in ALLOWED if driven(base, manoeuvre)}
     floor = math.sqrt(base.floor.square)
-    parted: dict[str, list[tuple[Rival, float]]] = {}
-    for rival in rivals[:_MOST_RIVALS]:
+    parted: dict[str, tuple[CandidateManoeuvre, list[tuple[Rival, float]]]] = {}
+    for rival in rivals[:4]:  # rivals that are asked about at most
         rows = separations(base, rival.first, rival.second, rival.beside)
         for row in [] if isinstance(rows, ModelError) else rows:
-            if row["manoeuvre"] not in held and row["rest"] > floor / 9.0:
-                parted.setdefault(row["manoeuvre"], []).append((rival, row["separation_sigma"]))
-    by_name = {manoeuvre.name: manoeuvre for manoeuvre in ALLOWED}
+            if not driven(base, row["plan"]) and row["rest"] > floor / 9.0:
+                _, pairs = parted.setdefault(row["manoeuvre"], (row["plan"], []))
+                pairs.append((rival, row["separation_sigma"]))
     result: list[dict[str, Any]] = []
-    for name, pairs in parted.items():
+    for plan, pairs in parted.values():
         # so often that the likeliest rival is parted: what is driven in part settles nothing
         likeliest = max(pairs, key=lambda pair: _gain(p, pair[0], pair[1], _MOST_REPEATS))
         wanted = (WANTED_SIGMA / max(likeliest[1], 1e-9)) ** 2
         repeats = int(min(max(1.0, math.ceil(wanted)), _MOST_REPEATS))
-        gain = sum(_gain(p, r, s, repeats) for r, s in pairs)
-        minutes = by_name[name].minutes(radius, repeats)
+        gains = [(_gain(p, rival, sigma, repeats), rival, sigma) for rival, sigma in pairs]
+        gain, minutes = sum(own for own, _, _ in gains), plan.minutes(base.cells.radius_m, repeats)
         if gain < LEAST_GAIN:
             continue
-        pairs.sort(key=lambda pair: -_gain(p, pair[0], pair[1], repeats))
-        worth = [r for r, s in pairs if _gain(p, r, s, repeats) >= 0.5 * LEAST_GAIN]
+        gains.sort(key=lambda row: -row[0])
         result.append(
             {
-                "manoeuvre": name,
+                "manoeuvre": plan.name,
                 "repeats": repeats,
                 "minutes": minutes,
                 "gain": gain,
                 "gain_per_minute": gain / minutes,
-                "separates": [[r.of, r.name] for r in worth],
-                "separation_sigma": pairs[0][1],
+                "separates": [[r.of, r.name] for own, r, _ in gains if own >= 0.5 * LEAST_GAIN],
+                "separation_sigma": gains[0][2],
                 "calibrated": probability is not None,
             }
         )
-    return sorted(result, key=lambda row: -row["gain_per_minute"])[:_MOST]
+    return sorted(result, key=lambda row: -row["gain_per_minute"])[:3]  # that are named
 
 
 def _gain(p: float, rival: Rival, sigma: float, repeats: int) -> float:
@@ -418,32 +401,30 @@ def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, l
     silent = verdict == "nothing_missing"
     named = [s for s in found.steps if s.named is not None and not silent]
     step = named[0] if named else found.steps[0]
-    base = step.before
-    if isinstance(base, JointBase):  # the list is searched in the first waveform
-        base = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
+    # the list is searched in the first waveform
+    base = max(bases_by_observable(step.before), key=lambda part: part.cells.phi.shape[1])
     # where loads or other conditions are in doubt, these come before any effect
     if base.cells.phi.shape[1] == 1 or verdict in ("unknown", "scatter"):
         return None, []
-    if silent:
-        return base, [_of_base(rival, base, found) for rival in _hidden(found, p)]
     if verdict == "too_few":
         some = step.contenders[:3]
+        mass = 1.0 / max(len(some), 1)
         return base, [
-            Rival(r.id, some[0].id, some[0].base.model, r.base.model, 1.0 / len(some), (),
-                  1.0 / len(some))
+            Rival(r.id, some[0].id, some[0].base.model, r.base.model, mass, (), mass)
             for r in some[1:]
-        ]  # fmt: skip
-    rivals = [*_instead(step, p), *_beside(found, p)]
-    return base, [_of_base(rival, base, found) for rival in rivals]
-
-
-def _of_base(rival: Rival, base: Base, found: SearchResult) -> Rival:
-    """The rival's models for one observable, if several were fitted together."""
+        ]
+    rivals = _hidden(found, p) if silent else [*_instead(step, p), *_beside(found, p)]
     if not isinstance(found.before, JointBase):
-        return rival
+        return base, rivals
     seen, member = base.cells.observable, base.cells.member
-    first, second = (model_of(m, seen, member) for m in (rival.first, rival.second))
-    return Rival(rival.name, rival.of, first, second, rival.mass, rival.beside, rival.verdict_mass)
+    return base, [
+        replace(
+            rival,
+            first=model_of(rival.first, seen, member),
+            second=model_of(rival.second, seen, member),
+        )
+        for rival in rivals
+    ]
 
 
 def _instead(step: Step, p: float) -> list[Rival]:
@@ -457,21 +438,12 @@ def _instead(step: Step, p: float) -> list[Rival]:
     weight = {}
     for r in others:
         gain, error = gain_and_error(r.base.held_white, best.held_white)
-        sigma = max(gain / error, 0.0) if error > 0.0 else 0.0
-        weight[r.id] = math.exp(-0.5 * sigma**2)
+        weight[r.id] = math.exp(-0.5 * (max(gain / error, 0.0) if error > 0.0 else 0.0) ** 2)
     share = p / (1 + len(group))
     rest = (1.0 - p) / (1.0 + sum(weight[r.id] for r in others if r not in group))
+    mass = {r.id: share if r in group else rest * weight[r.id] for r in others}
     return [
-        Rival(
-            r.id,
-            step.named.id,
-            best.model,
-            r.base.model,
-            share if r in group else rest * weight[r.id],
-            (),
-            share,
-        )
-        for r in others
+        Rival(r.id, step.named.id, best.model, r.base.model, mass[r.id], (), share) for r in others
     ]
 
 
@@ -493,15 +465,16 @@ def _beside(found: SearchResult, p: float) -> list[Rival]:
 
 def _hidden(found: SearchResult, p: float) -> list[Rival]:
     """Effects that these logs cannot show: as likely as before anything was measured."""
-    model, reasons = found.before.model, found.steps[0].reasons
-    effects = [e for e in candidate_effects(model) if e.id in reasons]
-    count = len(candidate_effects(model))
-    rivals = []
+    model, rivals = found.before.model, []
+    effects = candidate_effects(model)
+    # the probability that any effect of the catalogue is missing, before anything is measured: as
+    # in the priors of the calibration
+    mass = 0.45 / max(len(effects), 1)
     for effect in effects:
-        probes = {q.name: q.probe for q in effect.parameters if q.name in effect.strength}
-        shown = with_candidate(model, effect, probes)
-        mass = _MISSING_AT_ALL / max(count, 1)
-        rivals.append(Rival("nothing", effect.id, shown, model, mass, (), p))
+        if effect.id in found.steps[0].reasons:
+            probes = {q.name: q.probe for q in effect.parameters if q.name in effect.strength}
+            shown = with_candidate(model, effect, probes)
+            rivals.append(Rival("nothing", effect.id, shown, model, mass, (), p))
     return rivals
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -27,7 +26,7 @@ from tirelog.diagnosis.propose.grammar import (
     forms,
     laws,
 )
-from tirelog.diagnosis.propose.ground import Ground
+from tirelog.diagnosis.propose.ground import Ground, typical
 from tirelog.diagnosis.rules import CONTENDER, LEAST_SHARE_OF_FLOOR, QUIET_CHI2, REST_SHARE
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, refit
@@ -47,29 +46,17 @@ from tirelog.vocabulary.observables import OBSERVABLES
 # the best of each form -> its numbers and exponents polished by variable projection
 
 
-#: columns of a form that are worked on at a time: 20 MB for 50 cells
-_SOME = 48
 #: patterns of signs that are tried: they tell p to 2.4e-4, and a p of 0.01 to 16 % of it; twice as
 #: many tell it to 11 %, in twice the time
 _FLIPS = 4096
-#: a column of which less than this is left beside base and nuisances says nothing of its own, as
-#: for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
-_VISIBLE = 1e-4
-#: a condition varies if its range is above this share of its largest value; acceleration [m/s^2]
-#: and temperature [K] above these.  Half of it would take the scatter of a cruise for a variation
-_VARIES = 0.05
-_LEAST_RANGE = {"acceleration": 0.3, "temperature": 1.0}
-#: steps of a polish, and the relative change of what is left that ends it: a refit of the whole
-#: model follows; twice as many take longer before it
-_STEPS = 20
-_SETTLED = 1e-4
 
 
 @dataclass(frozen=True)
 class Atom:
     """A form with its numbers, under a law: T, and the whitened sum of squares that it explains.
 
-    `fixed`: numbers of the law that were rounded, and are not fitted.
+    `fixed`: numbers of the law that were rounded, and are not fitted. `left`: the loss held out
+    with its columns free, `removed` the mean square [unit^2] that they remove there.
     """
 
     form: Form
@@ -78,6 +65,8 @@ class Atom:
     statistic: float = 0.0
     explained: float = 0.0
     fixed: tuple[str, ...] = ()
+    left: float = np.inf
+    removed: float = 0.0
 
     @property
     def complexity(self) -> int:
@@ -87,6 +76,17 @@ class Atom:
         gone = bool(numbers) and all(n in self.fixed and v == 0.0 for n, v in numbers.items())
         return self.form.complexity + len(free) + (0 if gone else self.law.law.complexity)
 
+    @property
+    def form_key(self) -> tuple[str, str]:
+        """What atoms of one form under several laws share."""
+        return self.form.stage.name, self.form.words
+
+    def at(self, values: Mapping[str, float]) -> Atom:
+        """The atom with other values of some of its numbers, by name."""
+        law = {name: values.get(name, value) for name, value in self.law.numbers.items()}
+        own = {name: values.get(name, value) for name, value in self.numbers.items()}
+        return replace(self, numbers=own, law=replace(self.law, numbers=law))
+
 
 @dataclass(frozen=True)
 class Scanned:
@@ -95,20 +95,6 @@ class Scanned:
     atoms: tuple[Atom, ...]
     tried: int
     p: float
-
-
-def typical(base: Base) -> dict[str, float]:
-    """A round value of each condition that varies in the cells and is known, by symbol."""
-    found = {}
-    known = {**CONDITIONS, "load": "load_N"}
-    for symbol, column in known.items():
-        values = getattr(base.cells.conditions, column)
-        if symbol in ("time", "speed") or not np.isfinite(values).all():
-            continue
-        largest, span = float(np.abs(values).max()), float(np.ptp(values))
-        if span > max(_VARIES * largest, _LEAST_RANGE.get(symbol, 0.0)):
-            found[symbol] = float(f"{float(np.abs(values).mean()) or largest:.1e}")
-    return found
 
 
 def unit_columns(
@@ -124,11 +110,10 @@ def unit_columns(
     each; of a wave its two quadratures are neighbours, (C, m, 2 S). ModelError if it cannot be
     computed.
     """
-    stage = form.stage
+    stage, shape = form.stage, ground.residual.shape
     given = {name: np.atleast_1d(value) for name, value in numbers.items()}
     count = max([value.size for value in given.values()], default=1)
     texts = [form.text.replace("@", wave) for wave in ("cos", "sin")] if form.wave else [form.text]
-    shape = ground.residual.shape
     if not stage.acts_on:
         spread = {name: value.reshape(-1, 1, 1) for name, value in given.items()}
         computed = ground.in_bins if in_bins else ground.expression
@@ -138,22 +123,16 @@ def unit_columns(
     columns = []
     for i in range(count):
         own = {name: float(value[min(i, value.size - 1)]) for name, value in given.items()}
+        parameters = [Parameter("A", "", "", stage.probe, -1e9, 1e9, stage.probe)]
+        parameters += [
+            Parameter(name, "", "", value, -1e9, 1e9, abs(value) + 1e-3, free=False)
+            for name, value in own.items()
+        ]
         for text in texts:
-            columns.append(_response(ground, form, text, own))
+            body = f"A * ({stage.prefix}{text})"
+            probe = effect_by_expression("probe_", stage.acts_on, body, tuple(parameters))
+            columns.append(ground.response(probe, stage.probe))
     return np.stack(columns, axis=-1)
-
-
-def _response(ground: Ground, form: Form, text: str, numbers: Mapping[str, float]) -> FloatArray:
-    """The change of the prediction per unit of amplitude at a stage, (C, m)."""
-    stage = form.stage
-    body = stage.prefix + text
-    parameters = [Parameter("A", "", "", stage.probe, -1e9, 1e9, stage.probe)]
-    parameters += [
-        Parameter(name, "", "", value, -1e9, 1e9, abs(value) + 1e-3, free=False)
-        for name, value in numbers.items()
-    ]
-    probe = effect_by_expression("probe_", stage.acts_on, f"A * ({body})", tuple(parameters))
-    return ground.response(probe, stage.probe)
 
 
 def scan(ground: Ground) -> Scanned:
@@ -166,14 +145,16 @@ def scan(ground: Ground) -> Scanned:
         signs = signs[np.r_[0, 1 + rows]]
     signs = signs.astype(np.float32)
     largest = np.zeros(signs.shape[0], np.float32)
-    best: dict[tuple[str, str, str, int], Atom] = {}
+    best: dict[tuple[str, str, str], Atom] = {}
     tried = 0
     for form in forms():
-        grid = form.grid()
-        for numbers, columns in _batches(ground, form, grid):
-            together = 2 if form.wave else 1
-            worth = ground.worth(ground.of_cells(columns), factors, together)
-            turned, good = _turned(worth.scores, worth.gram, worth.size)
+        # columns of a form that are worked on at a time: 20 MB for 50 cells
+        for numbers in form.grids(48):
+            columns = or_refusal(unit_columns)(ground, form, numbers, in_bins=False)
+            if isinstance(columns, ModelError):
+                continue
+            worth = ground.worth(ground.of_cells(columns), factors, 2 if form.wave else 1)
+            turned, good = _turned(*worth)
             tried += int(good.sum())
             if not good.any():
                 continue
@@ -181,10 +162,9 @@ def scan(ground: Ground) -> Scanned:
             np.maximum(largest, flipped.max(axis=1), out=largest)
             statistic = np.zeros(good.size)
             statistic[good] = flipped[0]
-            for i, law in enumerate(given):
-                own = statistic.reshape(factors.shape[0], -1)[i]
+            for law, own in zip(given, statistic.reshape(len(given), -1), strict=True):
                 j = int(np.argmax(own))
-                key = (form.stage.name, form.words, law.law.text, 0)
+                key = (form.stage.name, form.words, law.law.text)
                 if own[j] > 0.0 and (key not in best or own[j] > best[key].statistic):
                     at = {name: float(value[j]) for name, value in numbers.items()}
                     best[key] = Atom(form, at, law, float(own[j]))
@@ -193,24 +173,14 @@ def scan(ground: Ground) -> Scanned:
     return Scanned(tuple(atoms), tried, p)
 
 
-def _batches(
-    ground: Ground, form: Form, grid: Mapping[str, FloatArray]
-) -> Iterator[tuple[dict[str, FloatArray], FloatArray]]:
-    """The grid of a form, some values at a time, with their columns; what fails is left out."""
-    count = next((values.size for values in grid.values()), 1)
-    for start in range(0, count, _SOME):
-        numbers = {name: values[start : start + _SOME] for name, values in grid.items()}
-        columns = or_refusal(unit_columns)(ground, form, numbers, in_bins=False)
-        if not isinstance(columns, ModelError):
-            yield numbers, columns
-
-
 def _turned(
     scores: FloatArray, gram: FloatArray, size: FloatArray
 ) -> tuple[FloatArray, np.ndarray]:
     """Scores (K, M, k) in an orthonormal basis, and which say anything: T is their length."""
     length = np.einsum("kii->ki", gram)
-    good = np.all(length > _VISIBLE * np.maximum(size, 1e-300), axis=1)
+    # a column of which less than this is left beside base and nuisances says nothing of its own, as
+    # for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
+    good = np.all(length > 1e-4 * np.maximum(size, 1e-300), axis=1)
     if scores.shape[-1] == 1:
         return scores / np.sqrt(np.where(good[:, None], length, 1.0))[:, None, :], good
     safe = np.where(good[:, None, None], gram, np.eye(2))
@@ -255,33 +225,22 @@ def polish(ground: Ground, atom: Atom) -> Atom:
 
     By variable projection: amplitudes are solved for at every step.
     """
-    own = list(atom.numbers)
-    of_law = [name for name in atom.law.numbers if name not in atom.fixed]
-    start = np.array(
-        [atom.numbers[n] for n in own] + [atom.law.numbers[n] for n in of_law], dtype=np.float64
-    )
-    if not start.size:
+    names = [*atom.numbers, *(name for name in atom.law.numbers if name not in atom.fixed)]
+    if not names:
         return replace(atom, explained=strengths(ground, atom)[1])
-    bounds = np.array([atom.form.bounds(n) for n in own] + [LAW_BOUNDS[n] for n in of_law])
+    known, roles = {**atom.law.numbers, **atom.numbers}, atom.form.profile.numbers
+    bounds = np.array([LAW_BOUNDS.get(n) or atom.form.bounds(n) for n in names])
     # widths and rates by their logarithm, so that a step is a share of them
-    logged = np.array(
-        [atom.form.profile.numbers[n] != "place" for n in own] + [False] * len(of_law)
-    )
+    logged = np.array([roles.get(n, "place") != "place" for n in names])
     scale = np.where(logged, 1.0, np.maximum(0.05 * np.ptp(bounds, axis=1), 1e-12))
 
     def at(x: FloatArray) -> Atom:
         values = np.where(logged, np.exp(np.where(logged, x, 0.0)), x * scale)
         values = np.clip(values, bounds[:, 0], bounds[:, 1])
-        named = dict(zip([*own, *of_law], values.tolist(), strict=True))
-        law = replace(
-            atom.law,
-            numbers={n: named[n] if n in of_law else v for n, v in atom.law.numbers.items()},
-        )
-        return replace(
-            atom,
-            numbers={n: named[n] if n in own else v for n, v in atom.numbers.items()},
-            law=law,
-        )
+        return atom.at(dict(zip(names, values.tolist(), strict=True)))
+
+    def turned(values: FloatArray) -> FloatArray:
+        return np.where(logged, np.log(np.where(logged, values, 1.0)), values / scale)
 
     residual = ground.residual.ravel()
     kept: dict[tuple[float, ...], FloatArray] = {}
@@ -303,44 +262,22 @@ def polish(ground: Ground, atom: Atom) -> Atom:
         found = left(x)
         return residual if isinstance(found, ModelError) else found
 
-    def turned(values: FloatArray) -> FloatArray:
-        return np.where(logged, np.log(np.where(logged, values, 1.0)), values / scale)
-
-    inside = np.clip(start, bounds[:, 0] * (1 + 1e-9) + 1e-12, bounds[:, 1] * (1 - 1e-9) - 1e-12)
+    start = np.clip(
+        [known[n] for n in names],
+        bounds[:, 0] * (1 + 1e-9) + 1e-12,
+        bounds[:, 1] * (1 - 1e-9) - 1e-12,
+    )
     reached = least_squares(
         all_or_left,
-        turned(inside),
+        turned(start),
         bounds=(turned(bounds[:, 0]) - 1e-6, turned(bounds[:, 1]) + 1e-6),
-        max_nfev=_STEPS,
+        # a refit of the whole model follows; twice as many steps take longer before it
+        max_nfev=20,
         diff_step=1e-4,
         xtol=1e-4,
-        ftol=_SETTLED,
+        ftol=1e-4,
     )
-    polished = at(reached.x)
-    explained = ground.square - 2.0 * float(reached.cost)
-    return replace(polished, explained=explained)
-
-
-#: forms that are polished, with another kind of law for the first of them; twice as many of either
-#: take twice as long
-POLISHED = 8
-OTHER_LAWS = 3
-#: forms that are refitted in the model: each takes a fit of the whole model
-REFITTED = 4
-#: of those that leave as little, so many are said; twice as many make a longer answer
-MOST_AS_GOOD = 3
-#: an amplitude may become so many times what the linear fit says; a phase turns freely; it keeps a
-#: descent from running away; an amplitude that settles is the same with twice as much
-_LARGER = 100.0
-#: standard errors that a number may lie from a round one: beyond them rounding would push the
-#: others out of their errors; twice as much makes rounder formulas that fit worse
-ROUNDED_SIGMAS = 2.0
-#: a step of an exponent that is small: over a decade of speed an effect changes by 12 % at most,
-#: and no law that is known lies so near to a half; twice as much would round 0.4
-_ROUND_NEAR = 0.05
-#: standard errors by which another form may be worse held out and be as good; twice as much says
-#: more forms as good as the first
-AS_GOOD = 1.0
+    return replace(at(reached.x), explained=ground.square - 2.0 * float(reached.cost))
 
 
 @dataclass(frozen=True)
@@ -372,18 +309,18 @@ class Draft:
     def acts_on(self) -> str:
         return str(self.entry.source["acts_on"])
 
-    @property
-    def complexity(self) -> int:
-        return self.atom.complexity
-
 
 @dataclass(frozen=True)
 class Choice:
-    """The drafts of a term: the chosen one, those as good, and all that were refitted."""
+    """The drafts of a term: the chosen one, those as good, and all that were refitted.
+
+    `scanned`: the scan of the grammar that they come from.
+    """
 
     chosen: Draft
     as_good: tuple[Draft, ...]
     refitted: tuple[Draft, ...]
+    scanned: Scanned
 
 
 def entry_of(
@@ -398,137 +335,102 @@ def entry_of(
     `amplitudes` (1,) of its column, or (2,) of cosine and sine; a phase stands at a quarter turn if
     one is given. ModelError if a number is outside of its bounds.
     """
-    form, parameters = atom.form, []
-    text = form.text
-    if form.wave:
+    form, parameters, text = atom.form, [], atom.form.text
+    size = float(np.hypot(*amplitudes)) if form.wave else float(amplitudes[0])
+    if form.wave and quarter is None:
+        text = f"{text[:-1].replace('@(', 'sin(')} + psi)"  # a wave is the end of its formula
         phase = float(np.arctan2(amplitudes[0], amplitudes[1]))
-        size = float(np.hypot(amplitudes[0], amplitudes[1]))
-        if quarter is None:
-            text = _with_phase(text)
-            parameters.append(Parameter("psi", "rad", "phase", phase, -7.0, 7.0, 0.5))
-        else:
-            text = text.replace("@", "sin" if quarter % 2 == 0 else "cos")
-            size *= 1.0 if quarter % 4 < 2 else -1.0
-    else:
-        size = float(amplitudes[0])
+        parameters.append(Parameter("psi", "rad", "phase", phase, -7.0, 7.0, 0.5))
+    elif form.wave and quarter is not None:
+        text = text.replace("@", "sin" if quarter % 2 == 0 else "cos")
+        size *= 1.0 if quarter % 4 < 2 else -1.0
     free = [number for number in atom.law.numbers if number not in atom.fixed]
-    law = atom.law.written(free)
-    plain = text != "1"
-    body = " * ".join(
-        part for part in (law, form.stage.prefix.removesuffix(" * "), text * plain) if part
-    )
+    factors = (atom.law.written(free), form.stage.prefix.removesuffix(" * "), text * (text != "1"))
+    body = " * ".join(factor for factor in factors if factor)
     expression = ast.unparse(ast.parse(f"A * {body}" if body else "A", mode="eval"))
     large = max(abs(size), 1e-12)
     unit = form.stage.unit or OBSERVABLES[observable].unit
-    amplitude = Parameter(
-        "A", unit, "strength", size, -_LARGER * large, _LARGER * large, 0.1 * large
-    )
-    parameters.append(amplitude)
+    # the bound keeps a descent from running away; an amplitude that settles is the same with twice
+    # as much
+    most = 100.0 * large
+    parameters.append(Parameter("A", unit, "strength", size, -most, most, 0.1 * large))
     numbers = [(n, v, form.bounds(n), form.unit(n)) for n, v in atom.numbers.items()]
     numbers += [(n, atom.law.numbers[n], LAW_BOUNDS[n], LAW_UNITS[n]) for n in free]
     for number, value, (low, high), its_unit in numbers:
         inside = float(np.clip(value, low, high))
         probe = max(0.1 * abs(inside), 1e-3 * (high - low))
         parameters.append(Parameter(number, its_unit, "", inside, low, high, probe))
-    names = parse_expression(
-        expression, {*PLACES, *CONDITIONS, *(p.name for p in parameters)}
-    ).names
+    known = {*PLACES, *CONDITIONS, *(p.name for p in parameters)}
+    names = parse_expression(expression, known).names
     used = tuple(p for p in parameters if p.name in names)
     acts_on = form.stage.acts_on or observable
     effect = effect_by_expression(name, acts_on, expression, used)
     return ModelEffect(effect, used, {}, {"acts_on": acts_on, "expression": expression})
 
 
-def _with_phase(text: str) -> str:
-    """The text with its wave @(x) as sin(x + psi)."""
-    start = text.index("@(")
-    depth, end = 0, start + 1
-    while True:
-        depth += {"(": 1, ")": -1}.get(text[end], 0)
-        if depth == 0:
-            break
-        end += 1
-    return f"{text[:start]}sin({text[start + 2 : end]} + psi){text[end + 1 :]}"
-
-
 def polished(ground: Ground, atoms: Sequence[Atom]) -> list[Atom]:
     """The best atom of each form, and other laws of the first of them, polished."""
     best: dict[tuple[str, str], Atom] = {}
     for atom in atoms:
-        best.setdefault(_form_of(atom), atom)
-    leading = list(best.values())[:POLISHED]
-    first, taken = [_form_of(atom) for atom in leading[:2]], {id(atom) for atom in leading}
-    others = [a for a in atoms if _form_of(a) in first and id(a) not in taken][:OTHER_LAWS]
+        best.setdefault(atom.form_key, atom)
+    # twice as many of either take twice as long
+    leading = list(best.values())[:8]
+    first, taken = [atom.form_key for atom in leading[:2]], {id(atom) for atom in leading}
+    others = [a for a in atoms if a.form_key in first and id(a) not in taken][:3]
     tried = [or_refusal(polish)(ground, atom) for atom in [*leading, *others]]
     found = [atom for atom in tried if not isinstance(atom, ModelError)]
     return sorted(found, key=lambda atom: -atom.explained)
 
 
-def _form_of(atom: Atom) -> tuple[str, str]:
-    return atom.form.stage.name, atom.form.words
-
-
-@dataclass(frozen=True)
-class _Linear:
-    """An atom with what it leaves held out, its columns free: losses (M,), [unit^2] removed."""
-
-    atom: Atom
-    white: FloatArray
-    removed: float
-
-
 @or_refusal
-def _linear(full: Ground, atom: Atom) -> _Linear:
+def _held_out(full: Ground, atom: Atom) -> Atom:
+    """The atom with what it leaves held out, its columns free."""
     base = full.base
-    white, plain = held_out_losses(
-        base.cells, base.white, base.plain, base.fit, columns_of(full, atom)
-    )
-    return _Linear(atom, white, float((base.held_plain - plain).sum()) / base.plain.weight)
+    columns = columns_of(full, atom)
+    white, plain = held_out_losses(base.cells, base.white, base.plain, base.fit, columns)
+    removed = float((base.held_plain - plain).sum()) / base.plain.weight
+    return replace(atom, left=float(white.sum()), removed=removed)
 
 
-def _without_needless_laws(rows: Sequence[_Linear], base: Base) -> list[_Linear]:
-    """The rows without those whose law does no more than a simpler one of the same form."""
+def _without_needless_laws(atoms: Sequence[Atom], base: Base) -> list[Atom]:
+    """The atoms without those whose law does no more than a simpler one of the same form."""
     least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, REST_SHARE * base.excess)
-    kept: list[_Linear] = []
-    for row in sorted(rows, key=lambda row: row.atom.complexity):
-        same = [other for other in kept if _form_of(other.atom) == _form_of(row.atom)]
-        if all(row.removed - other.removed >= least for other in same):
-            kept.append(row)
-    return [row for row in rows if any(row is one for one in kept)]
+    kept: list[Atom] = []
+    for atom in sorted(atoms, key=lambda atom: atom.complexity):
+        same = [other for other in kept if other.form_key == atom.form_key]
+        if all(atom.removed - other.removed >= least for other in same):
+            kept.append(atom)
+    return [atom for atom in atoms if any(atom is one for one in kept)]
 
 
-def choose(full: Ground, atoms: Sequence[Atom], name: str) -> Choice | None:
+def choose(full: Ground, scanned: Scanned, atoms: Sequence[Atom], name: str) -> Choice | None:
     """The leading atoms refitted in the model, and the simplest of the best; None if all fail."""
-    tried = [_linear(full, atom) for atom in atoms]
-    scored = [row for row in tried if not isinstance(row, ModelError)]
-    if not scored:
-        return None
-    scored.sort(key=lambda row: float(row.white.sum()))
-    near = [row for row in scored if row.removed >= CONTENDER * scored[0].removed]
+    tried = [_held_out(full, atom) for atom in atoms]
+    scored = sorted((a for a in tried if not isinstance(a, ModelError)), key=lambda a: a.left)
+    near = [atom for atom in scored if atom.removed >= CONTENDER * scored[0].removed]
     near = _without_needless_laws(near, full.base)
-    leading = near[:REFITTED]
-    stages = {row.atom.form.stage.name for row in leading}
-    leading += [row for row in near if row.atom.form.stage.name not in stages][:1]
-    refitted = [_drafted(full, row.atom, name) for row in leading]
+    leading = near[:4]  # each takes a fit of the whole model
+    stages = {atom.form.stage.name for atom in leading}
+    leading += [atom for atom in near if atom.form.stage.name not in stages][:1]
+    refitted = [_drafted(full, atom, name) for atom in leading]
     drafts = [draft for draft in refitted if isinstance(draft, Draft)]
     if not drafts:
         return None
     drafts.sort(key=lambda draft: float(draft.base.held_white.sum()))
     best = drafts[0].base
-    excess = full.base.excess
-    good = [draft for draft in drafts if _as_good(best, draft.base, excess)]
-    good.sort(key=lambda d: (d.complexity, float(d.base.held_white.sum())))
-    # the same form under a law that holds the simpler one is no other answer
-    other = [d for d in good[1:] if _form_of(d.atom) != _form_of(good[0].atom)]
-    return Choice(good[0], (good[0], *other[: MOST_AS_GOOD - 1]), tuple(drafts))
+    good = [draft for draft in drafts if _as_good(best, draft.base, full.base.excess)]
+    good.sort(key=lambda d: (d.atom.complexity, float(d.base.held_white.sum())))
+    # the same form under a law that holds the simpler one is no other answer; more than three make
+    # a longer answer
+    other = [d for d in good[1:] if d.atom.form_key != good[0].atom.form_key][:2]
+    return Choice(good[0], (good[0], *other), tuple(drafts), scanned)
 
 
 @or_refusal
 def _drafted(full: Ground, atom: Atom, name: str) -> Draft | None:
     """The atom refitted in the model; None if that fails or ends above the base."""
     base = full.base
-    amplitudes, _ = strengths(full, atom)
-    entry = entry_of(atom, amplitudes, name, base.model.observable)
+    entry = entry_of(atom, strengths(full, atom)[0], name, base.model.observable)
     new = refit(base, base.model.with_entry(entry))
     if isinstance(new, ModelError) or new.fit.chi2 > base.fit.chi2:
         return None
@@ -537,11 +439,8 @@ def _drafted(full: Ground, atom: Atom, name: str) -> Draft | None:
 
 def _read(atom: Atom, entry: ModelEffect, new: Base, quarter: int | None = None) -> Draft:
     """The draft with the numbers of its atom as they were fitted."""
-    name = entry.id
-    own = {p.name: new.model.values[f"{name}.{p.name}"] for p in entry.parameters}
-    law = replace(atom.law, numbers={n: own.get(n, value) for n, value in atom.law.numbers.items()})
-    numbers = {n: own.get(n, value) for n, value in atom.numbers.items()}
-    return Draft(replace(atom, numbers=numbers, law=law), entry, new, quarter)
+    own = {p.name: new.model.values[f"{entry.id}.{p.name}"] for p in entry.parameters}
+    return Draft(atom.at(own), entry, new, quarter)
 
 
 def _as_good(best: Base, other: Base, excess: float) -> bool:
@@ -554,7 +453,8 @@ def _as_good(best: Base, other: Base, excess: float) -> bool:
     more = other.square_held - best.square_held
     if more < LEAST_SHARE_OF_FLOOR * best.floor.square:
         return True
-    return worse < AS_GOOD * error and more < REST_SHARE * excess
+    # with twice the error more forms are said to be as good as the first
+    return worse < error and more < REST_SHARE * excess
 
 
 def simplified(draft: Draft) -> Draft:
@@ -568,12 +468,13 @@ def simplified(draft: Draft) -> Draft:
             continue
         value = best.atom.law.numbers[number]
         for wanted in dict.fromkeys((float(round(value)), round(2.0 * value) / 2.0)):
-            law = replace(best.atom.law, numbers={**best.atom.law.numbers, number: wanted})
-            atom = replace(best.atom, law=law, fixed=(*best.atom.fixed, number))
+            atom = replace(best.atom.at({number: wanted}), fixed=(*best.atom.fixed, number))
             trial = _with_fixed(best, atom, best.quarter)
-            if isinstance(trial, Draft) and _costs_nothing(
-                best.base, trial.base, small=abs(wanted - value) <= _ROUND_NEAR
-            ):
+            # a step of an exponent that is small: over a decade of speed an effect changes by 12 %
+            # at most, and no law that is known lies so near to a half; twice as much would round
+            # 0.4
+            near = abs(wanted - value) <= 0.05
+            if isinstance(trial, Draft) and _costs_nothing(best.base, trial.base, small=near):
                 best = trial
                 break
     if best.atom.form.wave:
@@ -588,11 +489,9 @@ def simplified(draft: Draft) -> Draft:
 def _with_fixed(draft: Draft, atom: Atom, quarter: int | None) -> Draft | ModelError:
     """The draft with some of its numbers given, fitted again from where it is."""
     base, name = draft.base, draft.entry.id
-    size = base.model.values[f"{name}.A"]
     phase = base.model.values.get(f"{name}.psi", 0.0)
-    amplitudes = np.array(
-        [size * np.sin(phase), size * np.cos(phase)] if atom.form.wave else [size]
-    )
+    turned = np.array([np.sin(phase), np.cos(phase)]) if atom.form.wave else np.ones(1)
+    amplitudes = base.model.values[f"{name}.A"] * turned
     entry = entry_of(atom, amplitudes, name, base.model.observable, quarter)
     new = refit(base, base.model.without_effect(name).with_entry(entry))
     return new if isinstance(new, ModelError) else _read(atom, entry, new, quarter)
@@ -604,7 +503,9 @@ def _costs_nothing(before: Base, rounded: Base, *, small: bool = False) -> bool:
     Held out too if the step is `small`: of a large effect chi-square sees more than matters.
     """
     worse = rounded.noise_chi2 - before.noise_chi2
-    if worse <= ROUNDED_SIGMAS**2 * max(1.0, before.reduced_chi2):
+    # standard errors that a number may lie from a round one: beyond them rounding would push the
+    # others out of their errors; twice as much makes rounder formulas that fit worse
+    if worse <= 2.0**2 * max(1.0, before.reduced_chi2):
         return True
     return (small or before.reduced_chi2 > QUIET_CHI2) and _as_good(before, rounded, before.excess)
 
@@ -627,9 +528,3 @@ def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:
         if name.partition(".")[0] in effects and own.se is not None:
             changed[name] = replace(own, se=max(own.se, error))
     return base.model.with_parameters(changed)
-
-
-def numbers_of(entry: ModelEffect, model: Model) -> dict[str, dict[str, Any]]:
-    """Value, standard error and unit of each number of an effect of a fitted model."""
-    own = {p.name: model.parameters[f"{entry.id}.{p.name}"] for p in entry.parameters}
-    return {name: {"value": p.value, "se": p.se, "unit": p.unit} for name, p in own.items()}

@@ -233,17 +233,17 @@ class Form:
     def complexity(self) -> int:
         return self.profile.complexity
 
-    def grid(self) -> dict[str, FloatArray]:
-        """Scanned values of each number, one for each combination, (S,)."""
+    def grids(self, most: int) -> Iterator[dict[str, FloatArray]]:
+        """Scanned values of each number, (S,), for each combination; at `most` so many at once."""
         values = {
             "width": self.frame.widths[:: self.profile.each],
             "place": self.frame.places,
             "rate": self.frame.rates,
         }
-        each = [values[role] for role in self.profile.numbers.values()]
-        combined = list(product(*each))
-        rows = np.array(combined, dtype=np.float64).reshape(len(combined), len(each))
-        return {name: rows[:, i] for i, name in enumerate(self.profile.numbers)}
+        combined = list(product(*(values[role] for role in self.profile.numbers.values())))
+        for start in range(0, len(combined), most):
+            columns = np.array(combined[start : start + most], dtype=np.float64).T
+            yield dict(zip(self.profile.numbers, columns, strict=True))
 
     def bounds(self, name: str) -> tuple[float, float]:
         return self.frame.bounds(self.profile.numbers[name])

@@ -19,34 +19,45 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import nuisance
-from tirelog.errors import ModelError
-from tirelog.inference.base import Base, change_to
-from tirelog.inference.metric import ProjectedOut, Whitener
+from tirelog.diagnosis.candidates.assessment import ANGLES, beside_base, gain_and_error, hats_on
+from tirelog.diagnosis.propose.grammar import GivenLaw, laws
+from tirelog.errors import ModelError, or_refusal
+from tirelog.inference.base import Base, change_to, with_fewer_cells
+from tirelog.inference.floor import held_out_losses
+from tirelog.inference.metric import Whitener, side_by_side, stacked
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.expression import parse_expression
 from tirelog.physics.model.nuisances import ModelEffect
-from tirelog.physics.model.user_effects import CONDITIONS, PLACES
+from tirelog.physics.model.user_effects import CONDITIONS, FRAMES, PLACES, effect_by_shape
 from tirelog.vocabulary.arrays import FloatArray
 
 #: cells of which the coupling is kept as a low rank, and on which the grammar is scanned: the time
 #: goes with them, and 60 span 20 manoeuvres
 FEW_CELLS = 60
-#: eigenvalues of a coupling below this are directions that it leaves alone
-_ALONE = 1e-10
 
 
-@dataclass(frozen=True)
-class Gain:
-    """What columns are worth under each of some laws.
+#: a condition varies if its range is above this share of its largest value; acceleration [m/s^2]
+#: and temperature [K] above these.  Half of it would take the scatter of a cruise for a variation
+_VARIES = 0.05
+_LEAST_RANGE = {"acceleration": 0.3, "temperature": 1.0}
 
-    scores (L, M, k) of each manoeuvre, gram (L, k, k), size (L, k): squared length of the columns
-    before anything is taken out.
-    """
 
-    scores: FloatArray
-    gram: FloatArray
-    size: FloatArray
+def typical(base: Base) -> dict[str, float]:
+    """A round value of each condition that varies in the cells and is known, by symbol."""
+    found = {}
+    known = {**CONDITIONS, "load": "load_N"}
+    for symbol, column in known.items():
+        values = getattr(base.cells.conditions, column)
+        if symbol in ("time", "speed") or not np.isfinite(values).all():
+            continue
+        largest, span = float(np.abs(values).max()), float(np.ptp(values))
+        if span > max(_VARIES * largest, _LEAST_RANGE.get(symbol, 0.0)):
+            found[symbol] = float(f"{float(np.abs(values).mean()) or largest:.1e}")
+    return found
+
+
+#: scores, gram, size: see `Ground.worth`
+Worth = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class Ground:
@@ -55,7 +66,7 @@ class Ground:
     def __init__(self, base: Base) -> None:
         self.base = base
         cells, model = base.cells, base.model
-        self.taken: ProjectedOut = nuisance(base)
+        self.taken, self.residual = beside_base(base)
         white = base.white
         self._cell = Whitener(white.inverse_sd, white.basis, white.shrink)
         C = len(cells)
@@ -65,8 +76,6 @@ class Ground:
             basis=np.zeros((*white.inverse_sd.shape, 0)),
             shrink=np.zeros((C, 0)),
         )
-        measured = np.where(np.isfinite(cells.values), cells.values - base.fit.prediction, 0.0)
-        self.residual: FloatArray = self.coupled(self.of_cells(measured))
         beside = cells.values - base.fit.prediction - base.fit.beside
         #: root mean square of what base and nuisances leave, in the observable's unit
         self.missing = float(np.sqrt(np.nanmean(beside**2)))
@@ -86,6 +95,12 @@ class Ground:
             "R": radius,
             "load": np.where(np.isfinite(load), load, model.values.get("load_N", np.nan)),
         }
+
+    @property
+    def few(self) -> Ground:
+        """The ground itself, or of many cells that of some, on which the grammar is scanned."""
+        many = len(self.base.cells) > FEW_CELLS
+        return Ground(with_fewer_cells(self.base, FEW_CELLS)) if many else self
 
     @property
     def square(self) -> float:
@@ -152,7 +167,8 @@ class Ground:
         columns = np.concatenate(parts, axis=1)
         norm = np.linalg.norm(columns, axis=0)
         basis, found, _ = np.linalg.svd(columns[:, norm > 0] / norm[norm > 0], full_matrices=False)
-        basis = basis[:, found > _ALONE * found[0]] if found.size else basis
+        # eigenvalues of a coupling below this are directions that it leaves alone
+        basis = basis[:, found > 1e-10 * found[0]] if found.size else basis
         image = self.coupled(basis.reshape(*shape, -1)).reshape(size, -1)
         return basis, basis.T @ image
 
@@ -182,10 +198,12 @@ class Ground:
         along = basis.T @ flat
         return np.asarray(flat - basis @ (along - inner @ along), dtype=np.float64)
 
-    def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Gain:
+    def worth(self, columns: FloatArray, factors: FloatArray, together: int = 1) -> Worth:
         """What columns `of_cells` (C, m, S together) are worth under each law, factors (L, C).
 
-        Every `together` neighbouring columns are judged as one: scores (L S, M, together).
+        Every `together` neighbouring columns are judged as one, k = together: scores (L S, M, k) of
+        each manoeuvre, gram (L S, k, k), and (L S, k) the squared length of the columns before
+        anything is taken out.
         """
         C, _, K = columns.shape
         products = np.swapaxes(self._products, 1, 2) @ columns
@@ -198,8 +216,190 @@ class Ground:
         taken = summed[:, :rank].reshape(L, rank, S, together)
         gram = whole - np.einsum("lrsi,lrsj->lsij", taken, taken)
         scores = np.moveaxis(summed[:, rank:].reshape(L, self.manoeuvres, S, together), 1, 2)
-        return Gain(
+        return (
             scores.reshape(L * S, self.manoeuvres, together),
             gram.reshape(L * S, together, together),
             np.einsum("lsii->lsi", whole).reshape(L * S, together),
         )
+
+
+# ---- Free shapes, measured: in which frame the leftover stands still, and by which law it grows.
+#
+# ground -> hats along each frame's coordinate, under every law -> what each explains
+#     -> the best held out: the ceiling of any single form in that frame, and an effect as it is
+
+
+#: nodes in each frame's unit: as close as a strain at the speeds of a car can bend, 3 mm along the
+#: tread at the patch; half as many lose a ringing of 300 Hz, twice as many measure noise
+_PATCH = np.unique(np.r_[-18:-3:1.0, np.arange(-25, 26) * 0.12, 3.12:18.1:1.0])
+_TIMES = np.r_[0:0.03:0.0007, 0.03:0.06:0.0014, 0.06:0.41:0.01]
+_DISTANCES = np.r_[0:0.3:0.007, 0.3:0.6:0.014, 0.6:3.1:0.06]
+_PRESSED = np.r_[-1.95:1.96:0.15]
+NODES: Mapping[tuple[str, str], FloatArray] = {
+    ("wheel_angle", ""): ANGLES,
+    ("patch", ""): _PATCH,
+    ("time_since_exit", ""): _TIMES,
+    ("distance_since_exit", ""): _DISTANCES,
+    ("time_before_entry", ""): _TIMES,
+    ("distance_before_entry", ""): _DISTANCES,
+    ("patch", "contact_pressure"): _PRESSED,
+    ("speed", "load"): np.zeros(0),
+}
+#: heights that are likely before anything is measured: of a waveform in roots of the mean square
+#: that is left, of a pressure in mean pressures, of a load in mean loads.  They hold back what
+#: the base does as well; doubled, no shape that is seen changes
+_LIKELY = {"": 10.0, "contact_pressure": 1.0, "load": 0.3}
+
+
+@dataclass(frozen=True)
+class MeasuredShape:
+    """A free shape along a frame's coordinate, times a law.
+
+    `values` (k,) at `nodes` (k,) with their standard errors `band` (k,), in the unit of what it
+    acts on (of a pressure in mean pressures); `removed` the mean square [unit^2] that it removes on
+    manoeuvres left out, `gain` over its error there.
+    """
+
+    frame: str
+    acts_on: str
+    law: str
+    nodes: FloatArray
+    values: FloatArray
+    band: FloatArray
+    removed: float
+    gain: float
+
+    @property
+    def words(self) -> str:
+        return FRAMES[self.frame].words
+
+    def entry(self, name: str) -> ModelEffect:
+        """The shape as an effect of a model, which a model file can hold."""
+        nodes, values = ([float(f"{x:.6g}") for x in given] for given in (self.nodes, self.values))
+        effect = effect_by_shape(name, self.acts_on, self.frame, self.law, nodes, values)
+        source = {
+            "shape": "empirical",
+            "acts_on": self.acts_on,
+            "frame": self.frame,
+            "law": self.law,
+            "nodes": nodes,
+            "values": values,
+        }
+        return ModelEffect(effect, effect.parameters, {}, source)
+
+
+def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
+    """The best shape of each frame, by falling removal held out; none if all fail.
+
+    `ground` may be of fewer cells than `full`, on which they are judged.
+    """
+    given = laws(typical(full.base))
+    factors = np.stack([ground.law(law.text, law.numbers) for law in given])
+    ranked: list[tuple[float, tuple[str, str], GivenLaw]] = []
+    for key in NODES:
+        own = or_refusal(_hats)(ground, *key)
+        if isinstance(own, ModelError):
+            continue
+        nodes, columns, likely = own
+        scores, gram, _ = ground.worth(ground.of_cells(columns), factors, nodes.size)
+        explained = [_solved(scores[i].sum(axis=0), gram[i], likely)[0] for i in range(len(given))]
+        ranked += [(e, key, law) for e, law in zip(explained, given, strict=True)]
+    ranked.sort(key=lambda row: -row[0])
+    best: dict[tuple[str, str], GivenLaw] = {}
+    for _, key, law in ranked:
+        best.setdefault(key, law)
+    # shapes that are tried on held-out manoeuvres, the best of each frame first; twice as many take
+    # twice as long
+    asked = list(best.items())[:4]
+    # the runner-up laws of the best frame: an exponent by what is held out
+    asked += [(key, law) for _, key, law in ranked[:3] if key == asked[0][0]][1:]
+    tried = [_measured(full, key, law) for key, law in asked]
+    found = [shape for shape in tried if not isinstance(shape, ModelError)]
+    best_of: dict[tuple[str, str], MeasuredShape] = {}
+    for shape in sorted(found, key=lambda shape: -shape.removed):
+        best_of.setdefault((shape.frame, shape.acts_on), shape)
+    return list(best_of.values())
+
+
+def _hats(ground: Ground, frame: str, acts_on: str) -> tuple[FloatArray, FloatArray, float]:
+    """Hats along one frame: nodes (k,), columns (C, m, k) in the observable's unit per height.
+
+    Also the height that is likely. ModelError if they cannot be computed.
+    """
+    known = FRAMES[frame]
+    nodes = NODES[frame, acts_on]
+    if acts_on == "contact_pressure":
+        unit = np.eye(nodes.size)[1:-1]
+        inner = [_response(ground, acts_on, frame, nodes, row) for row in unit]
+        ends = [np.zeros_like(inner[0])]
+        return nodes, np.stack(ends + inner + ends, -1), _LIKELY[acts_on]
+    coordinate = ground.expression(known.coordinate, {})
+    if acts_on == "load":
+        # nodes over the range of speeds for what acts on the load: it is smooth; twice as many
+        # share the same cells, and each is known half as well
+        nodes = np.linspace(float(coordinate.min()), float(coordinate.max()), 6)
+        whole = np.array([0.0, 1e3])
+        change = _response(ground, acts_on, frame, whole, np.ones(2))
+        columns = change[..., None] * hats_on(coordinate, nodes)
+        likely = _LIKELY[acts_on] * float(np.mean(ground.values["load"]))
+        return nodes, columns, likely
+    if known.periodic is None:
+        reach = float(coordinate.max())
+        nodes = nodes[: int(np.searchsorted(nodes, reach)) + 1] if nodes[0] == 0.0 else nodes
+    shape = ground.residual.shape
+    below, above = (
+        hats_on(np.broadcast_to(at, shape), nodes, known.periodic)
+        for at in ground.at_ends(known.coordinate, {})
+    )
+    columns = 0.5 * (below + above)
+    if known.periodic is not None:  # the last node is the first
+        columns[..., 0] += columns[..., -1]
+        columns, nodes = columns[..., :-1], nodes[:-1]
+    return nodes, columns, _LIKELY[""] * ground.missing
+
+
+def _response(
+    ground: Ground, acts_on: str, frame: str, nodes: FloatArray, values: FloatArray
+) -> FloatArray:
+    """The change of the prediction by a shape of these values, per unit of them, (C, m)."""
+    # small amplitudes of a hat for its response; twice as much doubles the share of the response
+    # that is not linear in it
+    probe = {"contact_pressure": 0.02, "load": 20.0}[acts_on]
+    effect = effect_by_shape(
+        "probe_", acts_on, frame, "1", nodes.tolist(), (probe * values).tolist()
+    )
+    return ground.response(effect, probe)
+
+
+def _solved(
+    scores: FloatArray, gram: FloatArray, likely: float
+) -> tuple[float, FloatArray, FloatArray]:
+    """(explained, heights (k,), their covariance (k, k)) from products with the residual (k,)."""
+    values, vectors = np.linalg.eigh(gram)
+    inverse = 1.0 / (np.maximum(values, 0.0) + likely**-2)
+    along = vectors.T @ scores
+    heights = vectors @ (inverse * along)
+    return float((inverse * along**2).sum()), heights, (vectors * inverse) @ vectors.T
+
+
+@or_refusal
+def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShape:
+    """One shape on all cells, and what it removes from manoeuvres left out."""
+    base, (nodes, columns, likely), (frame, acts_on) = full.base, _hats(full, *key), key
+    factor = full.law(law.text, law.numbers)[:, None, None]
+    left = stacked(side_by_side(lambda some: full.coupled(full.of_cells(factor * some)), [columns]))
+    along = left.T @ full.residual.ravel()
+    explained, heights, covariance = _solved(along, left.T @ left, likely)
+    white, plain = held_out_losses(base.cells, base.white, base.plain, base.fit, columns * factor)
+    gain, error = gain_and_error(base.held_white, white)
+    rest = max((full.square - explained) / max(base.fit.freedom, 1.0), 1.0)
+    return MeasuredShape(
+        frame=frame,
+        acts_on=acts_on or base.model.observable,
+        law=law.written() or "1",
+        nodes=nodes,
+        values=heights,
+        band=np.sqrt(np.maximum(np.diag(covariance), 0.0) * rest),
+        removed=float((base.held_plain - plain).sum()) / base.plain.weight,
+        gain=gain / error if error > 0.0 else 0.0,
+    )

@@ -1,16 +1,25 @@
-"""`propose`: the unknown effect written down, with its error on manoeuvres that nothing touched."""
+"""What `propose` gives: frozen, with its sentences and JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import surely_gains
-from tirelog.diagnosis.candidates.at_noise_floor import at_noise_floor
+from tirelog.diagnosis.answer import (
+    NUISANCES_SAID,
+    AnswerRecord,
+    AnswerTable,
+    percent,
+    plain_fields,
+    probability,
+)
+from tirelog.diagnosis.candidates.assessment import at_noise_floor, surely_gains
 from tirelog.diagnosis.candidates.naming import worth_it
-from tirelog.diagnosis.candidates.nuisance_selection import (
+from tirelog.diagnosis.candidates.nuisances import (
     allowed_nuisances,
     best_nuisance,
     groups_of,
@@ -20,68 +29,272 @@ from tirelog.diagnosis.candidates.nuisance_selection import (
 )
 from tirelog.diagnosis.candidates.search import Progress, SearchResult, search_effects
 from tirelog.diagnosis.candidates.separation import advise, by_the_minute
-from tirelog.diagnosis.compare import Measured, measured_pieces, start
+from tirelog.diagnosis.compare import Measured, locked_away, measured_pieces, start, untouched
 from tirelog.diagnosis.diagnose import Diagnosis, conclude
-from tirelog.diagnosis.holdout import locked_away, untouched
 from tirelog.diagnosis.propose.formulas import (
     Choice,
     Draft,
     Scanned,
     choose,
-    numbers_of,
     polished,
     scan,
     simplified,
     with_covering_errors,
 )
-from tirelog.diagnosis.propose.ground import FEW_CELLS, Ground
-from tirelog.diagnosis.propose.measured_shapes import (
+from tirelog.diagnosis.propose.ground import (
+    Ground,
     MeasuredShape,
     measured_shapes,
-    without_twins,
 )
-from tirelog.diagnosis.propose.results import FoundFormula, HoldoutErrors, Proposal, Term
 from tirelog.diagnosis.residual_structure import leading_shape
 from tirelog.diagnosis.rules import (
     ALARM_P,
     BEYOND_DOUBT_P,
     FEWEST_MANOEUVRES,
+    GAIN_SIGMAS,
     LEAST_SHARE_OF_FLOOR,
     REST_SHARE,
     SECOND_LEAST,
 )
-from tirelog.diagnosis.wording import NUISANCES_SAID, percent
 from tirelog.errors import ModelError, UsageError, or_refusal
 from tirelog.inference.base import (
     Base,
     change_to,
     refit,
     refit_without,
-    with_fewer_cells,
     with_scatter_estimated,
 )
 from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, shown
+
+
+@dataclass(frozen=True)
+class FoundFormula:
+    """One way to write a term.
+
+    `expression` and `acts_on` as in a model file, `words` and `law` to read ("1": always the same),
+    `left` the mean square error [unit^2] held out with it.
+    """
+
+    expression: str
+    acts_on: str
+    words: str
+    law: str
+    left: float
+
+    @property
+    def said(self) -> str:
+        law = "always the same" if self.law == "1" else f"growing as {self.law}"
+        return f"{self.words}, {law}, acting on {self.acts_on}"
+
+
+@dataclass(frozen=True)
+class Term:
+    """One proposed effect.
+
+    `name` in the model, the `formula` that stands for it, and those `as_good`, simplest first;
+    `numbers`: value, se, unit by name; `p` over the `tried` forms of the whole grammar.
+    """
+
+    name: str
+    formula: FoundFormula
+    as_good: tuple[FoundFormula, ...]
+    numbers: Mapping[str, Mapping[str, Any]]
+    p: float
+    tried: int
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Where it acts; several if these data cannot tell."""
+        every = (self.formula, *self.as_good)
+        return tuple(dict.fromkeys(formula.acts_on for formula in every))
+
+    def to_json(self) -> dict[str, Any]:
+        own = {"name": self.name, "stages": self.stages, "parameters": self.numbers}
+        good = {"p": self.p, "tried": self.tried, "as_good": [vars(one) for one in self.as_good]}
+        return own | vars(self.formula) | good
+
+
+@dataclass(frozen=True)
+class HoldoutErrors:
+    """Errors on manoeuvres that nothing had touched: before, after, and the floor there [unit]."""
+
+    manoeuvres: int
+    before: float
+    after: float
+    floor: float
+
+    @property
+    def share(self) -> float | None:
+        """The share of the excess that is removed there; None if there was none."""
+        before = self.before**2 - self.floor**2
+        if before <= 0.0:
+            return None
+        return 1.0 - max(self.after**2 - self.floor**2, 0.0) / before
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "manoeuvres": self.manoeuvres,
+            "rmse_before": self.before,
+            "rmse_after": self.after,
+            "noise_floor": self.floor,
+            "share_removed": self.share,
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class Proposal(AnswerRecord):
+    """What is unknown, written down; or why there is nothing to propose.
+
+    status      "formula", "shape" (a measured shape stands for it) or "nothing"
+    reason      why there is nothing to propose; empty otherwise
+    terms       the formulas, each beside those before it
+    shapes      measured shapes, the best first: what one form in that frame can remove at most
+    written     names of the effects that `model` has more than the model that was asked about
+    model       with them, fitted on the manoeuvres that were seen; None without a proposal
+    rmse_heldout_before, rmse_heldout_after, noise_floor  on the manoeuvres that were seen
+    nearest     effects of the catalogue and the share of the excess that each removes
+    separating_manoeuvres  what to drive, so that formulas that are as good part
+    asked       the measured shape was asked for: formulas may do as well
+    leading_before, leading_after  (m,) the leading shape of what is left, at `phi_rad` (m,)
+    """
+
+    picture = "propose_figure"
+    panel = "shape"
+
+    status: str
+    reason: str
+    observable: str
+    manoeuvres: int
+    diagnosis: Diagnosis | None = None
+    terms: tuple[Term, ...] = ()
+    shapes: tuple[MeasuredShape, ...] = ()
+    written: tuple[str, ...] = ()
+    model: Model | None = None
+    locked: HoldoutErrors | None = None
+    rmse_heldout_before: float | None = None
+    rmse_heldout_after: float | None = None
+    noise_floor: float | None = None
+    nearest: tuple[tuple[str, float], ...] = ()
+    separating_manoeuvres: tuple[Mapping[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
+    phi_rad: FloatArray = field(default_factory=partial(np.zeros, 0))
+    leading_before: FloatArray = field(default_factory=partial(np.zeros, 0))
+    leading_after: FloatArray = field(default_factory=partial(np.zeros, 0))
+    asked: bool = False
+
+    @property
+    def unit(self) -> str:
+        return OBSERVABLES[self.observable].unit
+
+    @property
+    def sentence(self) -> str:
+        """The answer in one sentence."""
+        if self.status == "nothing":
+            return f"Nothing to propose: {self.reason}"
+        factor, unit = shown(self.observable, self.unit)
+        if self.status == "formula":
+            what = "; and ".join(term.formula.said for term in self.terms)
+        else:
+            shape = self.shapes[0]
+            law = "" if shape.law == "1" else f", times {shape.law}"
+            why = "" if self.asked else ", since no formula does as well"
+            what = f"a measured shape {shape.words}{law}{why}"
+        locked = self.locked
+        if locked is None or locked.share is None:
+            return f"Proposed: {what}."
+        return (
+            f"Proposed: {what}. On {locked.manoeuvres} manoeuvres that nothing had touched it "
+            f"removes {percent(locked.share)} of the excess: {locked.before * factor:.3g} -> "
+            f"{locked.after * factor:.3g} {unit} at a floor of {locked.floor * factor:.3g}."
+        )
+
+    def sentences(self) -> list[str]:
+        """What else a reader should know, in words."""
+        said = []
+        for term in self.terms if self.status == "formula" else ():
+            p = probability(term.p, self.manoeuvres)
+            said.append(f"{term.name}: probability {p} of being chance over {term.tried} forms.")
+            if len(term.stages) > 1:
+                said.append(
+                    f"{term.name}: it acts on {' or '.join(term.stages)}; these data "
+                    "cannot tell which."
+                )
+            if term.as_good:
+                others = "; ".join(formula.expression for formula in term.as_good)
+                said.append(f"{term.name}: as good held out: {others}.")
+        before, floor = self.rmse_heldout_before, self.noise_floor
+        wanted = self.status != "nothing" and bool(self.shapes)
+        if wanted and before is not None and floor is not None:
+            excess = before**2 - floor**2
+            best = self.shapes[0]
+            if excess > 0.0 and best.gain > GAIN_SIGMAS:
+                said.append(
+                    f"A free shape {best.words}, times {best.law}, removes "
+                    f"{percent(min(best.removed / excess, 1.0))} of the excess held out: no single "
+                    "form in that frame removes more."
+                )
+        if self.status != "nothing" and self.nearest:
+            near = ", ".join(f"{name} {percent(share)}" for name, share in self.nearest)
+            said.append(f"Nearest effects of the catalogue: {near} of the excess.")
+        for row in self.separating_manoeuvres:
+            first, second = row["separates"]
+            said.append(f"{row['manoeuvre']} x{row['repeats']} would part {first} from {second}.")
+        return [*said, *self.notes]
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the arrays of the picture and the whole diagnosis."""
+        names = (
+            *("status", "sentence", "reason", "observable", "unit", "written", "notes"),
+            *("rmse_heldout_before", "rmse_heldout_after", "noise_floor", "manoeuvres"),
+            "separating_manoeuvres",
+        )
+        return plain_fields(
+            {name: getattr(self, name) for name in names}
+            | {
+                "verdict": self.diagnosis.verdict if self.diagnosis else "too_few",
+                "terms": [term.to_json() for term in self.terms],
+                "shapes": [vars(shape) for shape in self.shapes],
+                "locked": self.locked and self.locked.to_json(),
+                "nearest": [
+                    {"effect": name, "excess_removed": share} for name, share in self.nearest
+                ],
+            }
+        )
+
+    @property
+    def headline(self) -> str:
+        """The answer in one sentence."""
+        return self.sentence
+
+    def below(self) -> tuple[list[AnswerTable], list[str]]:
+        """The numbers of the formulas, if there are any; what else a reader should know."""
+        return [self.terms_table()] if self.terms else [], self.sentences()
+
+    def terms_table(self) -> AnswerTable:
+        """The numbers of the formulas that are proposed."""
+        rows: list[list[Any]] = []
+        for term in self.terms:
+            words = [term.name, term.formula.acts_on, term.formula.expression]
+            for name, n in term.numbers.items():
+                error = "not determined" if n["se"] is None else n["se"]
+                rows.append([*words, name, n["value"], error, n["unit"]])
+                words = ["", "", ""]
+        names = ["effect", "acts on", "expression", "number", "value", "error", "unit"]
+        return AnswerTable("Numbers of the formulas", names, rows)
+
+
+# ---- `propose`: the unknown effect written down, with its error on manoeuvres that nothing
+# touched.
+
 
 #: every so many manoeuvres one is locked away before anything is looked at; twice as rarely leaves
 #: the number that is said to two or three manoeuvres
 LOCK_EVERY = 3
-#: terms of a proposal at most: what needs more is better told by its measured shape; each further
-#: one has to pass the same test, so that twice as many are reached only by what repeats
-MOST_TERMS = 3
-#: share of the excess that a measured shape must remove beyond the formulas to stand in their
-#: place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice as
-#: much
-_SHAPE_MORE = 0.05
-#: squared floors from which on what a term adds is plainly needed, and no refit without it asked
-#: for; half of it would ask of each, at a second each
-_PLAINLY = 1.0
-#: share of the excess on the locked manoeuvres that a proposal must remove, or it is not made:
-#: what is chance removes nothing; doubled, only what is right to the floor would be said
-_CONFIRMED = 0.5
 
 
 def propose(
@@ -116,7 +329,13 @@ def propose(
         )
     seen, locked = locked_away(pieces, 1, LOCK_EVERY, FEWEST_MANOEUVRES)
     if locked is None:
-        return _nothing(model, _too_few(pieces), int(np.unique(pieces.manoeuvre).size))
+        number = int(np.unique(pieces.manoeuvre).size)
+        left = (n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
+        reason = (
+            f"{number} manoeuvres are too few: a third is locked away before anything is looked "
+            f"at, and a test needs {FEWEST_MANOEUVRES} of the others; drive {next(left)} at least."
+        )
+        return Proposal("nothing", reason, model.observable, number)
     progress("fitting the model")
     base = start(seen, model)
     progress(
@@ -127,19 +346,27 @@ def propose(
     diagnosis = conclude(found, ())
     ground, reason = _ground(found, diagnosis, despite)
     if ground is None:
-        return _nothing(model, reason, base.cells.manoeuvres, diagnosis)
+        return _nothing(reason, base, diagnosis)
     # what no free shape alone shows to repeat must be beyond doubt over the whole grammar
     alarm = BEYOND_DOUBT_P if diagnosis.verdict == "scatter" else ALARM_P
     climb = _climb(ground, alarm, progress)
     return _proposal(climb, diagnosis, locked, shape, progress)
 
 
-def _too_few(pieces: Pieces) -> str:
-    number = int(np.unique(pieces.manoeuvre).size)
-    needed = next(n for n in range(1, 100) if n - len(range(1, n, LOCK_EVERY)) >= FEWEST_MANOEUVRES)
-    return (
-        f"{number} manoeuvres are too few: a third is locked away before anything is looked at, "
-        f"and a test needs {FEWEST_MANOEUVRES} of the others; drive {needed} at least."
+def _nothing(
+    reason: str, base: Base, diagnosis: Diagnosis, shapes: Iterable[MeasuredShape] = ()
+) -> Proposal:
+    """No proposal, and why."""
+    return Proposal(
+        "nothing",
+        reason,
+        base.model.observable,
+        base.cells.manoeuvres,
+        diagnosis,
+        shapes=tuple(shapes),
+        rmse_heldout_before=diagnosis.rmse_heldout_before,
+        rmse_heldout_after=diagnosis.rmse_heldout_after,
+        noise_floor=diagnosis.noise_floor,
     )
 
 
@@ -174,7 +401,6 @@ class _Climb:
 
     bases: list[Base]
     choices: list[Choice] = field(default_factory=list)
-    scans: list[Scanned] = field(default_factory=list)
     shapes: list[MeasuredShape] = field(default_factory=list)
     last: Scanned | None = None
     beside: list[str] = field(default_factory=list)
@@ -191,27 +417,26 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
     """
     climb = _Climb([base])
     first_excess = max(base.excess, 1e-300)
-    while len(climb.choices) < MOST_TERMS:
+    # terms of a proposal at most: what needs more is better told by its measured shape; each
+    # further one has to pass the same test, so that twice as many are reached only by what repeats
+    while len(climb.choices) < 3:
         at, number = climb.after, len(climb.choices) + 1
         if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
             break
         full = Ground(at)
-        few = full if len(at.cells) <= FEW_CELLS else Ground(with_fewer_cells(at, FEW_CELLS))
+        few = full.few
         if number == 1:
             progress("measuring free shapes")
-            climb.shapes = _shapes(full, few)
+            climb.shapes = measured_shapes(few, full)
         progress(f"term {number}: trying every form of the grammar")
-        scanned = scan(few)
-        choice = None
+        scanned, choice = scan(few), None
         if scanned.p <= alarm:
-            choice = choose(full, polished(few, scanned.atoms), _free_name(base, number))
+            name = _free_name(base, "proposed", number)
+            choice = choose(full, scanned, polished(few, scanned.atoms), name)
             if choice and not worth_it(at, choice.chosen.base, scanned.p, held_out_only=True):
                 choice = None
-        rival = (
-            None
-            if at_noise_floor(at, at.floor.square)
-            else best_nuisance(at, allowed_nuisances(at))
-        )
+        quiet = at_noise_floor(at, at.floor.square)
+        rival = None if quiet else best_nuisance(at, allowed_nuisances(at))
         if rival is not None and (choice is None or _leaves_less(rival, choice)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
             climb.bases[-1] = with_scatter_estimated(rival)
@@ -221,18 +446,12 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
             climb.last = scanned
             break
         chosen = simplified(replace(choice.chosen, base=with_scatter_estimated(choice.chosen.base)))
-        new = chosen.base
-        if number > 1 and at.square_held - new.square_held < REST_SHARE * first_excess:
+        if number > 1 and at.square_held - chosen.base.square_held < REST_SHARE * first_excess:
             break
         progress(f"term {number}: {choice.chosen.atom.form.words}")
-        climb.scans.append(scanned)
         climb.choices.append(replace(choice, chosen=chosen))
-        climb.bases.append(new)
+        climb.bases.append(chosen.base)
     return _without_needless(_with_needed_nuisances(climb))
-
-
-def _shapes(full: Ground, few: Ground) -> list[MeasuredShape]:
-    return without_twins(measured_shapes(few, full))
 
 
 def _with_needed_nuisances(climb: _Climb) -> _Climb:
@@ -245,10 +464,8 @@ def _with_needed_nuisances(climb: _Climb) -> _Climb:
     if isinstance(first, ModelError) or isinstance(top, ModelError):
         return climb
     first, top = with_scatter_estimated(first), with_scatter_estimated(top)
-    full = Ground(first)
-    few = full if len(first.cells) <= FEW_CELLS else Ground(with_fewer_cells(first, FEW_CELLS))
-    climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], _shapes(full, few)
-    last = climb.choices[-1]
+    full, last = Ground(first), climb.choices[-1]
+    climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], measured_shapes(full.few, full)
     climb.choices[-1] = replace(last, chosen=replace(last.chosen, base=top))
     return climb
 
@@ -259,11 +476,11 @@ def _leaves_less(rival: Base, choice: Choice) -> bool:
     return float(rival.held_white.sum()) < best
 
 
-def _free_name(base: Base, number: int) -> str:
-    """The name of a term that no effect of the model has."""
+def _free_name(base: Base, stem: str, number: int = 1) -> str:
+    """The first name of that stem, or a later one, that no effect of the model has."""
     held = {effect.id for effect in base.model.effects}
-    free = (name for i in range(1, 100) if (name := f"proposed_{i}") not in held)
-    return next(name for i, name in enumerate(free, start=1) if i == number)
+    free = [name for i in range(1, 100) if (name := f"{stem}_{i}") not in held]
+    return free[number - 1]
 
 
 def _without_needless(climb: _Climb) -> _Climb:
@@ -273,46 +490,42 @@ def _without_needless(climb: _Climb) -> _Climb:
     """
     after = climb.after
     names = [choice.chosen.entry.id for choice in climb.choices]
-    needed = list(names)
-    for name in names[:-1]:
-        if _share(after, name) > _PLAINLY:
+    kept = list(climb.choices)
+    for choice in climb.choices[:-1]:
+        lost = change_to(after, after.model.without_effect(choice.chosen.entry.id))
+        if isinstance(lost, ModelError):
             continue
-        less = refit_without(after, name)
+        added = after.plain(np.nan_to_num(lost))
+        # squared floors from which on what a term adds is plainly needed, and no refit without it
+        # asked for; half of it would ask of each, at a second each
+        if float((added**2).sum()) / after.plain.weight > after.floor.square:
+            continue
+        less = refit_without(after, choice.chosen.entry.id)
         least = LEAST_SHARE_OF_FLOOR * after.floor.square
         if not isinstance(less, ModelError) and less.square_held - after.square_held < least:
             after = less
-            needed.remove(name)
-    if needed == names:
+            kept = [other for other in kept if other is not choice]
+    if len(kept) == len(names):
         return climb
-    model = after.model
-    entries = {entry.id: entry for entry in model.effects}
-    model = model.without_effect(*needed)
-    kept = [i for i, name in enumerate(names) if name in needed]
-    renamed = []
-    for new, i in zip(names, kept, strict=False):
-        old = entries[names[i]]
-        renamed.append(replace(old, effect=replace(old.effect, id=new)))
-        model = model.with_entry(renamed[-1])
+    entries = {entry.id: entry for entry in after.model.effects}
+    own = [entries[choice.chosen.entry.id] for choice in kept]
+    model = after.model.without_effect(*(entry.id for entry in own))
+    renamed = [
+        replace(old, effect=replace(old.effect, id=new))
+        for new, old in zip(names, own, strict=False)
+    ]
+    for entry in renamed:
+        model = model.with_entry(entry)
     again = refit(after, model)
     if isinstance(again, ModelError):
         return climb
     top = with_scatter_estimated(again)
-    climb.scans = [climb.scans[i] for i in kept]
-    choices = []
-    for entry, i in zip(renamed, kept, strict=True):
-        chosen = replace(climb.choices[i].chosen, entry=entry, base=top)
-        choices.append(replace(climb.choices[i], chosen=chosen, as_good=(chosen,)))
-    climb.choices, climb.bases = choices, [climb.bases[0], top]
+    climb.choices = []
+    for entry, choice in zip(renamed, kept, strict=True):
+        chosen = replace(choice.chosen, entry=entry, base=top)
+        climb.choices.append(replace(choice, chosen=chosen, as_good=(chosen,)))
+    climb.bases = [climb.bases[0], top]
     return climb
-
-
-def _share(base: Base, name: str) -> float:
-    """What an effect adds to the waveforms, in squared floors; infinite if it has to stay."""
-    lost = change_to(base, base.model.without_effect(name))
-    if isinstance(lost, ModelError):
-        return float("inf")
-    added = base.plain(np.nan_to_num(lost))
-    return float((added**2).sum()) / base.plain.weight / base.floor.square
 
 
 def _proposal(
@@ -324,56 +537,41 @@ def _proposal(
 ) -> Proposal:
     """What is written down in the end, and its error on the locked manoeuvres."""
     base, after = climb.bases[0], climb.after
-    status = "formula" if climb.choices else "nothing"
-    repeats = diagnosis.verdict != "scatter" or climb.choices
-    p = diagnosis.unexplained["p"]
-    by_shape = _with_shape(base, climb.shapes, p) if repeats else None
+    scattered = diagnosis.verdict == "scatter"
+    formula = bool(climb.choices)
+    by_shape = None
+    if formula or not scattered:
+        by_shape = _with_shape(base, climb.shapes, diagnosis.unexplained["p"])
     if by_shape is not None:
         more = after.square_held - by_shape.square_held
-        if shape_wanted or more > max(
-            LEAST_SHARE_OF_FLOOR * base.floor.square, _SHAPE_MORE * base.excess
-        ):
-            after, status = by_shape, "shape"
-    if status == "nothing" and diagnosis.verdict == "scatter":
-        return _nothing(
-            base.model, diagnosis.sentence, base.cells.manoeuvres, diagnosis, climb.shapes
-        )
-    if status == "nothing":
-        return _nothing(base.model, _doubt(climb), base.cells.manoeuvres, diagnosis, climb.shapes)
+        # share of the excess that a measured shape must remove beyond the formulas to stand in
+        # their place: a reader would rather have a formula; doubled, forms outside of the grammar
+        # leave twice as much
+        least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, 0.05 * base.excess)
+        if shape_wanted or more > least:
+            after, formula = by_shape, False
+    if not formula and after is not by_shape:
+        reason = diagnosis.sentence if scattered else _doubt(climb)
+        return _nothing(reason, base, diagnosis, climb.shapes)
     progress("asking the manoeuvres that were locked away")
-    number = int(np.unique(locked.manoeuvre).size)
-    before_there, after_there = untouched(base, locked), untouched(after, locked)
-    result, doubt = None, ""
-    for there in (before_there, after_there):
-        if isinstance(there, ModelError):
-            doubt = f"of the manoeuvres that were locked away nothing is known: {there.what}."
-    if not isinstance(before_there, ModelError) and not isinstance(after_there, ModelError):
-        result = HoldoutErrors(number, before_there[0], *after_there)
-        if result.share is None or result.share < _CONFIRMED:
-            held = percent(max(result.share or 0.0, 0.0))
-            doubt = (
-                f"what was found removes {held} of the excess on the {number} manoeuvres that were "
-                "locked away, too little to be claimed."
-            )
-    if doubt:
-        return _nothing(base.model, doubt, base.cells.manoeuvres, diagnosis, climb.shapes)
+    result = _on_locked(base, after, locked)
+    if isinstance(result, str):
+        return _nothing(result, base, diagnosis, climb.shapes)
     own = {effect.id for effect in base.model.effects}
     written = tuple(e.id for e in after.model.effects if e.id not in own)
     covering = with_covering_errors(after, written)
-    terms = tuple(_terms(climb, covering)) if status == "formula" else ()
-    rows, notes = _advice(climb) if status == "formula" else ([], [])
+    rows, notes = _advice(climb) if formula else ([], [])
     near = sorted(diagnosis.effects, key=lambda c: -c.excess_removed)[:2]
     return Proposal(
-        status=status,
+        status="formula" if formula else "shape",
         reason="",
         diagnosis=diagnosis,
-        terms=terms,
+        terms=tuple(_term(choice, covering) for choice in climb.choices) if formula else (),
         shapes=tuple(climb.shapes),
         written=written,
         model=with_nuisances_on(replace(after, fit=replace(after.fit, model=covering))),
         locked=result,
         observable=base.model.observable,
-        unit=OBSERVABLES[base.model.observable].unit,
         rmse_heldout_before=base.rmse_held,
         rmse_heldout_after=after.rmse_held,
         noise_floor=float(np.sqrt(after.floor.square)),
@@ -385,6 +583,24 @@ def _proposal(
         leading_before=leading_shape(base),
         leading_after=leading_shape(after),
         asked=shape_wanted,
+    )
+
+
+def _on_locked(base: Base, after: Base, locked: Pieces) -> HoldoutErrors | str:
+    """The errors on the locked manoeuvres, or why what was found is not claimed."""
+    there, before = untouched(after, locked), untouched(base, locked)
+    unknown = "of the manoeuvres that were locked away nothing is known"
+    if isinstance(there, ModelError):
+        return f"{unknown}: {there.what}."
+    if isinstance(before, ModelError):
+        return f"{unknown}: {before.what}."
+    result = HoldoutErrors(int(np.unique(locked.manoeuvre).size), before[0], *there)
+    # what is chance removes nothing; with twice the share only what is right to the floor is said
+    if result.share is not None and result.share >= 0.5:
+        return result
+    return (
+        f"what was found removes {percent(max(result.share or 0.0, 0.0))} of the excess on the "
+        f"{result.manoeuvres} manoeuvres that were locked away, too little to be claimed."
     )
 
 
@@ -410,27 +626,23 @@ def _with_shape(base: Base, shapes: list[MeasuredShape], p: float) -> Base | Non
     surely = surely_gains(best.gain, 1.0, p, base.share(best.removed))
     if not surely or best.removed < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return None
-    entered = or_refusal(base.model.with_entry)(best.entry(_shape_name(base)))
+    entered = or_refusal(base.model.with_entry)(best.entry(_free_name(base, "proposed_shape")))
     refitted = entered if isinstance(entered, ModelError) else refit(base, entered)
     return None if isinstance(refitted, ModelError) else with_scatter_estimated(refitted)
 
 
-def _shape_name(base: Base) -> str:
-    held = {effect.id for effect in base.model.effects}
-    return next(n for i in range(1, 100) if (n := f"proposed_shape_{i}") not in held)
-
-
-def _terms(climb: _Climb, model: Model) -> Iterable[Term]:
-    """The chosen formulas with their numbers in the model at the top."""
-    for choice, scanned in zip(climb.choices, climb.scans, strict=False):
-        yield Term(
-            name=choice.chosen.entry.id,
-            formula=_formula_of(choice.chosen, choice.chosen.text),
-            as_good=tuple(_formula_of(draft, draft.read) for draft in choice.as_good[1:]),
-            numbers=numbers_of(choice.chosen.entry, model),
-            p=scanned.p,
-            tried=scanned.tried,
-        )
+def _term(choice: Choice, model: Model) -> Term:
+    """A chosen formula with its numbers in the model at the top."""
+    chosen = choice.chosen
+    own = {p.name: model.parameters[f"{chosen.entry.id}.{p.name}"] for p in chosen.entry.parameters}
+    return Term(
+        name=chosen.entry.id,
+        formula=_formula_of(chosen, chosen.text),
+        as_good=tuple(_formula_of(draft, draft.read) for draft in choice.as_good[1:]),
+        numbers={n: {"value": p.value, "se": p.se, "unit": p.unit} for n, p in own.items()},
+        p=choice.scanned.p,
+        tried=choice.scanned.tried,
+    )
 
 
 def _formula_of(draft: Draft, text: str) -> FoundFormula:
@@ -452,22 +664,3 @@ def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
             rows, notes = advise(base, rivals)
             return [by_the_minute(rows)[0]] if rows else [], notes
     return [], []
-
-
-def _nothing(
-    model: Model,
-    reason: str,
-    manoeuvres: int,
-    diagnosis: Diagnosis | None = None,
-    shapes: Iterable[MeasuredShape] = (),
-) -> Proposal:
-    """No proposal, and why."""
-    empty = np.zeros(0)
-    return Proposal(
-        "nothing", reason, diagnosis, (), tuple(shapes), (), None, None, model.observable,
-        OBSERVABLES[model.observable].unit,
-        None if diagnosis is None else diagnosis.rmse_heldout_before,
-        None if diagnosis is None else diagnosis.rmse_heldout_after,
-        None if diagnosis is None else diagnosis.noise_floor,
-        manoeuvres, (), (), (), empty, empty, empty,
-    )  # fmt: skip

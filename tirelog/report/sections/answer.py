@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.diagnosis.wording import NUISANCES_SAID, separation_sentence, strengths
+from tirelog.diagnosis.answer import NUISANCES_SAID, separation_sentence, strengths
 from tirelog.report.figures import (
     GREY,
     INK,
@@ -215,9 +215,9 @@ def _conditions(result: Comparison) -> str:
 
 
 def _how_sure(found: Diagnosis) -> str:
+    from tirelog.diagnosis.answer import percent, probability
     from tirelog.diagnosis.candidates.search import removed_errors
     from tirelog.diagnosis.rules import RULES
-    from tirelog.diagnosis.wording import percent, probability
 
     errors = removed_errors(found.found)
     told = []

@@ -27,8 +27,8 @@ from tirelog.report.sections.models import page_table, shown_value
 if TYPE_CHECKING:
     from tirelog.diagnosis.compare import Measured
     from tirelog.diagnosis.diagnose import Diagnosis
-    from tirelog.diagnosis.obstacle_comparison import HitResult, TransientComparison
-    from tirelog.diagnosis.propose.results import Proposal
+    from tirelog.diagnosis.obstacles import HitResult, TransientComparison
+    from tirelog.diagnosis.propose.propose import Proposal
     from tirelog.diagnosis.results import Comparison
     from tirelog.inference.measured import MeasuredLogs
     from tirelog.inference.obstacle_log import TransientLog
@@ -268,7 +268,7 @@ def _obstacles(
     colours: LogColours,
 ) -> Section:
     """The answer to the obstacles of the model that came, as `compare` gives it."""
-    from tirelog.diagnosis.obstacle_comparison import compare_transients
+    from tirelog.diagnosis.obstacles import compare_transients
 
     if compared.model.carcass != "coupled_ring":
         return not_answered(logs.obstacles, compared.model.carcass, command)

@@ -1,0 +1,660 @@
+"""Nuisances beside the candidates: which of them earn a place, and how large they are.
+
+Base -> each nuisance's shared effects -> the flips and the held-out gain that an effect must show,
+        and the share of chi-square's excess that it removes -> the base with the best, fitted again
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tirelog.data.recording import Conditions
+from tirelog.diagnosis.answer import NUISANCES_SAID
+from tirelog.diagnosis.candidates.assessment import (
+    Scores,
+    beside_base,
+    candidate_effects,
+    flip_test,
+    gain_and_error,
+    quiet_waveforms,
+    signatures_of,
+)
+from tirelog.diagnosis.candidates.naming import worth_it
+from tirelog.diagnosis.rules import ALARM_P, FEWEST_MANOEUVRES, GAIN_SIGMAS, NUISANCE_SHARE, TWINS
+from tirelog.errors import ModelError, or_refusal
+from tirelog.inference.base import (
+    Base,
+    FittedChannel,
+    JointBase,
+    bases_by_observable,
+    refit,
+    with_scatter_estimated,
+)
+from tirelog.inference.cells.cells import SharedEffects
+from tirelog.inference.cells.joint import without_ratios
+from tirelog.inference.floor import held_out_losses_with
+from tirelog.inference.metric import Offsets, ProjectedOut, stacked
+from tirelog.inference.nuisances import (
+    FORM,
+    ZERO,
+    bound,
+    freed,
+    frees,
+    is_drift,
+    shared_by,
+    shared_effects,
+)
+from tirelog.inference.scatter import scatter_columns
+from tirelog.physics.effects import BY_ID
+from tirelog.physics.model.model import Model
+from tirelog.physics.model.nuisances import Nuisance
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
+from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown
+
+
+@dataclass(frozen=True)
+class AssessedNuisance:
+    """A nuisance with its evidence: family-wise p, held-out gain and its error.
+
+    Its size is judged once it is fitted: what scatters takes it for its own before.
+    """
+
+    effects: SharedEffects
+    p: float
+    gain: float
+    gain_error: float
+
+    @property
+    def group(self) -> str:
+        return self.effects.group[0]
+
+    @property
+    def alarms(self) -> bool:
+        """It repeats and gains, as an effect must."""
+        return self.p <= ALARM_P and self.gain > GAIN_SIGMAS * self.gain_error
+
+
+def groups_of(base: Base) -> tuple[str, ...]:
+    """The nuisances that a base holds already."""
+    shared = () if base.cells.shared is None else base.cells.shared.groups
+    linear = (group for group in shared if group != ZERO)  # which no model names
+    given = base.given or base.model
+    made_free = [
+        n.name
+        for n in base.model.nuisances
+        if (names := frees(base.model, n.name))
+        and _all_free(base.model, names)
+        and (n.use == "on" or n.name == FORM or not _all_free(given, names))
+    ]
+    if FORM in made_free and "patch_law" in made_free:
+        made_free.remove("patch_law")  # a part of the form
+    return (*linear, *made_free)
+
+
+def _all_free(model: Model, names: Sequence[str]) -> bool:
+    return all(name in model.parameters and model.parameters[name].free for name in names)
+
+
+def allowed_nuisances(base: Base) -> tuple[str, ...]:
+    """The nuisances that may come in if they earn their place; not the form if it is there."""
+    own = [effect.id for effect in base.model.effects]
+    return tuple(n.name for n in base.model.nuisances if n.use == "auto" and n.name not in own)
+
+
+def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisance]:
+    """Every nuisance that the base does not hold, by falling gain."""
+    missing = [name for name in allowed if name not in groups_of(base)]
+    found = [shared_effects(base.cells, base.fit, name) for name in missing]
+    effects = [x for x in found if x is not None]
+    if not effects:
+        return []
+    taken, residual = beside_base(base)
+    scores = [
+        Scores.of(base, taken.without(base.white(x.columns * x.sd)), residual) for x in effects
+    ]
+    _, p = flip_test(scores, base.cells.manoeuvres)
+    columns = [[x.columns] for x in effects]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    assessed = [
+        AssessedNuisance(x, float(own), *gain_and_error(base.held_white, white))
+        for x, own, (white, _) in zip(effects, p, losses, strict=True)
+    ]
+    return sorted(assessed, key=lambda a: -a.gain)
+
+
+#: a base with one nuisance more, refitted, and how many amplitudes that has
+Rival = tuple[int, Base]
+
+
+def rival_nuisances(base: Base, allowed: Iterable[str], least: float = 0.0) -> tuple[Rival, ...]:
+    """The base with each of the nuisances that may earn a place beside it.
+
+    Those that would remove less than the `least` share of the excess by a linear step are not
+    fitted.
+    """
+    alarming = [
+        a
+        for a in assess_nuisances(base, allowed)
+        if a.alarms and (least <= 0.0 or _linear_share(base, a.effects) >= least)
+    ]
+    found = []
+    # alarming nuisances that are fitted in full, the best first; twice as many take twice as many
+    # fits of the whole model
+    for a in alarming[:2]:
+        refitted = with_nuisance(base, a.effects)
+        if not isinstance(refitted, ModelError) and (a.group != "drift" or _drifts(refitted)):
+            found.append((len(a.effects), refitted))
+    return tuple(found)
+
+
+def best_of(base: Base, rivals: Iterable[Rival], least: float = NUISANCE_SHARE) -> Base | None:
+    """The base with the nuisance that removes most of chi-square, if one earns its place.
+
+    It removes at `least` so much of what chi-square is above its degrees of freedom.
+
+    A nuisance of fewer amplitudes that does as much comes first: the more there are, the more of
+    anything they imitate. And one that leaves most of the excess imitates what it is not.
+    """
+    enough = least * (base.noise_chi2 - base.fit.freedom)
+    tried = [(count, base.noise_chi2 - rival.noise_chi2, rival) for count, rival in rivals]
+    tried = [row for row in tried if row[1] >= enough]
+    if not tried:
+        return None
+    most = max(removed for _, removed, _ in tried)
+    alike = [row for row in tried if row[1] >= TWINS**2 * most]
+    return min(alike, key=lambda row: (row[0], -row[1]))[2]
+
+
+def best_nuisance(base: Base, allowed: Iterable[str], least: float = 0.0) -> Base | None:
+    """`best_of` all nuisances that may earn a place; `least` as in `rival_nuisances`."""
+    return best_of(base, rival_nuisances(base, allowed, least))
+
+
+def with_best_nuisances(base: Base) -> Base:
+    """The base with every nuisance that earns its place, the best first; itself if none does.
+
+    The tire's form is tried where the others leave more than the floor. Others come in beside it
+    only if they end there, since they may stand for a missing effect.
+    """
+    allowed = allowed_nuisances(base)
+    bare = tuple(name for name in allowed if name != FORM)
+    plain = _with_best(base, bare)
+    if bare == allowed or base.cells.manoeuvres < FEWEST_MANOEUVRES or quiet_waveforms(plain):
+        return plain
+    formed = _with_best(base, (FORM,) if plain is base else allowed, NUISANCE_SHARE)
+    if FORM not in groups_of(formed) or formed.square_held >= plain.square_held:
+        return plain
+    more = _with_best(formed, bare, NUISANCE_SHARE)
+    return more if quiet_waveforms(more) else formed
+
+
+def form_explains(formed: Base, without: Base) -> bool:
+    """Does the tire's form explain what is left without it?"""
+    # a form of the tire's own that does not end the search at the floor counts if it leaves less
+    # than this share of what is left without it: an unknown effect is no form, though so many
+    # numbers fit some of it. Of a ringing they leave 0.18; half the share asks more of a form with
+    # sharp edges
+    enough = formed.excess < 0.05 * without.excess
+    return FORM in groups_of(formed) and (enough or quiet_waveforms(formed))
+
+
+def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -> Model:
+    """The fitted model; its parameters have `se_with_form`, each in its own unit.
+
+    With the form's numbers free within their prior (`formed`, if that was fitted already) the same
+    log gives other values. The error is the root of their distance squared and their own variance.
+    Parameters have none if the observable shows no form, or the model's form is off. Nor if the fit
+    leaves more than noise and no form was fitted: there the form would stand for what is missing.
+    """
+    model, own = base.model, frees(base.model, FORM)
+    if not own or any(n.name == FORM and n.use == "off" for n in model.nuisances):
+        return model
+    if own[0] in base.fit.names:
+        formed = base
+    elif formed is None and isinstance(base, Base) and quiet_waveforms(base):
+        found = refit(base, freed(model, [FORM]), several=True)
+        formed = None if isinstance(found, ModelError) else found.settled
+    if formed is None:
+        return model
+    errors = {}
+    for name, se in zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True):
+        if (parameter := model.parameters.get(name)) is not None:
+            moved = formed.model.values[name] - parameter.value
+            errors[name] = replace(parameter, se_with_form=float(np.hypot(se, moved)))
+    return model.with_parameters(errors)
+
+
+def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
+    """The base with the best of the allowed nuisances, one after the other, up to the form."""
+    while base.cells.manoeuvres >= FEWEST_MANOEUVRES and not quiet_waveforms(base):
+        more = best_nuisance(base, allowed, least)
+        if more is None:
+            break
+        base = with_scatter_estimated(more)
+        if groups_of(more)[-1] == FORM:
+            break
+    return base
+
+
+def _linear_share(base: Base, effects: SharedEffects) -> float:
+    """The share of chi-square's excess that a nuisance removes by one linear step."""
+    noise = base.noise
+    taken = ProjectedOut.of(Offsets.of(base.cells, noise), noise(base.fit.moving))
+    columns = stacked(taken.without(noise(effects.columns * effects.sd)))
+    residual = base.cells.values - base.fit.prediction - base.fit.beside
+    left = taken.without(noise(np.nan_to_num(residual))).ravel()
+    excess, slopes = float(left @ left) - base.fit.freedom, columns.T @ left
+    step = np.linalg.solve(np.eye(len(effects)) + columns.T @ columns, slopes)
+    removed = float((2.0 * slopes - columns.T @ (columns @ step)) @ step)
+    return removed / excess if excess > 0.0 else 0.0
+
+
+def _drifts(base: Base) -> bool:
+    """Is the drift beside this base one?"""
+    held = base.cells.shared
+    if held is None:
+        return False
+    own = [i for i, group in enumerate(held.group) if group == "drift"]
+    return is_drift(held.of_groups(["drift"]), base.fit.amplitudes[own])
+
+
+def with_nuisance(base: Base, effects: SharedEffects) -> Base | ModelError:
+    """The base with a nuisance beside its model, fitted again, or why that cannot be."""
+    (name,) = effects.groups
+    if frees(base.model, name):
+        return refit(base, freed(base.model, [name]), several=name == FORM)
+    held = [] if base.cells.shared is None else [base.cells.shared]
+    return _beside(base, SharedEffects.joined([*held, effects]), base.model)
+
+
+def with_nuisances(base: Base, groups: Sequence[str]) -> Base | ModelError:
+    """The base with these nuisances and no other beside its model, fitted again, or why not."""
+    return _beside(base, shared_by(base.cells, base.fit, groups), _free_of_law(base, groups))
+
+
+def needed_nuisances(base: Base) -> tuple[str, ...]:
+    """Those of the base's nuisances that are always on, or without which it would be worse.
+
+    By their size, as an effect's, or by their share of chi-square's excess, as they came in: if
+    loads scatter, what a wheel does is sure, and small beside the floor.
+    """
+    groups = list(groups_of(base))
+    always = [n.name for n in base.model.nuisances if n.use == "on"]
+    for group in [g for g in groups if g not in always]:
+        kept = [g for g in groups if g != group]
+        shared = base.cells.shared.of_groups(kept) if base.cells.shared else None
+        less = _beside(base, shared, _free_of_law(base, kept))
+        if isinstance(less, ModelError) or worth_it(less, base):
+            continue
+        gain, error = gain_and_error(less.held_white, base.held_white)
+        enough = NUISANCE_SHARE * (less.noise_chi2 - less.fit.freedom)
+        if gain > GAIN_SIGMAS * error and less.noise_chi2 - base.noise_chi2 >= enough > 0.0:
+            continue
+        base, groups = less, kept
+    return tuple(groups)
+
+
+def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
+    """The base's model with the parameters of these nuisances free, of the others as given."""
+    model = base.model
+    for name in groups_of(base):
+        if frees(model, name) and name not in groups:
+            model = bound(model, base.given or base.model, name)
+    return freed(model, groups)
+
+
+def _beside(base: Base, shared: SharedEffects | None, model: Model) -> Base | ModelError:
+    raw = None if base.raw is None else replace(base.raw, shared=shared)
+    return refit(replace(base, cells=replace(base.cells, shared=shared), raw=raw), model)
+
+
+def with_nuisances_on(base: Base) -> Model:
+    """The base's model, which asks for its nuisances from now on, as a file has it."""
+    model = without_ratios(base.model)
+    for group in groups_of(base):
+        model = model.with_nuisance(group, "on")
+    return model
+
+
+# ---- How large each nuisance is, with errors, and what to do about it: numbers and words.
+#
+# Base -> amplitudes of the nuisances beside its model (all that stayed together, each other one
+#         alone beside them), parameters and offsets free -> parts with standard errors
+
+
+#: an effect may be in the form if that leaves less than this share of its waveforms' square: of
+#: what the series cannot follow a half is left; twice the share adds none
+_HELD = 0.05
+#: factors on a condition in every other manoeuvre, as other logs may have them: they part an effect
+#: from the form if twice the share is left
+_OTHER_LOGS: Mapping[str, tuple[str, float, float]] = {
+    "speed": ("speed_m_s", 0.8, 1.1),
+    "load": ("load_N", 0.6, 1.4),
+    "inflation pressure": ("inflation_pressure_Pa", 0.7, 1.3),
+    "tread age": ("distance_km", 0.3, 3.0),
+}
+_ORDER = ("first", "second", "third")
+
+
+@dataclass(frozen=True)
+class NuisancePart:
+    """One number of a nuisance: value and standard error in its unit, and its ordinary size."""
+
+    name: str
+    value: float
+    se: float
+    unit: str
+    ordinary: float
+
+    @property
+    def sigmas(self) -> float:
+        return abs(self.value) / self.se if self.se > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class NuisanceFound:
+    """A nuisance with its parts, and whether it stayed beside the model."""
+
+    nuisance: str
+    stayed: bool
+    parts: tuple[NuisancePart, ...]
+
+    @property
+    def largest(self) -> NuisancePart:
+        """The part that is largest against its ordinary size."""
+        return max(self.parts, key=lambda part: abs(part.value) / part.ordinary)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its largest part as size, se and unit; all parts; whether it stayed."""
+        most, names = self.largest, ("name", "value", "se", "unit")
+        parts = [{name: getattr(part, name) for name in names} for part in self.parts]
+        return {
+            "size": most.value, "se": most.se, "unit": most.unit, "what": most.name,
+            "stayed": self.stayed, "parts": parts,
+        }  # fmt: skip
+
+
+def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
+    """Every nuisance that these data can show, with its size beside the base's model."""
+    held, groups = base.cells.shared, groups_of(base)
+    own = [n for n in base.model.nuisances if n.name in groups and frees(base.model, n.name)]
+    found = [_parameter(base, n) for n in own]
+    if held is not None:
+        known = _amplitudes(replace(base, cells=replace(base.cells, shared=None)), held)
+        found += [
+            NuisanceFound(group, True, _parts(base, held, group, *known))
+            for group in held.groups
+            if group != ZERO
+        ]
+    for nuisance in base.model.nuisances:
+        if nuisance.name in groups or nuisance.use == "off":
+            continue
+        effects = shared_effects(base.cells, base.fit, nuisance.name)
+        if effects is not None:
+            parts = _parts(base, effects, nuisance.name, *_amplitudes(base, effects))
+            found.append(NuisanceFound(nuisance.name, False, parts))
+    return tuple(found)
+
+
+def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
+    """A nuisance that is parameters of the model: their changes from the values given."""
+    given, (size, *_) = (base.given or base.model).values, nuisance.sizes
+    parts = []
+    for name in (n for n in frees(base.model, nuisance.name) if n in base.fit.names):
+        fitted = base.model.parameters[name]
+        own, ordinary = size.name, size.value
+        if fitted.prior is not None:
+            own, ordinary = name.partition(".")[2], fitted.prior[1]
+        change = fitted.value - given.get(name, 0.0)
+        parts.append(NuisancePart(own, change, fitted.se or 0.0, "1", ordinary))
+    return NuisanceFound(nuisance.name, True, tuple(parts))
+
+
+def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatArray]:
+    """Posterior means (K,) and covariance (K, K), base parameters and offsets free."""
+    taken, residual = beside_base(base)
+    flat = stacked(taken.without(base.white(effects.columns * effects.sd)))
+    covariance = np.linalg.inv(np.eye(len(effects)) + flat.T @ flat)
+    scale = max(1.0, base.fit.reduced_chi2)
+    value = effects.sd * (covariance @ (flat.T @ residual.ravel()))
+    return value, covariance * effects.sd[:, None] * effects.sd * scale
+
+
+def _parts(
+    base: Base, effects: SharedEffects, group: str, value: FloatArray, covariance: FloatArray
+) -> tuple[NuisancePart, ...]:
+    """The numbers of one nuisance; cosine and sine of a harmonic are one."""
+    se = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    at = {effects.names[i]: i for i, name in enumerate(effects.group) if name == group}
+    parts = []
+    for name, i in at.items():
+        number, error, said = float(value[i]), float(se[i]), name
+        if group == "wheel":
+            if " cos " not in name:
+                continue
+            s = at[name.replace(" cos ", " sin ")]
+            number = float(np.hypot(value[i], value[s]))
+            error = float(np.hypot(value[i] * se[i], value[s] * se[s]) / max(number, 1e-300))
+            name, place = name.split(" cos ")
+            of_log = f" of{place[1:]}" if place[1:] else ""
+            said = f"{name} at the {_ORDER[int(place[0]) - 1]} harmonic{of_log}"
+        parts.append(NuisancePart(said, number, error, _unit(base, name), float(effects.sd[i])))
+    return tuple(parts)
+
+
+def _unit(base: Base, name: str) -> str:
+    """The unit of a part: the observable's for what adds to it, else a share."""
+    adds = _plain(name).startswith(("run-out", "baseline"))
+    return observed(base, name)[1] if adds else "1"
+
+
+def _plain(name: str) -> str:
+    """The name of a part without its observable, which it has before it if there are several."""
+    return name.rpartition(": ")[2]
+
+
+def observed(base: Base, name: str = "") -> tuple[str, str]:
+    """What a base is of, and its unit; of several observables that of a part by its name."""
+    own = name.rpartition(": ")[0] or base.cells.observable
+    if name and own not in OBSERVABLES and base.cells.together is not None:
+        own = STRAIN  # a grating's, or all gratings'
+    return own, OBSERVABLES[own].unit if own in OBSERVABLES else FLOORS
+
+
+def nuisance_sentences(
+    found: Sequence[NuisanceFound], base: Base, *, fails: bool = False
+) -> list[str]:
+    """What the fit includes beside the model, in words, and what to do about it.
+
+    `fails`: the model leaves a rest that no effect explains. Then, at a bound or beyond ordinary
+    sizes nothing is concluded, since a nuisance takes what it can of any misfit.
+    """
+    values = [(name, base.model.parameters[name]) for name in base.fit.names]
+    at_bound = [name for name, p in values if p.value != 0.0 and p.value in (p.min, p.max)]
+    doubts = ["the model leaves a rest"] if fails else []
+    doubts += [f"{name} is at its bound" for name in dict.fromkeys([*base.fit.held, *at_bound])]
+    return [_sentence(nuisance, base, doubts) for nuisance in found if nuisance.stayed]
+
+
+def scatter_sentences(base: Base) -> list[str]:
+    """What the noise floor mostly is, if that is what loads that scatter would do; else nothing."""
+    if isinstance(base, JointBase):
+        each = [(part.cells.label, scatter_sentences(part)) for part in bases_by_observable(base)]
+        return [f"Of {name}: {said}" for name, sentences in each for said in sentences]
+    scatter = base.floor.scatter
+    columns = scatter_columns(base.cells, base.fit)
+    by_load = replace(scatter, baseline_square=np.zeros_like(scatter.baseline_square))
+    square = base.plain.weights**2 * np.nan_to_num(by_load.square(columns))
+    if float(square.sum()) / base.plain.weight <= 0.5 * base.floor.square:
+        return []
+    within = f" and by {100.0 * scatter.wander_sd:.2g} % within" if scatter.wander_sd > 0.0 else ""
+    return [
+        "Most of the noise floor is as if loads scattered by "
+        f"{100.0 * scatter.load_sd:.2g} % between manoeuvres{within}."
+    ]
+
+
+def held_by_form(base: Base) -> dict[str, list[str]]:
+    """Effects that the form of a base may hold, and in what other logs would differ to part them.
+
+    Of several observables as the first waveform shows it.
+    """
+    base = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
+    if FORM not in groups_of(base):
+        return {}
+    found = _left_by_form(base, base.cells.conditions)
+    held: dict[str, list[str]] = {name: [] for name, left in found.items() if left < _HELD}
+    every_other = base.cells.manoeuvre % 2 == 0
+    for word, (field, low, high) in _OTHER_LOGS.items() if held else ():
+        values = getattr(base.cells.conditions, field) * np.where(every_other, low, high)
+        there = _left_by_form(base, replace(base.cells.conditions, **{field: values}), list(held))
+        for name, left in there.items():
+            held[name] += [word] * (left > 2.0 * _HELD)
+    return held
+
+
+def _left_by_form(
+    base: Base, conditions: Conditions, names: Sequence[str] | None = None
+) -> dict[str, float]:
+    """Share of each effect's square that the form leaves of what the other parameters leave."""
+    cells = replace(base.cells, conditions=conditions)
+    moved = or_refusal(partial(base.model.linearised, names=base.fit.names))(
+        conditions, surface=cells.surface, observable=cells.observable, **cells.angles
+    )
+    if isinstance(moved, ModelError):
+        return {}
+    slopes = base.white(np.moveaxis(moved[1], 0, -1))
+    of_form = frees(base.model, FORM)
+    others = [i for i, name in enumerate(base.fit.names) if name not in of_form]
+    offsets = Offsets.of(cells, base.white)
+    without, with_it = (ProjectedOut.of(offsets, x) for x in (slopes[..., others], slopes))
+    there = replace(base, cells=cells, fit=replace(base.fit, prediction=moved[0]))
+    shares = {}
+    for effect in candidate_effects(base.model):
+        if names is not None and effect.id not in names:
+            continue
+        signatures = signatures_of(there, effect)
+        if isinstance(signatures, ModelError):
+            continue
+        columns = base.white(signatures[0].columns)
+        seen = float((without.without(columns) ** 2).sum())
+        # below this share of its square an effect is what the other parameters do already; a
+        # hundred times as much would leave out ring_curvature
+        if seen > 1e-3 * float((columns**2).sum()):
+            shares[effect.id] = float((with_it.without(columns) ** 2).sum()) / seen
+    return shares
+
+
+def held_sentences(held: Mapping[str, Sequence[str]]) -> list[str]:
+    """What the form may hold beside the tire's own, and what would part it; none if nothing."""
+    alone = [name for name, by in held.items() if not by]
+    said = [
+        f"The tire's own form may hold {name}: logs that differ more in {' or '.join(by)} part "
+        "them."
+        for name, by in held.items()
+        if by
+    ]
+    return said + [
+        f"The tire's own form may hold {', '.join(alone)}: no drive parts them. Add what is "
+        "known of them to the model."
+    ] * bool(alone)
+
+
+def _parted_by(nuisance: str, base: Base, effect: str = "") -> str:
+    """What parts a nuisance from an effect that looks like it."""
+    followed = BY_ID[effect].followed if effect in BY_ID else ()
+    varied = [CONDITIONS[name].name for name, _ in followed] or ["speed", "load"]
+    measured = bool(np.isfinite(base.cells.conditions.temperature_K).all())
+    several = isinstance(base, JointBase) and any(c.cells.member for c in base.channels)
+    another = "a further" if several else "a second"
+    return {
+        "wheel": f"{another} grating at another angle of the wheel",
+        "drift": "the same manoeuvres in another order"
+        + ("" if measured else ", or a measured temperature"),
+        "rolling": "a measured way, which gives the rolling radius",
+        "patch_law": "a log at a third load",
+        "pressure_law": "a log at a third pressure",
+        FORM: f"a log that differs more in {' and '.join(varied)}",
+    }[nuisance]
+
+
+def alike_sentences(
+    alike: Sequence[tuple[str, str]], selected: Sequence[str], stayed: Sequence[str], base: Base
+) -> list[str]:
+    """Where a nuisance and an effect do nearly the same: the one not taken, and what parts them."""
+    said = []
+    for nuisance, effect in alike:
+        name, parts = NUISANCES_SAID[nuisance], f"{_parted_by(nuisance, base, effect)} parts them"
+        if nuisance in stayed and effect not in selected:
+            said.append(f"In place of {name}, {effect} would do nearly as well: {parts}.")
+        elif effect in selected and nuisance not in stayed:
+            said.append(f"In place of {effect}, {name} would do nearly as well: {parts}.")
+    return said
+
+
+def _sentence(found: NuisanceFound, base: Base, doubts: Sequence[str]) -> str:
+    most = max((abs(part.value) / part.ordinary for part in found.parts), default=0.0)
+    # parts below so many of their standard errors are not spoken of, nor those below this share of
+    # the largest; with twice as much of either a sentence names fewer parts, always the largest
+    told = [
+        part
+        for part in found.parts
+        if part.sigmas >= 3.0 and abs(part.value) / part.ordinary > 0.2 * most
+    ] or [found.largest]
+    sizes, tells = _reading(found, told, base)
+    # beyond three ordinary sizes a nuisance may be misfit: one in 370 is larger by chance; twice as
+    # many leave a wheel of 6 % to be balanced for a wrong carcass
+    if most > 3.0:
+        doubts = [*doubts, f"it is {most:.2g} times its ordinary size"]
+    if doubts:
+        tells = f"no finding, since {' and '.join(doubts)}: misfit of the model may be in it"
+    return f"The fit includes {NUISANCES_SAID[found.nuisance]}: {sizes}; {tells}."
+
+
+def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> tuple[str, str]:
+    """The sizes of a nuisance in words, and what they tell if the model is right."""
+    said = ", ".join(_said(part, base) for part in told)
+    if found.nuisance == "wheel":
+        # a force variation [of the load] and a run-out [strain] beyond which a wheel wants work:
+        # twice what is ordinary at one harmonic, and 100 microstrain
+        much = any(
+            part.value > (0.02 if "force" in part.name else 1e-4)
+            for part in told
+            if part.unit in ("1", "strain", "m/m")
+        )
+        return said, "balance the wheel or mount the tire anew" if much else "within what wheels do"
+    if found.nuisance == "drift":
+        tells = "as of a tire that warms or loses pressure"
+        if any(_plain(part.name).startswith("baseline") for part in told):
+            tells += (
+                ". A baseline that moves is what thermal_drift does, too: "
+                f"{_parted_by('drift', base)} parts them"
+            )
+        return said, tells
+    if found.nuisance == "rolling":
+        return said, "give the setup's [tire] the radius that a measured way shows"
+    if found.nuisance == FORM:
+        return said, "see `tirelog form`"
+    (part,) = found.parts
+    (parameter,) = frees(base.model, found.nuisance) or (None,)
+    if parameter is None:
+        said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
+    else:
+        exponent = base.model.values[parameter]
+        said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
+    law, other = ("pressure", "load") if found.nuisance == "pressure_law" else ("load", "pressure")
+    return said, f"or what went along with the {law}, such as the {other}"
+
+
+def _said(part: NuisancePart, base: Base) -> str:
+    if part.unit == "1" and not _plain(part.name).startswith(("run-out", "baseline")):
+        sign = "" if _plain(part.name).startswith("force") else "+"
+        return f"{part.name} {100.0 * part.value:{sign}.2g} ± {100.0 * part.se:.1g} %"
+    factor, unit = shown(*observed(base, part.name))
+    return f"{part.name} {part.value * factor:.2g} ± {part.se * factor:.1g} {unit}"
