@@ -296,8 +296,8 @@ def _climb(
 ) -> _Climb:
     """The search from a base upwards, to `most_effects` names.
 
-    It ends without a step where the tire's form came in and all candidates at once, in a linear
-    fit, leave more than half of what it leaves, and than half of what is `left` [unit^2] without it.
+    It ends without a step where the tire's form came in and all candidates at once leave too much
+    by a linear fit: more than half of what it leaves, and of what is `left` [unit^2] without it.
 
     Before each step the best of the `nuisances` that earns its place comes in if it leaves less
     than the best effect: what both explain is then the nuisance's. The steps stand on the base with
