@@ -372,27 +372,19 @@ def _nothing(
 
 def _ground(found: SearchResult, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
     """The base to propose on, or why there is nothing to propose."""
-    verdict = diagnosis.verdict
-    if verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
+    after, sentence = found.after, diagnosis.sentence
+    if diagnosis.verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
         return found.before, ""
-    if verdict == "partial":
-        after, before = found.after, found.before
-        if (
-            diagnosis.unexplained["significant"]
-            and after.excess > SECOND_LEAST * after.floor.square
-            and after.excess > REST_SHARE * before.excess
-        ):
+    if diagnosis.verdict == "partial":
+        least = max(SECOND_LEAST * after.floor.square, REST_SHARE * found.before.excess)
+        if diagnosis.unexplained["significant"] and after.excess > least:
             return after, ""
-        return None, (
-            f"{diagnosis.sentence} The rest is too small, or does not repeat well enough, to "
-            "write down."
+        sentence += " The rest is too small, or does not repeat well enough, to write down."
+    elif diagnosis.selected:
+        sentence += (
+            " Add it to the model, or give --despite to have what these data would say without it."
         )
-    if diagnosis.selected:
-        return None, (
-            f"{diagnosis.sentence} Add it to the model, or give --despite to have what these data "
-            "would say without it."
-        )
-    return None, diagnosis.sentence
+    return None, sentence
 
 
 @dataclass
