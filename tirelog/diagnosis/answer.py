@@ -1,4 +1,4 @@
-"""An answer about logs and a model: one frozen record, which everybody renders.
+"""An answer about logs and a model: one frozen record, which everybody renders, and its words.
 
     Comparison, Diagnosis, Ladder, Proposal, FitOfLogs, TireForm
         headline, tables, sentences  -> terminal, notebook, page

@@ -223,10 +223,6 @@ class Form:
         """Is it a wave of free phase: two columns?"""
         return "@(" in self.profile.text
 
-    @property
-    def complexity(self) -> int:
-        return self.profile.complexity
-
     def grids(self, most: int) -> Iterator[dict[str, FloatArray]]:
         """Scanned values of each number, (S,), for each combination; at `most` so many at once."""
         values = {

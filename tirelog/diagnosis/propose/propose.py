@@ -1,4 +1,7 @@
-"""What `propose` gives: frozen, with its sentences and JSON."""
+"""`propose`: the unknown effect written down, and its error on manoeuvres that nothing touched.
+
+Proposal, Term, FoundFormula, HoldoutErrors: what it gives, with its sentences and JSON
+"""
 
 from __future__ import annotations
 
@@ -641,7 +644,7 @@ def _formula_of(draft: Draft, text: str) -> FoundFormula:
     free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
     return FoundFormula(
         text,
-        draft.acts_on,
+        str(draft.entry.source["acts_on"]),
         draft.atom.form.words,
         draft.atom.law.written(free) or "1",
         draft.base.square_held,
