@@ -304,12 +304,15 @@ _BLOCK = 256
 
 @dataclass(frozen=True)
 class StepInclusion:
-    """One step of the search: the share of draws that named each effect, and that named `none`."""
+    """One step of the search: the share of draws that named each effect; the rest named none."""
 
     step: int
     named: str | None
     shares: dict[str, float]
-    none: float
+
+    @property
+    def none(self) -> float:
+        return max(1.0 - sum(self.shares.values()), 0.0)
 
 
 @dataclass(frozen=True)
@@ -340,7 +343,7 @@ class Inclusion:
         return said
 
     def to_json(self) -> dict[str, Any]:
-        return vars(self) | {"steps": [vars(step) for step in self.steps]}
+        return vars(self) | {"steps": [vars(step) | {"none": step.none} for step in self.steps]}
 
 
 def inclusion(
@@ -351,11 +354,10 @@ def inclusion(
     count = found.before.cells.manoeuvres
     random = np.random.default_rng(seed)
     times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
-    steps = []
-    for i, step in enumerate(found.steps, start=1):
-        shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
-        none = max(1.0 - sum(shares.values()), 0.0)
-        steps.append(StepInclusion(i, named, shares, none))
+    steps = [
+        StepInclusion(i, step.named.id if step.named else None, _shares(step, i, times, extra))
+        for i, step in enumerate(found.steps, start=1)
+    ]
     return Inclusion(draws, count, tuple(steps))
 
 
