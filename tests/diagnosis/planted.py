@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions, Stack
 from tirelog.physics import Model
 from tirelog.vocabulary.arrays import FloatArray
@@ -49,24 +50,7 @@ def stack(
     )
     values *= 1.0 + 0.002 * random.standard_normal((n, 1))
     values += noise * random.standard_normal((n, m))
-    return Stack(
-        observable="strain",
-        channel="made",
-        surface="outer",
-        radius_m=0.3,
-        values=values,
-        phi_rad=grid,
-        phi_mean=np.broadcast_to(grid, (n, m)).copy(),
-        phi_variance=np.zeros((n, m)),
-        count=np.ones((n, m), np.int64),
-        noise=np.full(n, noise),
-        conditions=conditions,
-        log=np.zeros(n, np.int64),
-        manoeuvre=number,
-        revolution=np.arange(n),
-        regime=np.full(n, "cruise"),
-        logs=("made",),
-    )
+    return stack_of(values=values, noise=noise, conditions=conditions, manoeuvre=number)
 
 
 def since_exit(xi: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case
-from tests.diagnosis.toy import stack
+from tests.diagnosis.toy import stack, stack_of
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
 from tirelog.diagnosis.diagnose import diagnose
@@ -135,22 +135,14 @@ def phase_shifts(seed: int = 5) -> Stack:
         load_N=random.uniform(3000.0, 4000.0, 8)[manoeuvre],
     )
     noise = 1e-3 * random.standard_normal((n, 1))
-    return Stack(
+    return stack_of(
         observable="phase_shift",
         channel="a",
         surface="inner",
-        radius_m=0.3,
         values=0.03 * (drive.load_N[:, None] / 3500.0 - 1.0) + noise,
-        phi_rad=np.zeros(1),
-        phi_mean=np.zeros((n, 1)),
-        phi_variance=np.zeros((n, 1)),
-        count=np.ones((n, 1), int),
-        noise=np.full(n, 1e-3),
+        noise=0.001,
         conditions=drive,
-        log=np.zeros(n, int),
         manoeuvre=manoeuvre,
-        revolution=np.arange(n),
-        regime=np.full(n, "cruise"),
         logs=("a.h5",),
     )
 

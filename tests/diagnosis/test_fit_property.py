@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.diagnosis.toy import stack_of
 from tests.physics.collocation import solve_closed_line
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.compare import compare
@@ -383,23 +384,15 @@ def test_numbers_per_revolution_are_fitted():
         {"patch_half_length_m": model.parameters["patch_half_length_m"].fixed()}
     )
     values = model.predict(drive, values=wanted) + 1e-3 * rng.standard_normal((n, 1))
-    column = np.zeros((n, 1))
-    stack = Stack(
+    stack = stack_of(
         observable="phase_shift",
         channel="a",
         surface="inner",
         radius_m=R,
         values=values,
-        phi_rad=np.zeros(1),
-        phi_mean=column,
-        phi_variance=column,
-        count=np.ones((n, 1), int),
-        noise=np.full(n, 1e-3),
+        noise=0.001,
         conditions=drive,
-        log=np.zeros(n, int),
         manoeuvre=manoeuvre,
-        revolution=np.arange(n),
-        regime=np.full(n, "cruise"),
         logs=("a.h5",),
     )
     result = fit(model, [stack])

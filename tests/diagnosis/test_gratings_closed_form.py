@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
@@ -72,22 +73,13 @@ def grating(
     if added is not None:
         shape = added(PHI, place, RATIOS[number % 3])
         values = values + (grows(SPEEDS[which])[:, None] if grows else 1.0) * shape
-    return Stack(
-        observable="strain",
+    return stack_of(
         channel=f"g{number + 1}",
-        surface="outer",
         radius_m=R,
         values=values + NOISE * rng.standard_normal((n, M)),
-        phi_rad=PHI,
-        phi_mean=np.tile(PHI, (n, 1)),
-        phi_variance=np.zeros((n, M)),
-        count=np.ones((n, M), int),
-        noise=np.full(n, NOISE),
+        noise=NOISE,
         conditions=conditions,
-        log=np.zeros(n, int),
         manoeuvre=which,
-        revolution=np.arange(n),
-        regime=np.full(n, "cruise"),
         logs=("a.csv",),
     )
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.diagnosis.toy import stack_of
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis.candidates.assessment import refuse_stand_in
 from tirelog.diagnosis.diagnose import diagnose
@@ -34,23 +35,15 @@ def log(name: str, seed: int, zero_rad: float, pressure_Pa: float, late_s: float
         longitudinal_force_N=rng.normal(100.0, 300.0, MANOEUVRES)[manoeuvre],
     )
     values = zero_rad + late_s * drive.speed_m_s[:, None] / 0.305
-    zeros = np.zeros((n, 1))
-    return Stack(
+    return stack_of(
         observable="phase_shift",
         channel="a",
         surface="inner",
         radius_m=0.305,
         values=values + NOISE_RAD * rng.standard_normal((n, 1)),
-        phi_rad=np.zeros(1),
-        phi_mean=zeros,
-        phi_variance=zeros,
-        count=np.ones((n, 1), int),
-        noise=np.full(n, NOISE_RAD),
+        noise=NOISE_RAD,
         conditions=drive,
-        log=np.zeros(n, int),
         manoeuvre=manoeuvre,
-        revolution=np.arange(n),
-        regime=np.full(n, "cruise"),
         logs=(name,),
     )
 

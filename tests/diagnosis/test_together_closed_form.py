@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.diagnosis.toy import stack_of
 from tirelog.cli.pages import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
@@ -63,22 +64,14 @@ def measured(observable: str, seed: int, truth: Model = TRUTH, repeats: int = 5)
     )
     angles = PHI if m > 1 else None
     values = truth.predict(conditions, angles, observable=observable)
-    return Stack(
+    return stack_of(
         observable=observable,
         channel=observable[0],
-        surface="outer",
         radius_m=R,
         values=values + NOISE[observable] * rng.standard_normal((n, m)),
-        phi_rad=PHI if m > 1 else np.zeros(1),
-        phi_mean=np.tile(PHI, (n, 1)) if m > 1 else np.zeros((n, 1)),
-        phi_variance=np.zeros((n, m)),
-        count=np.ones((n, m), int),
-        noise=np.full(n, NOISE[observable]),
+        noise=NOISE[observable],
         conditions=conditions,
-        log=np.zeros(n, int),
         manoeuvre=which,
-        revolution=np.arange(n),
-        regime=np.full(n, "cruise"),
         logs=("a.csv",),
     )
 

@@ -4,10 +4,12 @@ waveform with every kind of scatter.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 
 def waveform(phi: FloatArray, width: FloatArray | float = 0.25) -> FloatArray:
@@ -29,6 +31,32 @@ def channel(
     return Channel.of_array("toy", "strain", values, TimeAxis.uniform(time.size, rate_Hz)), passages
 
 
+def stack_of(
+    values: FloatArray, conditions: Conditions, manoeuvre: IntArray, noise: float, **other: Any
+) -> Stack:
+    """Revolutions (n, m) of one log at evenly spaced angles; `other`: what is not as usual."""
+    n, m = values.shape
+    grid = (np.arange(m) + 0.5) * 2 * np.pi / m - np.pi if m > 1 else np.zeros(1)
+    usual = {
+        "observable": "strain",
+        "channel": "made",
+        "surface": "outer",
+        "radius_m": 0.3,
+        "phi_rad": grid,
+        "phi_mean": np.tile(grid, (n, 1)),
+        "phi_variance": np.zeros((n, m)),
+        "count": np.ones((n, m), np.int64),
+        "noise": np.full(n, noise),
+        "log": np.zeros(n, np.int64),
+        "revolution": np.arange(n),
+        "regime": np.full(n, "cruise"),
+        "logs": ("made",),
+    }
+    return Stack(
+        **usual | {"values": values, "conditions": conditions, "manoeuvre": manoeuvre} | other
+    )
+
+
 def stack(
     seed: int,
     *,
@@ -48,23 +76,8 @@ def stack(
     values = size[:, None] * waveform(phi - 0.002 * random.standard_normal((n, 1)))
     values += baseline * random.standard_normal((n, 1)) + noise * random.standard_normal((n, m))
     number = np.repeat(np.arange(manoeuvres), revolutions)
-    return Stack(
-        observable="strain",
-        channel="toy",
-        surface="outer",
-        radius_m=0.3,
-        values=values,
-        phi_rad=grid,
-        phi_mean=phi,
-        phi_variance=np.zeros((n, m)),
-        count=np.ones((n, m), np.int64),
-        noise=np.full(n, noise),
-        conditions=Conditions.of(
-            n, speed_m_s=10.0 + number, acceleration_m_s2=0.0, time_s=np.arange(n) * 0.2
-        ),
-        log=np.zeros(n, np.int64),
-        manoeuvre=number,
-        revolution=np.arange(n),
-        regime=np.full(n, "cruise"),
-        logs=("toy",),
+    conditions = Conditions.of(
+        n, speed_m_s=10.0 + number, acceleration_m_s2=0.0, time_s=np.arange(n) * 0.2
     )
+    named = {"channel": "toy", "logs": ("toy",), "phi_mean": phi}
+    return stack_of(values, conditions, number, noise, **named)

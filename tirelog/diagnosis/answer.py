@@ -1,4 +1,4 @@
-"""An answer about logs and a model: one frozen record, which everybody renders.
+"""An answer about logs and a model: one frozen record, which everybody renders, and its words.
 
     Comparison, Diagnosis, Ladder, Proposal, FitOfLogs, TireForm
         headline, tables, sentences  -> terminal, notebook, page
@@ -122,15 +122,9 @@ def plain_values(value: Any) -> Any:
         return plain_fields(value)
     if isinstance(value, list | tuple):
         return [plain_values(v) for v in value]
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return plain_values(value.tolist())
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 # ---- Sentences: facts of a diagnosis in, text out.

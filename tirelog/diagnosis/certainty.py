@@ -304,12 +304,15 @@ _BLOCK = 256
 
 @dataclass(frozen=True)
 class StepInclusion:
-    """One step of the search: the share of draws that named each effect, and that named `none`."""
+    """One step of the search: the share of draws that named each effect; the rest named none."""
 
     step: int
     named: str | None
     shares: dict[str, float]
-    none: float
+
+    @property
+    def none(self) -> float:
+        return max(1.0 - sum(self.shares.values()), 0.0)
 
 
 @dataclass(frozen=True)
@@ -340,7 +343,7 @@ class Inclusion:
         return said
 
     def to_json(self) -> dict[str, Any]:
-        return vars(self) | {"steps": [vars(step) for step in self.steps]}
+        return vars(self) | {"steps": [vars(step) | {"none": step.none} for step in self.steps]}
 
 
 def inclusion(
@@ -351,11 +354,10 @@ def inclusion(
     count = found.before.cells.manoeuvres
     random = np.random.default_rng(seed)
     times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
-    steps = []
-    for i, step in enumerate(found.steps, start=1):
-        shares, named = _shares(step, i, times, extra), step.named.id if step.named else None
-        none = max(1.0 - sum(shares.values()), 0.0)
-        steps.append(StepInclusion(i, named, shares, none))
+    steps = [
+        StepInclusion(i, step.named.id if step.named else None, _shares(step, i, times, extra))
+        for i, step in enumerate(found.steps, start=1)
+    ]
     return Inclusion(draws, count, tuple(steps))
 
 
@@ -482,25 +484,15 @@ class Stability:
         """Whether the verdict stands, where it does not, and where it cannot be told."""
         changed, untold = self.changed, [a for a in self.without if not a.tested]
         told = len(self.without) - len(untold)
+        said = f"Whether the verdict hangs on single {self.by}s cannot be told."
         if changed:
-            each = "; ".join(f"without {a.group} it is {a.said}" for a in changed[:_TOLD])
-            more = f"; and {len(changed) - _TOLD} more" if len(changed) > _TOLD else ""
-            said = (
-                f"The verdict hangs on single {self.by}s, {len(changed)} of {told}: {each}{more}."
-            )
-        else:
-            said = (
-                f"The verdict stands: it is the same without any one of {told} {self.by}s."
-                if told
-                else f"Whether the verdict hangs on single {self.by}s cannot be told."
-            )
+            each = _some([f"without {a.group} it is {a.said}" for a in changed])
+            said = f"The verdict hangs on single {self.by}s, {len(changed)} of {told}: {each}."
+        elif told:
+            said = f"The verdict stands: it is the same without any one of {told} {self.by}s."
         if untold:
-            reasons = "; ".join(
-                f"without {a.group}: {a.problem or 'too few manoeuvres are left'}"
-                for a in untold[:_TOLD]
-            )
-            rest = f"; and {len(untold) - _TOLD} more" if len(untold) > _TOLD else ""
-            said += f" Not to be told: {reasons}{rest}."
+            why = [f"{a.group}: {a.problem or 'too few manoeuvres are left'}" for a in untold]
+            said += f" Not to be told: {_some([f'without {one}' for one in why])}."
         return said
 
     def to_json(self) -> dict[str, Any]:
@@ -509,6 +501,12 @@ class Stability:
             for a in self.without
         ]
         return plain_fields({"by": self.by, "sentence": self.sentence, "without": rows})
+
+
+def _some(parts: Sequence[str]) -> str:
+    """The first of them, and how many more there are."""
+    more = f"; and {len(parts) - _TOLD} more" if len(parts) > _TOLD else ""
+    return "; ".join(parts[:_TOLD]) + more
 
 
 def like_cases(one: GroupVerdict, other: GroupVerdict) -> bool:
@@ -526,8 +524,7 @@ class PerGroup:
     @property
     def adjusted(self) -> tuple[float | None, ...]:
         """p of each, adjusted over those of which there is one."""
-        given = benjamini_hochberg([a.p for a in self.answers if a.p is not None]).tolist()
-        left = iter(given)
+        left = iter(benjamini_hochberg([a.p for a in self.answers if a.p is not None]).tolist())
         return tuple(None if a.p is None else next(left) for a in self.answers)
 
     @property
@@ -540,31 +537,36 @@ class PerGroup:
         )
 
     @property
+    def asked(self) -> tuple[GroupVerdict, ...]:
+        """Those in which anything was tested."""
+        return tuple(a for a in self.answers if a.tested)
+
+    @property
+    def named(self) -> list[tuple[str, int]]:
+        """How many of those that lack something name each effect, the most first."""
+        return Counter(name for a in self.lacking for name in a.selected).most_common()
+
+    @property
     def inclusion(self) -> dict[str, float]:
         """Of each effect that is named somewhere the share of those asked that name it."""
-        asked = [a for a in self.answers if a.tested]
-        named = Counter(name for a in self.lacking for name in a.selected)
-        return {name: n / len(asked) for name, n in named.most_common()}
+        return {name: n / len(self.asked) for name, n in self.named}
 
     @property
     def sentence(self) -> str:
         """How many lack something, which effect how often, and whether they say the same."""
-        asked = [a for a in self.answers if a.tested]
-        lacking, count = self.lacking, len(asked)
+        asked, lacking = self.asked, self.lacking
         if not asked:
             return f"No {self.by} alone has manoeuvres enough for a test."
         chance = [a for a in asked if a.verdict in _LACKS and a not in lacking]
-        by_name = Counter(name for a in lacking for name in a.selected)
-        names = ", ".join(f"{name} in {n}" for name, n in by_name.most_common())
+        names = "".join(f", {name} in {n}" for name, n in self.named)
         said = (
-            f"Each {self.by} alone: something is missing in {len(lacking)} of {count}"
-            f"{f', {names}' if names else ''} (at most {100.0 * FALSE_DISCOVERIES:.0f} % of them "
-            "by chance)"
+            f"Each {self.by} alone: something is missing in {len(lacking)} of {len(asked)}{names} "
+            f"(at most {100.0 * FALSE_DISCOVERIES:.0f} % of them by chance)"
         )
         if chance:
             said += (
                 f"; {len(chance)} more {'alarms' if len(chance) == 1 else 'alarm'}, no more than "
-                f"chance does among {count}"
+                f"chance does among {len(asked)}"
             )
         if len({(a.verdict in _LACKS, frozenset(a.selected)) for a in asked}) > 1:
             said += f"; the {self.by}s do not say the same: what is pooled is their mean"
@@ -575,14 +577,8 @@ class PerGroup:
             asdict(a) | {"p_adjusted": q, "lacking": a in self.lacking}
             for a, q in zip(self.answers, self.adjusted, strict=True)
         ]
-        return plain_fields(
-            {
-                "by": self.by,
-                "sentence": self.sentence,
-                "inclusion": self.inclusion,
-                "each": rows,
-            }
-        )
+        fields = {"by": self.by, "sentence": self.sentence, "inclusion": self.inclusion}
+        return plain_fields(fields | {"each": rows})
 
 
 def benjamini_hochberg(p: Sequence[float]) -> FloatArray:

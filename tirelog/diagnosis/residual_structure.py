@@ -95,18 +95,13 @@ def best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
 
     A quantity is preferred to the log itself if it explains nearly as much.
     """
-    best = int(np.argmax(statistic))
-    names = list(factors)
-    if names[best].startswith("log "):
-        # a quantity is named in place of a log from this share of its statistic on; half as much
-        # would name a quantity that explains half of what the log does
-        near = [
-            i
-            for i, name in enumerate(names)
-            if not name.startswith("log ") and statistic[i] >= 0.95 * statistic[best]
-        ]
-        best = max(near, key=lambda i: statistic[i]) if near else best
-    return best
+    # a quantity is named in place of a log from this share of its statistic on; half as much would
+    # name a quantity that explains half of what the log does
+    least = 0.95 * statistic.max()
+    near = [
+        i for i, name in enumerate(factors) if not name.startswith("log ") and statistic[i] >= least
+    ]
+    return max(near, key=lambda i: statistic[i], default=int(np.argmax(statistic)))
 
 
 def gone_along(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
-"""What each candidate would do to the waveforms of these cells.
+"""What each candidate would do to the waveforms of these cells, and the evidence for it.
 
-Columns (C, m, k), and which candidates cannot be tested, and why.
+Columns (C, m, k), which candidates cannot be tested, and why; whether what a model leaves is noise.
 
 A signature is the change of the fitted model's prediction when the effect is switched on at its
 probe strength, per unit of strength, one column per strength parameter. If an effect has shape

@@ -74,7 +74,7 @@ class Atom:
         numbers = self.law.numbers
         free = [name for name in numbers if name not in self.fixed]
         gone = bool(numbers) and all(n in self.fixed and v == 0.0 for n, v in numbers.items())
-        return self.form.complexity + len(free) + (0 if gone else self.law.law.complexity)
+        return self.form.profile.complexity + len(free) + (0 if gone else self.law.law.complexity)
 
     @property
     def form_key(self) -> tuple[str, str]:
@@ -304,10 +304,6 @@ class Draft:
             value = self.atom.law.numbers.get(name, 0.0)
             text = re.sub(rf"\*\* {name}\b", f"** {value:.2g}", text)
         return text
-
-    @property
-    def acts_on(self) -> str:
-        return str(self.entry.source["acts_on"])
 
 
 @dataclass(frozen=True)

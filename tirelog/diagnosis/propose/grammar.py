@@ -48,36 +48,30 @@ class FormFrame:
         return low, float(self.places[-1]) + 0.5 * reach
 
 
-def _evenly(first: float, last: float, number: int) -> FloatArray:
-    return np.linspace(first, last, number)
-
-
-def _by_factors(first: float, last: float, number: int) -> FloatArray:
-    return np.geomspace(first, last, number)
-
-
 FRAMES: tuple[FormFrame, ...] = (
     FormFrame("wheel_angle", "at a place of the wheel", "phi", "rad", "round",
               np.deg2rad([3.0, 6.0, 12.0, 24.0, 45.0]), np.deg2rad(np.arange(-180.0, 180.0, 6.0)),
               offset="((phi - at + pi) % (2 * pi) - pi)"),
     FormFrame("patch", "along the patch (xi / L)", "(xi / L)", "1", "both",
-              _by_factors(0.1, 5.0, 9), _evenly(-3.0, 3.0, 25)),
+              np.geomspace(0.1, 5.0, 9), np.linspace(-3.0, 3.0, 25)),
     FormFrame("tread", "along the tread about the patch centre", "xi", "m", "both",
-              _by_factors(0.02, 0.5, 8), _evenly(0.02, 0.86, 22)),
+              np.geomspace(0.02, 0.5, 8), np.linspace(0.02, 0.86, 22)),
     FormFrame("time_since_exit", "in the time since the exit edge", f"({FROM_EXIT_M} / speed)", "s",
-              "one", _by_factors(0.0015, 0.08, 8), _evenly(0.002, 0.04, 20),
-              _by_factors(25.0, 420.0, 36)),
+              "one", np.geomspace(0.0015, 0.08, 8), np.linspace(0.002, 0.04, 20),
+              np.geomspace(25.0, 420.0, 36)),
     FormFrame("distance_since_exit", "in the distance since the exit edge", FROM_EXIT_M, "m", "one",
-              _by_factors(0.015, 0.6, 8), _evenly(0.03, 0.51, 17), _by_factors(1.4, 20.0, 28)),
+              np.geomspace(0.015, 0.6, 8), np.linspace(0.03, 0.51, 17),
+              np.geomspace(1.4, 20.0, 28)),
     FormFrame("time_before_entry", "in the time before the entry edge", f"({TO_ENTRY_M} / speed)",
-              "s", "one", _by_factors(0.0015, 0.08, 5), _evenly(0.004, 0.04, 10),
-              _by_factors(25.0, 420.0, 18)),
+              "s", "one", np.geomspace(0.0015, 0.08, 5), np.linspace(0.004, 0.04, 10),
+              np.geomspace(25.0, 420.0, 18)),
     FormFrame("distance_before_entry", "in the distance before the entry edge", TO_ENTRY_M, "m",
-              "one", _by_factors(0.015, 0.6, 5), _evenly(0.06, 0.5, 8), _by_factors(1.4, 20.0, 14)),
+              "one", np.geomspace(0.015, 0.6, 5), np.linspace(0.06, 0.5, 8),
+              np.geomspace(1.4, 20.0, 14)),
     FormFrame("after_exit", "behind the exit edge, in half lengths of the patch", "((xi - L) / L)",
-              "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
+              "1", "gated", np.geomspace(0.1, 0.8, 4), np.linspace(0.0, 1.0, 2)),
     FormFrame("before_entry", "ahead of the entry edge, in half lengths of the patch",
-              "((-L - xi) / L)", "1", "gated", _by_factors(0.1, 0.8, 4), _evenly(0.0, 1.0, 2)),
+              "((-L - xi) / L)", "1", "gated", np.geomspace(0.1, 0.8, 4), np.linspace(0.0, 1.0, 2)),
     FormFrame("none", "all around", "1", "1", "none", np.ones(1), np.ones(2)),
 )  # fmt: skip
 
@@ -229,10 +223,6 @@ class Form:
         """Is it a wave of free phase: two columns?"""
         return "@(" in self.profile.text
 
-    @property
-    def complexity(self) -> int:
-        return self.profile.complexity
-
     def grids(self, most: int) -> Iterator[dict[str, FloatArray]]:
         """Scanned values of each number, (S,), for each combination; at `most` so many at once."""
         values = {
@@ -257,16 +247,14 @@ class Form:
 
 def forms() -> Iterator[Form]:
     """Every form of the grammar, the most general stage first."""
-    for stage in STAGES.values():
-        for frame in FRAMES:
-            for profile in PROFILES:
-                wanted = frame.side in profile.sides and stage.name in profile.stages
-                if profile.frames and frame.name not in profile.frames:
-                    wanted = False
-                if stage.name == "contact_pressure" and frame.name == "tread":
-                    wanted = False
-                if wanted:
-                    yield Form(frame, profile, stage)
+    for stage, frame, profile in product(STAGES.values(), FRAMES, PROFILES):
+        if (
+            frame.side in profile.sides
+            and stage.name in profile.stages
+            and frame.name in (profile.frames or (frame.name,))
+            and (stage.name, frame.name) != ("contact_pressure", "tread")
+        ):
+            yield Form(frame, profile, stage)
 
 
 @dataclass(frozen=True)

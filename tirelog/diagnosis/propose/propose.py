@@ -1,4 +1,7 @@
-"""What `propose` gives: frozen, with its sentences and JSON."""
+"""`propose`: the unknown effect written down, and its error on manoeuvres that nothing touched.
+
+Proposal, Term, FoundFormula, HoldoutErrors: what it gives, with its sentences and JSON
+"""
 
 from __future__ import annotations
 
@@ -372,27 +375,19 @@ def _nothing(
 
 def _ground(found: SearchResult, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
     """The base to propose on, or why there is nothing to propose."""
-    verdict = diagnosis.verdict
-    if verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
+    after, sentence = found.after, diagnosis.sentence
+    if diagnosis.verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
         return found.before, ""
-    if verdict == "partial":
-        after, before = found.after, found.before
-        if (
-            diagnosis.unexplained["significant"]
-            and after.excess > SECOND_LEAST * after.floor.square
-            and after.excess > REST_SHARE * before.excess
-        ):
+    if diagnosis.verdict == "partial":
+        least = max(SECOND_LEAST * after.floor.square, REST_SHARE * found.before.excess)
+        if diagnosis.unexplained["significant"] and after.excess > least:
             return after, ""
-        return None, (
-            f"{diagnosis.sentence} The rest is too small, or does not repeat well enough, to "
-            "write down."
+        sentence += " The rest is too small, or does not repeat well enough, to write down."
+    elif diagnosis.selected:
+        sentence += (
+            " Add it to the model, or give --despite to have what these data would say without it."
         )
-    if diagnosis.selected:
-        return None, (
-            f"{diagnosis.sentence} Add it to the model, or give --despite to have what these data "
-            "would say without it."
-        )
-    return None, diagnosis.sentence
+    return None, sentence
 
 
 @dataclass
@@ -649,7 +644,7 @@ def _formula_of(draft: Draft, text: str) -> FoundFormula:
     free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
     return FoundFormula(
         text,
-        draft.acts_on,
+        str(draft.entry.source["acts_on"]),
         draft.atom.form.words,
         draft.atom.law.written(free) or "1",
         draft.base.square_held,
