@@ -315,18 +315,6 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("runs.in_memory")
-def _(rng: np.random.Generator) -> Arguments:
-    lost = -(1 << 31)
-    raw = rng.integers(1000, 60_000, 50).astype(np.int32)
-    raw[[3, 17]] = lost
-    short = np.where(raw == lost, 0, raw - 999).astype(np.uint16)
-    return {
-        "pack": [(raw, lost, 999, np.zeros(50, np.uint16))],
-        "unpacked": [(short, 999, 1e-4, 1549.0, np.zeros(50))],
-    }
-
-
 def text_rows() -> tuple[Any, Any, list[int]]:
     """Rows of text, what to do with their columns, and where each row ends."""
     from tirelog.readers.text import kernels

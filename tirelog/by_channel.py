@@ -13,9 +13,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib import import_module
-from threading import Condition
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Channel, Recording, Scaled
@@ -23,7 +21,6 @@ from tirelog.process_pool import POSSIBLE, in_processes
 
 if TYPE_CHECKING:
     from tirelog.dsp.filters import Cutoff
-    from tirelog.process_pool import LocalLink, PipeLink
     from tirelog.strain.footprint.form_choice import FormChoice
     from tirelog.strain.footprint.measure import Measured
     from tirelog.strain.passages.find import Passages
@@ -33,7 +30,6 @@ Options = Mapping[str, Any]
 
 #: what the tables of strain channels are made with, beside what is loaded already
 _OF_CHANNELS = (
-    "tirelog.runs.in_memory",
     "tirelog.runs.in_memory",
     "tirelog.strain.dissipation_table",
     "tirelog.strain.footprint.footprint",
@@ -76,7 +72,7 @@ class Work:
     recording: Recording
     channel: Channel
     passages: Passages
-    settled: FormChoice | None
+    settled: FormChoice | None = None
     measured: Iterable[tuple[IntArray, Measured]] | None = None
 
 
@@ -92,33 +88,32 @@ class ChannelWorker:
     wanted: Mapping[str, Options]
     part: Callable[[str, Work, Options], Part | None]
 
-    def parts(self, names: Iterable[str], work: Work) -> dict[str, Part]:
-        """Those of `names` that can be made of a channel."""
+    def work(self, stored: Channel, passages: Passages | None) -> Work:
+        """A channel with its passages, which may be known."""
+        from tirelog.runs.in_memory import without_spikes
+        from tirelog.strain.passages.find import passages_of
+
+        only_passages = passages is not None and set(self.wanted) == {"speed"}
+        channel = stored if only_passages else without_spikes(stored)
+        if passages is None:
+            passages = passages_of(self.recording, channel)
+        return Work(self.recording, channel, passages)
+
+    def with_form(self, work: Work, like: FormChoice | None = None) -> Work:
+        """The channel with the form of its passages, if that is needed and can be learnt.
+
+        `like`: that of another channel, to start from.
+        """
+        from tirelog.strain.footprint.form_choice import choose_form
+
+        if "footprint" not in self.wanted or work.passages.doubt:
+            return work
+        return replace(work, settled=choose_form(work.channel, work.passages, like=like))
+
+    def parts(self, work: Work, names: Iterable[str]) -> dict[str, Part]:
+        """Those of the wanted tables that can be made of a channel, by their names."""
         made = {name: self.part(name, work, self.wanted[name]) for name in names}
         return {name: part for name, part in made.items() if part is not None}
-
-    def bare_parts(self, names: Iterable[str], work: Work) -> dict[str, Part]:
-        """As `parts`, without what they were found in, which no pipe carries."""
-        return {name: replace(part, found=None) for name, part in self.parts(names, work).items()}
-
-    @property
-    def others(self) -> list[str]:
-        """The wanted tables that need no form."""
-        return [name for name in self.wanted if name != "footprint"]
-
-    def made(self, parts: Mapping[str, Part], passages: Passages) -> ChannelProduct:
-        """The parts in the order in which they are wanted."""
-        return ChannelProduct(
-            [parts[name] for name in self.wanted if name in parts], len(passages) > 0
-        )
-
-
-@dataclass(frozen=True)
-class ChannelProduct:
-    """One channel's tables."""
-
-    parts: list[Part]
-    turns: bool
 
 
 def by_channel(
@@ -126,8 +121,8 @@ def by_channel(
     channels: Sequence[tuple[Channel, Passages | None]],
     workers: int,
     processes: bool,
-) -> Generator[ChannelProduct]:
-    """The tables of each channel, in their order; `channels` with their passages, if known.
+) -> Generator[tuple[list[Part], bool]]:
+    """(tables, whether it has passages) of each channel, in order; with passages, if known.
 
     With `processes` the workers are processes where they can be, and parts come without what they
     were `found` in.
@@ -155,162 +150,93 @@ def _at_hand(channels: Iterable[Channel]) -> bool:
     return all(isinstance(one.samples, Scaled) and one.samples.at_hand for one in channels)
 
 
+def _maker(
+    making: ChannelWorker, channels: Sequence[tuple[Channel, Passages | None]]
+) -> Callable[[int], tuple[list[Part], bool]]:
+    """What makes the tables of a channel by its number.
+
+    The first form that can be learnt is learnt here: all later channels start from it, so that
+    their rows do not depend on who is quicker.
+    """
+    first: dict[int, Work] = {}
+    like: FormChoice | None = None
+    if "footprint" in making.wanted:
+        for number, channel in enumerate(channels):
+            first[number] = making.with_form(making.work(*channel))
+            if like := first[number].settled:
+                break
+
+    def make(number: int) -> tuple[list[Part], bool]:
+        work = first.pop(number, None)
+        if work is None:
+            work = making.with_form(making.work(*channels[number]), like and like.light)
+        return [*making.parts(work, making.wanted).values()], len(work.passages) > 0
+
+    return make
+
+
 def _by_threads(
     making: ChannelWorker, channels: Sequence[tuple[Channel, Passages | None]], workers: int
-) -> Generator[ChannelProduct]:
+) -> Generator[tuple[list[Part], bool]]:
     """The tables of each channel, in their order, several at a time."""
-    forms, left = _Forms(), deque(enumerate(channels))
-
-    def made(number: int, channel: Channel, passages: Passages | None) -> ChannelProduct:
-        try:
-            return _make(making, number, channel, passages, forms)
-        finally:  # nobody waits for a form that does not come
-            forms.tell(number, None)
-
+    make, left = _maker(making, channels), deque(range(len(channels)))
+    ahead: deque[Future[tuple[list[Part], bool]]] = deque()
     with ThreadPoolExecutor(workers) as pool:
-        ahead: deque[Future[ChannelProduct]] = deque()
-
-        def fill() -> None:
-            while left and len(ahead) < workers:
-                number, (channel, passages) = left.popleft()
-                ahead.append(pool.submit(made, number, channel, passages))
-
-        fill()
-        while ahead:
-            made_of = ahead.popleft().result()
-            fill()  # the next one is at work while this one's rows are written
-            yield made_of
+        while left or ahead:
+            # one more than are at work, so that nobody waits while rows are written
+            while left and len(ahead) <= workers:
+                ahead.append(pool.submit(make, left.popleft()))
+            yield ahead.popleft().result()
 
 
 def _by_processes(
     making: ChannelWorker, channels: Sequence[tuple[Channel, Passages | None]], workers: int
-) -> Generator[ChannelProduct]:
-    """As `_by_threads`, without what the rows were found in."""
+) -> Generator[tuple[list[Part], bool]]:
+    """As `_by_threads`, without what the rows were found in, which no pipe carries."""
+    make = _maker(making, channels)
 
-    def make(number: int, wire: PipeLink | LocalLink) -> ChannelProduct:
-        made = _make(making, number, *channels[number], _FormsApart(wire))
-        return replace(made, parts=[replace(part, found=None) for part in made.parts])
+    def bare(number: int) -> tuple[list[Part], bool]:
+        parts, turns = make(number)
+        return [replace(part, found=None) for part in parts], turns
 
-    return in_processes(len(channels), workers, make)
+    return in_processes(len(channels), workers, bare)
 
 
 def _by_stretches(
     making: ChannelWorker, stored: Channel, found: Passages | None, workers: int
-) -> Generator[ChannelProduct]:
+) -> Generator[tuple[list[Part], bool]]:
     """The tables of the only channel, without what its rows were found in.
 
     One process learns the form while another makes the tables that need none; then both measure
     stretches of passages.
     """
-    from tirelog.runs.in_memory import without_spikes
     from tirelog.strain.footprint.footprint import Measuring, refuse_cutoff
-    from tirelog.strain.footprint.form_choice import choose_form
-    from tirelog.strain.passages.find import passages_of
 
-    channel = without_spikes(stored)
-    passages = passages_of(making.recording, channel) if found is None else found
-    if "footprint" not in making.wanted or passages.doubt:
-        yield _make(making, 0, channel, passages, _Forms())
+    work = making.work(stored, found)
+    names = [name for name in making.wanted if name != "footprint"]
+    if len(names) == len(making.wanted) or work.passages.doubt:
+        yield [*making.parts(work, making.wanted).values()], len(work.passages) > 0
         return
-    work = Work(making.recording, channel, passages, None)
     cutoff = cutoff_in(making.wanted["footprint"])
-    refuse_cutoff(making.recording, channel, cutoff)
-    at_work: list[Measuring] = []  # of each process its own
+    refuse_cutoff(making.recording, work.channel, cutoff)
 
-    def make(number: int, wire: PipeLink | LocalLink) -> tuple[Any]:
-        if number == 0:
-            settled = choose_form(channel, passages)
-            wire.tell(settled and settled.light)
-            return (settled and settled.light,)
-        if number == 1:
-            return (making.bare_parts(making.others, work),)
-        if not at_work:
-            if (settled := wire.ask()) is None:
-                return (None,)
-            at_work.append(Measuring.of(channel, passages, settled, cutoff))
-        rows = at_work[0].measure(number - 2, _STRETCHES)
-        return ((rows, at_work[0].work.take(rows)),)
+    def begun(number: int) -> Any:
+        if number:
+            parts = making.parts(work, names)
+            return {name: replace(part, found=None) for name, part in parts.items()}
+        settled = making.with_form(work).settled
+        return settled and settled.light
 
-    (settled,), (parts,), *stretches = in_processes(2 + _STRETCHES, workers, make)
-    measured = [stretch for (stretch,) in stretches] if settled else None
-    work = replace(work, settled=settled, measured=measured)
-    yield making.made(parts | making.bare_parts(["footprint"], work), passages)
+    settled, made = in_processes(2, workers, begun)
+    measured = None
+    if settled:
 
+        def measure(number: int) -> tuple[IntArray, Measured]:
+            measuring = Measuring.of(work.channel, work.passages, settled, cutoff)
+            rows = measuring.measure(number, _STRETCHES)
+            return rows, measuring.work.take(rows)
 
-class _Forms:
-    """The forms of the channels' passages, by the channels' ordinals.
-
-    The first that could be learnt is where all later ones start from.
-
-    A channel that asks waits for those before it, which are at work or done already, so that its
-    rows do not depend on who is quicker.
-    """
-
-    def __init__(self) -> None:
-        self._settled: dict[int, FormChoice | None] = {}
-        self._news = Condition()
-
-    def settle(self, number: int, channel: Channel, passages: Passages) -> FormChoice | None:
-        """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.form_choice import choose_form
-
-        settled = choose_form(channel, passages, like=self._first_before(number))
-        self.tell(number, settled and settled.light)
-        return settled
-
-    def tell(self, number: int, settled: FormChoice | None) -> None:
-        """What was learnt from a channel, or that nothing more will be."""
-        with self._news:
-            self._settled.setdefault(number, settled)
-            self._news.notify_all()
-
-    def _first_before(self, number: int) -> FormChoice | None:
-        for before in range(number):
-            with self._news:
-                self._news.wait_for(partial(self._settled.__contains__, before))
-                settled = self._settled[before]
-            if settled is not None:
-                return settled
-        return None
-
-
-class _FormsApart:
-    """The forms of the channels' passages, as `_Forms`, by way of the other process."""
-
-    def __init__(self, wire: PipeLink | LocalLink) -> None:
-        self._wire = wire
-
-    def settle(self, number: int, channel: Channel, passages: Passages) -> FormChoice | None:
-        """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.form_choice import choose_form
-
-        settled = choose_form(channel, passages, like=self._wire.ask())
-        self.tell(number, settled and settled.light)
-        return settled
-
-    def tell(self, number: int, settled: FormChoice | None) -> None:
-        """What was learnt from a channel, or that nothing more will be."""
-        self._wire.tell(settled)
-
-
-def _make(
-    making: ChannelWorker,
-    number: int,
-    stored: Channel,
-    found: Passages | None,
-    forms: _Forms | _FormsApart,
-) -> ChannelProduct:
-    """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
-    from tirelog.runs.in_memory import without_spikes
-    from tirelog.strain.passages.find import passages_of
-
-    footprint = [name for name in making.wanted if name == "footprint"]
-    only_passages = found is not None and set(making.wanted) == {"speed"}
-    channel = stored if only_passages else without_spikes(stored)
-    passages = passages_of(making.recording, channel) if found is None else found
-    work = Work(making.recording, channel, passages, None)
-    # before a form is asked for, which may take others' time
-    parts = making.parts(making.others, work)
-    if footprint and not passages.doubt:
-        work = replace(work, settled=forms.settle(number, channel, passages))
-    return making.made(parts | making.parts(footprint, work), passages)
+        measured = list(in_processes(_STRETCHES, workers, measure))
+    parts = making.parts(replace(work, settled=settled, measured=measured), ["footprint"])
+    made |= {name: replace(part, found=None) for name, part in parts.items()}
+    yield [made[name] for name in making.wanted if name in made], len(work.passages) > 0

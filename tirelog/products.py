@@ -176,9 +176,9 @@ def _channel_tables(
     channels = list(zip(stored, found, strict=True))
     making = ChannelWorker(recording, wanted, _part)
     with closing(by_channel(making, channels, workers, processes)) as of_channels:
-        for made in of_channels:
-            turned |= made.turns
-            for part in made.parts:
+        for parts, turns in of_channels:
+            turned |= turns
+            for part in parts:
                 remarks = [
                     remark
                     for remark in (*radius_remarks(recording), *part.remarks)

@@ -77,11 +77,11 @@ def gratings(log: Recording, count: int) -> Recording:
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, None])
 def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, how):
-    """Whoever starts from the form of the grating before it does so, whoever learns that form."""
+    """Its parent learns the form in its place, and starts from where it would have."""
     parent, settled = os.getpid(), form_choice.choose_form
 
     def mortal(channel, passages, *, like=None):
-        if channel.name.endswith("_0") and os.getpid() != parent:
+        if channel.name.endswith("_1") and os.getpid() != parent:
             if how is None:
                 raise MemoryError
             os.kill(os.getpid(), how)

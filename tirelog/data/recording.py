@@ -152,18 +152,7 @@ class Scaled:
 
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
-        return self._into(raw, np.empty(raw.size))
-
-    def whole(self, size: int) -> FloatArray:
-        """All samples of a channel of `size`, read a block at a time."""
-        values = np.empty(size)
-        for start in range(0, size, BLOCK_SAMPLES):
-            stop = min(start + BLOCK_SAMPLES, size)
-            self._into(self.raw(start, stop), values[start:stop])
-        return values
-
-    def _into(self, raw: NDArray[Any], values: FloatArray) -> FloatArray:
-        """`values` (n,), filled with what the stored `raw` numbers (n,) are in SI."""
+        values = np.empty(raw.size)
         if self.lost is not None and raw.dtype == np.int32:
             si_of_counts(raw, self.scale, self.offset, self.lost, values)
             return values

@@ -1,17 +1,12 @@
-"""A channel in memory, in as few bytes as its numbers need: it is gone through more than once.
+"""A channel in memory: it is gone through more than once.
 
-    Channel of a run
-        --counts, piece by piece, above the least of the piece: two bytes per sample if they fit-->
-        Channel in memory
+    Channel of a run --int32 counts as they are stored--> Channel in memory
     Channel of a log --float64 if it is short--> Channel in memory; a long one stays in the
         temporary run, whose numbers are stored as they are
     any other Channel --float64--> Channel in memory
 
-What is read from the one that is made is what was stored, to the bit.
-
-Two bytes per sample are kept for what they buy: with four, and so half as long channels held in the
-same memory, `tirelog tables` on an hour's run of 4 gratings takes 10.1 s of CPU for 5.5 (22
-November 2026, two shared cores, Python 3.11).
+What is read from the one that is made is what was stored, to the bit. A run's counts are not
+unpacked again: of an hour at 2.5 kHz they take 36 MB a channel.
 """
 
 from __future__ import annotations
@@ -28,73 +23,25 @@ from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality
 
-#: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 19 MB
+#: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 38 MB
 HELD_SAMPLES = 9_500_000
 #: a channel of a log up to this length is held as what it becomes, 50 MB: ten minutes at 10 kHz.
 #: Tables go through it ten times, which without it are a seventh of their CPU time; twice as much
 #: holds twice as much in each process
 HELD_FLOATS = 6_300_000
-#: samples a piece
-PIECE = 1 << 17
-_MOST = np.iinfo(np.uint16).max - 1
 
 Read = Callable[[int, int], FloatArray]
 
 
 @dataclass(frozen=True)
-class _Packed:
-    """A piece of a channel as counts above a `least` one, 0 if a sample is lost."""
-
-    short: NDArray[np.uint16]
-    least: int
-    scale: float
-    offset: float
-
-    def __call__(self, start: int, stop: int) -> FloatArray:
-        some = self.short[start:stop]
-        return self.into(start, np.empty(some.size))
-
-    def into(self, start: int, out: FloatArray) -> FloatArray:
-        """The samples from `start` on into `out`, which is given back."""
-        unpacked(self.short[start : start + out.size], self.least, self.scale, self.offset, out)
-        return out
-
-
-@dataclass(frozen=True)
 class _Held:
-    """The samples of a channel from memory, piece by piece, and where they were `stored`."""
+    """The samples of a channel in `memory`, and where they were `stored`."""
 
-    pieces: tuple[Read, ...]
+    memory: Read
     stored: Read
 
     def __call__(self, start: int, stop: int) -> FloatArray:
-        parts = [
-            (self.pieces[n], max(start - n * PIECE, 0), stop - n * PIECE)
-            for n in range(start // PIECE, -(-stop // PIECE))
-        ]
-        if len(parts) == 1:
-            piece, begin, end = parts[0]
-            return piece(begin, end)
-        out, at = np.empty(max(stop - start, 0)), 0
-        for piece, begin, end in parts:
-            size = min(end, PIECE) - begin
-            if isinstance(piece, _Packed):
-                piece.into(begin, out[at : at + size])
-            else:
-                out[at : at + size] = piece(begin, end)
-            at += size
-        return out
-
-
-@dataclass(frozen=True)
-class _Whole:
-    """The samples of a channel, and where they were `stored`."""
-
-    values: FloatArray
-    stored: Read
-
-    def __call__(self, start: int, stop: int) -> FloatArray:
-        return self.values[start:stop]
+        return self.memory(start, stop)
 
 
 @dataclass(frozen=True)
@@ -115,21 +62,14 @@ class _Holed:
         return values
 
 
-def with_holes(samples: Read, size: int, first: IntArray, stop: IntArray) -> Read:
-    """The `samples` of a channel of `size`, lost in the ranges [first, stop), (n,) in order.
+def with_holes(samples: Read, first: IntArray, stop: IntArray) -> Read:
+    """The `samples` of a channel, lost in the ranges [first, stop), (n,) in order.
 
     They stay in memory if they are there.
     """
-    if isinstance(samples, _Whole):
-        return _Whole(_Holed(samples, first, stop)(0, size), _Holed(samples.stored, first, stop))
-    holed = _Holed(samples, first, stop)
-    if not isinstance(samples, _Held):
-        return holed
-    pieces = list(samples.pieces)
-    for begin, end in zip(first.tolist(), stop.tolist(), strict=True):
-        for n in range(begin // PIECE, (end - 1) // PIECE + 1):
-            pieces[n] = _piece(holed, n * PIECE, min((n + 1) * PIECE, size))
-    return _Held(tuple(pieces), _Holed(samples.stored, first, stop))
+    if isinstance(samples, _Held):
+        return _Held(_Holed(samples.memory, first, stop), _Holed(samples.stored, first, stop))
+    return _Holed(samples, first, stop)
 
 
 def in_memory(channel: Channel) -> Channel:
@@ -140,17 +80,13 @@ def in_memory(channel: Channel) -> Channel:
     cores, Python 3.11; `tirelog tables` on 4 gratings).
     """
     stored = channel.samples
-    if channel.size > HELD_SAMPLES or isinstance(stored, _Held | _Whole):
+    most = HELD_FLOATS if _at_hand(channel) else HELD_SAMPLES
+    if channel.size > most or isinstance(stored, _Held):
         return channel
-    if isinstance(stored, Scaled) and stored.at_hand:
-        if channel.size > HELD_FLOATS:
-            return channel
-        return replace(channel, samples=_Whole(stored.whole(channel.size), stored))
-    pieces = tuple(
-        _piece(stored, start, min(start + PIECE, channel.size))
-        for start in range(0, channel.size, PIECE)
-    )
-    return replace(channel, samples=_Held(pieces, stored))
+    if isinstance(stored, Scaled) and not stored.at_hand:
+        raw = _whole(stored.raw, channel.size, stored.raw(0, 0).dtype)
+        return replace(channel, samples=_Held(replace(stored, raw=raw), stored))
+    return replace(channel, samples=_Held(_whole(stored, channel.size, np.dtype(float)), stored))
 
 
 def readable_apart(channel: Channel) -> bool:
@@ -158,67 +94,33 @@ def readable_apart(channel: Channel) -> bool:
 
     It is in memory, or stored so that no library holds its file's place; its times are counted.
     """
-    stored = channel.samples
-    if isinstance(stored, _Holed):
-        stored = stored.stored
-    at_hand = isinstance(stored, Scaled) and stored.at_hand
-    return (at_hand or isinstance(stored, _Held | _Whole)) and channel.axis.explicit is None
+    readable = isinstance(channel.samples, _Held) or _at_hand(channel)
+    return readable and channel.axis.explicit is None
 
 
 def released(channel: Channel) -> Channel:
     """The channel without the memory that `in_memory` took."""
-    return (
-        replace(channel, samples=channel.samples.stored)
-        if isinstance(channel.samples, _Held | _Whole)
-        else channel
-    )
+    stored = channel.samples
+    return replace(channel, samples=stored.stored) if isinstance(stored, _Held) else channel
 
 
-def _piece(stored: Read, start: int, stop: int) -> Read:
-    """The samples [start, stop) from memory, counted from `start`."""
-    if not isinstance(stored, Scaled):
-        values = stored(start, stop)
-        return lambda a, b: values[a:b]
-    raw = stored.raw(start, stop)
-    packed = None if stored.lost is None else _packed(raw, stored.lost)
-    if packed is None:
-        return replace(stored, raw=lambda a, b: raw[a:b])
-    return _Packed(*packed, stored.scale, stored.offset)
+def _at_hand(channel: Channel) -> bool:
+    """Whether reading the channel where it is stored costs little."""
+    stored = channel.samples
+    if isinstance(stored, _Holed):
+        stored = stored.stored
+    return isinstance(stored, Scaled) and stored.at_hand
 
 
-def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | None:
-    """(counts above a base, the base), or None if two bytes do not hold them.
-
-    The base is one below the least count; a count that is `lost` becomes 0.
-    """
-    least, most = (int(raw.min()), int(raw.max())) if raw.size else (0, 0)
-    if lost in (least, most):
-        known = raw[raw != lost]
-        least, most = (int(known.min()), int(known.max())) if known.size else (0, 0)
-    if most - least >= _MOST:
-        return None
-    short = np.empty(raw.size, np.uint16)
-    pack(raw, lost, least - 1, short)
-    return short, least - 1
-
-
-@compiled
-def pack(raw: NDArray[Any], lost: int, least: int, short: NDArray[np.uint16]) -> None:
-    """Fills `short` (n,) with how far each count of `raw` (n,) is above `least`, 0 if `lost`."""
-    for i in range(raw.size):
-        short[i] = np.uint16(0) if raw[i] == lost else np.uint16(raw[i] - least)
-
-
-@compiled
-def unpacked(
-    short: NDArray[np.uint16], least: int, scale: float, offset: float, out: FloatArray
-) -> None:
-    """Fills `out` (n,) with what `pack` made, in SI; NaN for a lost count.
-
-    (short + least) x scale + offset, `scale` and `offset` in the channel's SI unit.
-    """
-    for i in range(short.size):
-        out[i] = np.nan if short[i] == 0 else (np.int64(short[i]) + least) * scale + offset
+def _whole(
+    read: Callable[[int, int], NDArray[Any]], size: int, dtype: np.dtype[Any]
+) -> Callable[[int, int], NDArray[Any]]:
+    """All numbers of a channel of `size` from memory."""
+    values = np.empty(size, dtype)
+    for start in range(0, size, BLOCK_SAMPLES):
+        stop = min(start + BLOCK_SAMPLES, size)
+        values[start:stop] = read(start, stop)
+    return lambda start, stop: values[start:stop]
 
 
 # ---- Bursts of bad samples: what leaves everything around it by far, and comes back within 8 ms.
@@ -280,7 +182,7 @@ def without_spikes(channel: Channel) -> Channel:
     flags = [(int(a), int(b), Quality.SPIKE) for a, b in zip(first, stop, strict=True)]
     return replace(
         channel,
-        samples=with_holes(channel.samples, channel.size, first, stop),
+        samples=with_holes(channel.samples, first, stop),
         flags=(*channel.flags, *flags),
     )
 
