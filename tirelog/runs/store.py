@@ -24,7 +24,6 @@ Format 1, which kept its texts in the heap, is not read.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -52,6 +51,7 @@ from tirelog.runs.store_checks import (
     check_open,
     contents_digest,
     dataset_at,
+    digest_of,
     flags_at,
     provenance_at,
     text_at,
@@ -114,12 +114,14 @@ def _write_axis(place: h5py.Group, axis: TimeAxis) -> None:
 
 def _write_column(dataset: h5py.Dataset, read: Callable[[int, int], NDArray[Any]]) -> None:
     """Fill a long column, and write its digest."""
-    digest = hashlib.sha256()
-    for start in range(0, dataset.size, CHUNK):
-        part = read(start, min(start + CHUNK, dataset.size))
-        dataset[start : start + CHUNK] = part
-        digest.update(part.astype(part.dtype.newbyteorder("<"), copy=False).data)
-    dataset.attrs[COLUMN_DIGEST] = np.bytes_(digest.hexdigest())
+
+    def parts() -> Iterator[NDArray[Any]]:
+        for start in range(0, dataset.size, CHUNK):
+            part = read(start, min(start + CHUNK, dataset.size))
+            dataset[start : start + CHUNK] = part
+            yield part
+
+    dataset.attrs[COLUMN_DIGEST] = np.bytes_(digest_of(parts()))
 
 
 def _write_channel(file: h5py.File, name: str, stored: Stored, channel: ChannelSetup) -> None:

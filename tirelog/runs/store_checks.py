@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import h5py
@@ -30,11 +30,13 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.storage.whole import json_value
+from tirelog.storage.whole import json_of
 from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
 #: samples per chunk of a run
 CHUNK = 1 << 15
+#: what of a run may be there
+_WRITTEN = "what `tirelog ingest` writes"
 DIGEST = "contents_sha256"
 COLUMN_DIGEST = "sha256"
 #: bytes of the provenance's text: one line for each chunk of ten hours that is damaged takes less
@@ -47,7 +49,20 @@ MOST_OBJECTS = 1 << 16
 LATEST_S = 1e11
 #: largest rate that a run may state [Hz]
 FASTEST_HZ = 1e9
-_PROVENANCE = {"losses": list, "remarks": list, "repairs": dict, "counts": dict}
+#: what a provenance is made of, as far as commands rely on it
+_PROVENANCE = {
+    "losses?": [object],
+    "remarks?": [object],
+    "repairs?": {str: {str: int}},
+    "counts?": {str: int},
+}
+
+
+def _refuse(path: str, *checks: tuple[object, str, str]) -> None:
+    """ReadError for the first check (wrong, what, what is allowed) that is `wrong`."""
+    for wrong, what, allowed in checks:
+        if wrong:
+            raise refuse(path, what, allowed, "ingest the log again")
 
 
 def dataset_at(
@@ -62,60 +77,41 @@ def dataset_at(
 
 def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> h5py.Dataset:
     """The dataset `item`, as of `dataset_at`."""
-    if not isinstance(item, h5py.Dataset):
-        raise refuse(path, "is no dataset", "what `tirelog ingest` writes", "ingest the log again")
+    _refuse(path, (not isinstance(item, h5py.Dataset), "is no dataset", _WRITTEN))
     check_storage(path, item)
-    if item.dtype.kind != "S":
+    text, size = item.dtype.kind == "S", item.dtype.itemsize
+    if not text:
         check_type(path, item.dtype)
-    wide = item.dtype.itemsize > (256 if item.dtype.kind == "S" else 8)
-    if item.ndim != 1 or wide or (kind and item.dtype.kind not in kind):
-        raise refuse(
-            path,
-            f"has the shape {item.shape} and the type {item.dtype}",
-            "a list of plain numbers",
-            "ingest the log again",
-        )
-    if chunk is not None and item.chunks != (chunk,):
-        raise refuse(
-            path, f"has chunks of {item.chunks} values", f"{chunk}", "ingest the log again"
-        )
+    plain = item.ndim == 1 and size <= (256 if text else 8) and item.dtype.kind in (kind or "iufbS")
+    chunks = f"has chunks of {item.chunks} values"
+    _refuse(
+        path,
+        (not plain, f"has the shape {item.shape} and the type {item.dtype}", "a list of numbers"),
+        (chunk is not None and item.chunks != (chunk,), chunks, f"{chunk}"),
+    )
     if item.size:
         check_shape(SourceColumn(path, item, 0, (None,)))
-        _check_chunks(path, item)
+    if item.size and item.chunks:
+        most, largest = item.chunks[0] * size, [0]
+        item.id.chunk_iter(lambda stored: largest.__setitem__(0, max(largest[0], stored.size)))
+        # larger than the filters make of one, it would grow without end
+        grows = largest[0] > most + most // 64 + 64
+        inside = f"has a chunk of {largest[0]} bytes for {most}"
+        _refuse(path, (grows, inside, "what the chunk holds"))
     return item
-
-
-def _check_chunks(path: str, dataset: h5py.Dataset) -> None:
-    """Refuses a stored chunk that is larger than the filters make of one.
-
-    It would grow without end.
-    """
-    if not dataset.chunks:
-        return
-    most = dataset.chunks[0] * dataset.dtype.itemsize
-    largest = [0]
-    dataset.id.chunk_iter(lambda chunk: largest.__setitem__(0, max(largest[0], chunk.size)))
-    if largest[0] > most + most // 64 + 64:
-        raise refuse(
-            path,
-            f"has a chunk of {largest[0]} bytes for {most}",
-            "what the chunk holds",
-            "ingest the log again",
-        )
 
 
 def text_at(file: h5py.File, path: str, largest: int) -> str:
     """The text at `path`, as the bytes of a dataset."""
     dataset = dataset_at(file, path, "u")
-    if dataset.dtype != np.uint8 or dataset.size > largest:
-        raise refuse(
-            path,
-            f"has {dataset.size} values of the type {dataset.dtype}",
-            f"{largest} bytes of text",
-            "ingest the log again",
-        )
-    if attribute(dataset, "size") != dataset.size:
-        raise refuse(path, "has another size than it says", "one size", "ingest the log again")
+    what = f"has {dataset.size} values of the type {dataset.dtype}"
+    plain = dataset.dtype == np.uint8 and dataset.size <= largest
+    other = attribute(dataset, "size") != dataset.size
+    _refuse(
+        path,
+        (not plain, what, f"{largest} bytes of text"),
+        (other, "has another size than it says", "one size"),
+    )
     return bytes(dataset[:]).decode("utf-8")
 
 
@@ -142,13 +138,8 @@ def _plain(item: h5py.Group | h5py.Dataset, name: str) -> Any:
 def attribute(item: h5py.Group | h5py.Dataset, name: str) -> float:
     """A number among the attributes.  ReadError: there is none."""
     value = as_number(_plain(item, name))
-    if value is None:
-        raise refuse(
-            str(item.name),
-            f"has no number {name}",
-            "what `tirelog ingest` writes",
-            "ingest the log again",
-        )
+    _refuse(str(item.name), (value is None, f"has no number {name}", _WRITTEN))
+    assert value is not None
     return value
 
 
@@ -159,30 +150,9 @@ def text_in(item: h5py.Group | h5py.Dataset, name: str) -> str:
 
 
 def provenance_at(file: h5py.File) -> dict[str, Any]:
-    """The provenance, each part of the kind that the commands rely on."""
-    told = json_value(text_at(file, "provenance", LARGEST_TEXT_BYTES))
-    if not isinstance(told, dict):
-        raise ReadError(
-            "the run's provenance is no table",
-            allowed="allowed is what `tirelog ingest` writes",
-            do="ingest the log again",
-        )
-    for key, kind in _PROVENANCE.items():
-        if not isinstance(told.get(key, kind()), kind):
-            raise ReadError(
-                f"the run's provenance has {key} that are no {kind.__name__}",
-                do="ingest the log again",
-            )
-    repairs = told.get("repairs", {}).values()
-    counts = [told.get("counts", {}), *repairs]
-    if not all(
-        isinstance(table, dict) and all(isinstance(n, int) for n in table.values())
-        for table in counts
-    ):
-        raise ReadError(
-            "the run's provenance counts what are no numbers", do="ingest the log again"
-        )
-    lines = {key: [str(line) for line in told.get(key, [])] for key in ("losses", "remarks")}
+    """The provenance.  ValueError: a part is not of the kind that the commands rely on."""
+    told: dict[str, Any] = json_of(text_at(file, "provenance", LARGEST_TEXT_BYTES), _PROVENANCE)
+    lines = {key: [str(line) for line in told.get(key) or ()] for key in ("losses", "remarks")}
     return {**told, **lines}
 
 
@@ -190,48 +160,31 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     """The time axis of a group: finite, forwards, as long as it says."""
     path = f"groups/{name}"
     place = walk(file, path)
-    if not isinstance(place, h5py.Group):
-        raise refuse(path, "is no group", "what `tirelog ingest` writes", "ingest the log again")
+    _refuse(path, (not isinstance(place, h5py.Group), "is no group", _WRITTEN))
     size, rate = attribute(place, "size"), attribute(place, "rate_Hz")
-    if size != int(size) or size < 0 or not 0.0 < rate <= FASTEST_HZ:
-        raise refuse(
-            path,
-            f"has {size:g} samples at {rate:g} Hz",
-            "a whole number and a rate",
-            "ingest the log again",
-        )
+    wrong = size != int(size) or size < 0 or not 0.0 < rate <= FASTEST_HZ
+    _refuse(path, (wrong, f"has {size:g} samples at {rate:g} Hz", "a whole number and a rate"))
     if "time_s" in place:
         return _explicit(file, f"{path}/time_s", int(size), rate)
     kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
     parts = [dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items()]
-    if len({part.size for part in parts}) > 1 or not 0 < parts[0].size <= LARGEST_LIST:
-        raise refuse(
-            path,
-            f"has segments of {[part.size for part in parts]} parts",
-            "one number each",
-            "ingest the log again",
-        )
+    sizes = [part.size for part in parts]
+    wrong = len(set(sizes)) > 1 or not 0 < sizes[0] <= LARGEST_LIST
+    _refuse(path, (wrong, f"has segments of {sizes} parts", "one number each"))
     first, start, period = (part[:] for part in parts)
-    forwards = first[0] == 0 and (np.diff(first) > 0).all() and first[-1] <= max(int(size) - 1, 0)
-    finite = (
-        np.isfinite(start).all() and np.abs(start).max() <= LATEST_S and np.isfinite(period).all()
-    )
-    if (
-        not forwards
-        or not finite
-        or not (np.diff(start) >= 0).all()
-        or not (period > 0).all()
-        or period.max() > LATEST_S
-    ):
-        raise refuse(
-            path,
-            "has segments that do not follow each other",
-            "times that grow",
-            "ingest the log again",
-        )
-    return TimeAxis(
-        int(size), rate, first.astype(np.int64), start.astype(np.float64), period.astype(np.float64)
-    )
+    apart = "has segments that do not follow each other"
+    in_order = first[0] == 0 and (np.diff(first) > 0).all() and first[-1] <= max(int(size) - 1, 0)
+    steps = (period > 0).all() and period.max() <= LATEST_S
+    wrong = not (in_order and steps and _rises(start))
+    _refuse(path, (wrong, apart, "times that grow"))
+    first, start, period = first.astype(np.int64), start.astype(float), period.astype(float)
+    return TimeAxis(int(size), rate, first, start, period)
+
+
+def _rises(times_s: np.ndarray, last_s: float = -LATEST_S) -> bool:
+    """Whether times [s], shape (n,), are finite and none is before another or `last_s`."""
+    steps = np.diff(times_s, prepend=last_s)
+    return bool((steps >= 0.0).all() and (np.abs(times_s) <= LATEST_S).all())
 
 
 def _explicit(file: h5py.File, path: str, size: int, rate: float) -> TimeAxis:
@@ -240,25 +193,12 @@ def _explicit(file: h5py.File, path: str, size: int, rate: float) -> TimeAxis:
     All are looked at: a damaged one has no time to lose it at.
     """
     times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1))
-    if times.size != size:
-        raise refuse(
-            path, f"has {times.size} times for {size} samples", "one each", "ingest the log again"
-        )
-    last = -np.inf
+    _refuse(path, (times.size != size, f"has {times.size} times for {size} samples", "one each"))
+    last = -LATEST_S
     for start in range(0, size, CHUNK):
         part = times[start : start + CHUNK]
-        if (
-            not np.isfinite(part).all()
-            or part[0] < last
-            or (np.diff(part) < 0).any()
-            or np.abs(part).max() > LATEST_S
-        ):
-            raise refuse(
-                path,
-                "has times that do not follow each other",
-                "times that grow",
-                "ingest the log again",
-            )
+        falls = not _rises(part, last)
+        _refuse(path, (falls, "has times that do not follow each other", "times that grow"))
         last = part[-1]
     none = np.zeros(0)
 
@@ -280,21 +220,16 @@ def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[
         return ()
     kinds = {"start": "iu", "stop": "iu", "word": "S"}
     start, stop, words = (dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items())
-    if not start.size == stop.size == words.size <= LARGEST_LIST:
-        raise refuse(path, "has flags of several sizes", "one size", "ingest the log again")
+    same = start.size == stop.size == words.size <= LARGEST_LIST
+    _refuse(path, (not same, "has flags of several sizes", "one size"))
     texts = [word.decode("utf-8") for word in words[:]]
     foreign |= {text for text in texts if flag_of(text) is None}
     found = tuple(
         (int(a), int(b), flag_of(text) or Quality.FOREIGN_DOUBT)
         for a, b, text in zip(start[:], stop[:], texts, strict=True)
     )
-    if any(not 0 <= a <= b <= size for a, b, _ in found):
-        raise refuse(
-            path,
-            f"has flags outside of the {size} samples",
-            "flags of samples",
-            "ingest the log again",
-        )
+    outside = any(not 0 <= a <= b <= size for a, b, _ in found)
+    _refuse(path, (outside, f"has flags outside of the {size} samples", "flags of samples"))
     return found
 
 
@@ -321,13 +256,8 @@ def contents_digest(file: h5py.File) -> str:
         for name in sorted(item.attrs):
             if path or name != DIGEST:
                 value = _plain(item, name)
-                if value is None:
-                    raise refuse(
-                        f"{path}.{name}",
-                        "is no plain attribute",
-                        "numbers and short texts",
-                        "ingest the log again",
-                    )
+                inside = "numbers and short texts"
+                _refuse(f"{path}.{name}", (value is None, "is no plain attribute", inside))
                 value = np.asarray(value)
                 found.update(f"{name}\0{value.dtype.str}{value.shape}\0".encode() + value.tobytes())
         if isinstance(item, h5py.Dataset) and not is_long(path):
@@ -353,26 +283,19 @@ def _objects(file: h5py.File) -> Iterator[tuple[str, Any]]:
         seen += 1
         if isinstance(item, h5py.Group):
             names = sorted(item, reverse=True)
-            if seen + len(todo) + len(names) > MOST_OBJECTS:
-                raise refuse(
-                    "/", "holds too many objects", f"{MOST_OBJECTS}", "ingest the log again"
-                )
+            many = seen + len(todo) + len(names) > MOST_OBJECTS
+            _refuse("/", (many, "holds too many objects", f"{MOST_OBJECTS}"))
             for name in names:
-                if not isinstance(item.get(name, getlink=True), h5py.HardLink):
-                    raise refuse(
-                        f"{path}/{name}",
-                        "is a link to elsewhere",
-                        "data inside the run",
-                        "ingest the log again",
-                    )
+                elsewhere = not isinstance(item.get(name, getlink=True), h5py.HardLink)
+                what = "is a link to elsewhere"
+                _refuse(f"{path}/{name}", (elsewhere, what, "data inside the run"))
             todo += [(f"{path}/{name}".lstrip("/"), item[name]) for name in names]
 
 
-def column_digest(dataset: h5py.Dataset) -> str:
-    """sha256 of a long column's numbers, little-endian, in their order."""
+def digest_of(parts: Iterable[np.ndarray]) -> str:
+    """sha256 of the numbers of a long column, part by part, little-endian, in their order."""
     found = hashlib.sha256()
-    for start in range(0, dataset.size, 4 * CHUNK):
-        part = dataset[start : start + 4 * CHUNK]
+    for part in parts:
         found.update(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes())
     return found.hexdigest()
 
@@ -382,9 +305,11 @@ def check_columns(file: h5py.File) -> list[str]:
     wrong = []
     for path, item in _objects(file):
         if isinstance(item, h5py.Dataset) and is_long(path):
+            column, starts = _checked(path, item), range(0, item.size, 4 * CHUNK)
             try:
-                same = column_digest(_checked(path, item)) == text_in(item, COLUMN_DIGEST)
+                digest = digest_of(column[start : start + 4 * CHUNK] for start in starts)
             except OSError:
-                same = False
-            wrong += [] if same else [path.removeprefix("channels/")]
+                digest = "damaged"
+            if digest != text_in(item, COLUMN_DIGEST):
+                wrong.append(path.removeprefix("channels/"))
     return wrong
