@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tirelog import by_channel
-from tirelog.by_channel import Part
+from tirelog import products
 from tirelog.data.recording import Recording, Scaled
 from tirelog.process_pool import POSSIBLE
-from tirelog.products import tables_of
+from tirelog.products import Part, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.strain.footprint import form_choice
 from tirelog.strain.footprint.footprint import Measuring
@@ -59,7 +58,7 @@ def test_stretches_of_one_grating_give_its_rows(monkeypatch, order):
     with one_grating() as log:
         wanted = {name: {} for name in order}
         alone = list(tables_of(log, wanted))
-        monkeypatch.setattr(by_channel, "_LONG", 1)
+        monkeypatch.setattr(products, "_LONG", 1)
         shared = list(tables_of(log, wanted, 2, processes=True))
     assert [part.table for part in shared] == list(order)
     assert all(part.found is not None for part in alone)
@@ -114,7 +113,7 @@ def test_a_process_that_ends_early_leaves_no_gap(monkeypatch):
 
     with one_grating() as log:
         alone = list(tables_of(log, {name: {} for name in TABLES}))
-        monkeypatch.setattr(by_channel, "_LONG", 1)
+        monkeypatch.setattr(products, "_LONG", 1)
         monkeypatch.setattr(Measuring, "measure", mortal)
         shared = list(tables_of(log, {name: {} for name in TABLES}, 2, processes=True))
     same(alone, shared)

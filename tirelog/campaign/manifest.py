@@ -104,7 +104,8 @@ class Campaign:
 
 
 _TABLES = {
-    name: Table(dict.fromkeys(maker.options, ANYTHING)) for name, maker in OF_A_DRIVE.items()
+    name: Table({option.name: ANYTHING for option in maker.table.options})
+    for name, maker in OF_A_DRIVE.items()
 }
 _GLOB = replace(LINE, words='a pattern relative to the manifest, such as "logs/*.csv"')
 _MODEL = replace(LINE, words='the path of a model file, such as "beam.toml"')
