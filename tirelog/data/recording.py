@@ -59,15 +59,15 @@ class TimeAxis:
         """Explicit, ascending `times_s`, shape (size,)."""
         steps = np.diff(times_s)
         rate = float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else 1.0
+        return cls.read_by(lambda start, stop: times_s[start:stop], times_s.size, rate)
+
+    @classmethod
+    def read_by(
+        cls, explicit: Callable[[int, int], FloatArray], size: int, rate_Hz: float
+    ) -> TimeAxis:
+        """Explicit times, read in slices; `rate_Hz`: their median rate."""
         none = np.zeros(0)
-        return cls(
-            times_s.size,
-            rate,
-            none.astype(np.int64),
-            none,
-            none,
-            lambda start, stop: times_s[start:stop],
-        )
+        return cls(size, rate_Hz, none.astype(np.int64), none, none, explicit)
 
     def time(self, start: int = 0, stop: int | None = None) -> FloatArray:
         """Times [s] of the samples [start, stop), shape (stop - start,)."""

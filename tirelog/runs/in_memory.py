@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Scaled
-from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality
 
@@ -196,18 +195,14 @@ class _Cells:
     def __init__(self, channel: Channel, size: int) -> None:
         count = -(-channel.size // size)
         self._read, self.size = channel.read, size
-        self.low, self.high, self.bottom, self.top = np.empty((4, count))
+        self.low, self.high = np.empty((2, count))
         step = max(BLOCK_SAMPLES // size, 1)
         for cell in range(0, count, step):
             part = slice(cell, min(cell + step, count))
             values = channel.read(part.start * size, part.stop * size)
-            cell_extremes(
-                np.ascontiguousarray(values, np.float64), size, self.low[part], self.high[part]
-            )
-        room = np.empty(MANY_LEFT_OUT + 1)
-        cell_ranges(self.low, self.high, AROUND, LEFT_OUT, self.bottom, self.top, room)
-        bottom, top = np.empty((2, count))
-        cell_ranges(self.low, self.high, AROUND, MANY_LEFT_OUT, bottom, top, room)
+            self.low[part], self.high[part] = cell_extremes(values, size)
+        self.bottom, self.top = cell_ranges(self.low, self.high, AROUND, LEFT_OUT)
+        bottom, top = cell_ranges(self.low, self.high, AROUND, MANY_LEFT_OUT)
         with np.errstate(invalid="ignore", over="ignore"):
             odd = self._beyond(self.bottom, self.top, FAR)
             many = self._beyond(bottom, top, VERY_FAR) & ~odd
@@ -263,74 +258,33 @@ def _bursts(channel: Channel) -> tuple[IntArray, IntArray]:
     return firsts, stops
 
 
-@compiled
-def cell_extremes(values: FloatArray, size: int, low: FloatArray, high: FloatArray) -> None:
-    """Fills `low` and `high` (m,) with the least and largest of each `size` of `values` (n,).
+def cell_extremes(values: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest of each `size` of `values` (n,), shape (m,) each.
 
     Of those that are not lost; NaN if all are. The last cell may hold fewer.
     """
-    for cell in range(low.size):
-        some = values[cell * size : min((cell + 1) * size, values.size)]
-        # two chains each, so that one does not wait for the other
-        least0 = least1 = np.inf
-        most0 = most1 = -np.inf
-        for k in range(some.size // 2):
-            a, b = some[2 * k], some[2 * k + 1]
-            least0 = a if a < least0 else least0
-            least1 = b if b < least1 else least1
-            most0 = a if a > most0 else most0
-            most1 = b if b > most1 else most1
-        if some.size % 2 > 0:
-            a = some[some.size - 1]
-            least0 = a if a < least0 else least0
-            most0 = a if a > most0 else most0
-        least0 = least1 if least1 < least0 else least0
-        most0 = most1 if most1 > most0 else most0
-        low[cell] = least0 if least0 <= most0 else np.nan
-        high[cell] = most0 if least0 <= most0 else np.nan
+    lost = np.full(-values.size % size, np.nan)
+    cells = np.ascontiguousarray(np.concatenate([values, lost]).reshape(-1, size).T)
+    return np.fmin.reduce(cells), np.fmax.reduce(cells)
 
 
-@compiled
 def cell_ranges(
-    low: FloatArray, high: FloatArray, around: int, left_out: int, bottom: FloatArray,
-    top: FloatArray, extremes: FloatArray,
-) -> None:  # fmt: skip
-    """Fills `bottom` and `top` (m,) with the range of the `around` cells about each.
+    low: FloatArray, high: FloatArray, around: int, left_out: int
+) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest, shape (m,) each, of the `around` cells about each cell.
 
     Of the cells' `low` and `high` (m,), NaN where lost, without the most extreme `left_out` at
     either end, or as large a share of the cells that are there; NaN if these are too few. The same
-    for all cells of half of `around`. `extremes` has room for one more than are left out.
+    for all cells of half of `around`.
     """
     half, count = around // 2, low.size
-    for first in range(0, count, half):
-        stop = min(first + half, count)
-        begin = max(min(first - half // 2, count - around), 0)
-        end = min(begin + around, count)
-        known = 0
-        for k in range(begin, end):
-            known += low[k] == low[k]
-        bottom[first:stop] = top[first:stop] = np.nan
-        if known >= FEWEST:
-            share = max(known * left_out // around, FEWEST_LEFT_OUT)
-            top[first:stop] = _largest_but(high, 1.0, begin, end, share, extremes)
-            bottom[first:stop] = -_largest_but(low, -1.0, begin, end, share, extremes)
-
-
-@compiled
-def _largest_but(
-    values: FloatArray, sign: float, begin: int, end: int, left_out: int, largest: FloatArray
-) -> float:
-    """The largest of `values` [begin, end) times `sign`, but for so many that are larger.
-
-    `largest` has room for one more than are left out.
-    """
-    largest[: left_out + 1] = -np.inf
-    for k in range(begin, end):
-        value = sign * values[k]
-        if value > largest[left_out]:
-            place = left_out
-            while place > 0 and value > largest[place - 1]:
-                largest[place] = largest[place - 1]
-                place -= 1
-            largest[place] = value
-    return float(largest[left_out])
+    first = np.clip(np.arange(0, count, half) - half // 2, 0, max(count - around, 0))
+    windows = first[:, None] + np.arange(min(around, count))
+    # ascending, lost ones behind all others
+    bottoms, tops = np.sort(low[windows]), np.sort(-high[windows])
+    known = np.count_nonzero(~np.isnan(bottoms), axis=1)
+    share = np.maximum(known * left_out // around, FEWEST_LEFT_OUT)[:, None]
+    share[known < FEWEST] = -1
+    ends = (np.take_along_axis(sorted_, share, axis=1) for sorted_ in (bottoms, tops))
+    bottom, top = (np.repeat(np.where(share < 0, np.nan, end)[:, 0], half)[:count] for end in ends)
+    return bottom, -top
