@@ -250,20 +250,11 @@ def _(rng: np.random.Generator) -> Arguments:
 
 @inputs_of("runs.stamps")
 def _(rng: np.random.Generator) -> Arguments:
-    k = np.cumsum(rng.integers(1, 3, 40))
-    stamps = 0.01 * k + 1e-4 * rng.normal(size=40)
-    stamps[20:] += 0.03
-    read = stamps.copy()
-    read.flags.writeable = False
+    read = 0.01 * np.cumsum(rng.integers(1, 3, 40)) + 1e-4 * rng.normal(size=40)
     unknown = read.copy()
     unknown[[4, 9]] = np.nan
-    return {
-        "residual_range": [(7, some, 0.01) for some in (read, unknown, unknown[4:5])],
-        "small_steps": [(k, some, 0.0099) for some in (stamps, read)],
-        "residual_steps": [(k, some, 0.01, np.zeros(39)) for some in (stamps, read)],
-        "residuals": [(k, some, 0.01, np.zeros(40)) for some in (stamps, read)],
-        "moments": [(k, stamps - 0.01 * k)],
-    }
+    read.flags.writeable = False
+    return {"residual_range": [(7, some, 0.01) for some in (read, unknown, unknown[4:5])]}
 
 
 @inputs_of("data.setup")
@@ -298,32 +289,6 @@ def _(rng: np.random.Generator) -> Arguments:
         "by_angle": [(phi, y, *bins)],
         "by_front": [(turn, phi, y, 1.0, shape.x, shape.c, *sums)],
         "by_bin": [(turn, phi, y, *cells)],
-    }
-
-
-@inputs_of("runs.in_memory")
-def _(rng: np.random.Generator) -> Arguments:
-    low = holed(rng, 130)
-    high, room = low + 1.0, np.empty(7)
-    ranges = (*np.zeros((2, 130)), room)
-    return {
-        "cell_extremes": [
-            (holed(rng, 83, share=share), 5, *np.zeros((2, 17))) for share in (0.0, 0.6)
-        ],
-        "cell_ranges": [(low, high, around, 6, *ranges) for around in (100, 250)],
-        "_largest_but": [(low, sign, 3, 120, 4, room) for sign in (1.0, -1.0)],
-    }
-
-
-@inputs_of("runs.in_memory")
-def _(rng: np.random.Generator) -> Arguments:
-    lost = -(1 << 31)
-    raw = rng.integers(1000, 60_000, 50).astype(np.int32)
-    raw[[3, 17]] = lost
-    short = np.where(raw == lost, 0, raw - 999).astype(np.uint16)
-    return {
-        "pack": [(raw, lost, 999, np.zeros(50, np.uint16))],
-        "unpacked": [(short, 999, 1e-4, 1549.0, np.zeros(50))],
     }
 
 

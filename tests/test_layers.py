@@ -34,7 +34,6 @@ ORDER = (
     "simulation",
     "wheel",
     "strain",
-    "by_channel",
     "products",
     "drafts",
     "inference",

@@ -8,65 +8,43 @@ from functools import partial
 import pytest
 
 from tirelog import runtime
-from tirelog.process_pool import POSSIBLE, PipeLink, in_processes, made_apart
+from tirelog.process_pool import POSSIBLE, in_processes, made_apart
 
 pytestmark = pytest.mark.skipif(not POSSIBLE, reason="no process is forked here")
 
 
-def by_hand(count, first):
-    """(number, what was told before it), if those from `first` on tell their own."""
-    return [(number, first if number > first else None) for number in range(count)]
-
-
 @pytest.mark.parametrize("processes", [1, 2, 3, 9])
-@pytest.mark.parametrize("first", [0, 2])
-def test_in_order_and_from_the_first_that_was_told(processes, first):
-    def make(number: int, wire: PipeLink):
+def test_answers_come_in_order(processes):
+    def make(number: int) -> tuple[int, int]:
         time.sleep(0.02 * (number % 3))
-        before = wire.ask()
-        wire.tell(number if number >= first else None)
-        wire.tell("a second time does not count")
-        return number, before, os.getpid()
+        return number, os.getpid()
 
     made = list(in_processes(7, processes, make))
-    assert [one[:2] for one in made] == by_hand(7, first)
-    pids = {one[2] for one in made}
+    assert [number for number, _ in made] == list(range(7))
+    pids = {pid for _, pid in made}
     assert os.getpid() not in pids
     assert 1 <= len(pids) <= processes
 
 
-def test_what_tells_nothing_keeps_nobody_waiting():
-    made = in_processes(6, 2, lambda number, wire: (number, wire.ask() if number % 2 else None))
-    assert list(made) == [(number, None) for number in range(6)]
+@pytest.mark.parametrize("mortal", [{0, 2}, set(range(6))])
+def test_what_was_stopped_or_failed_is_made_here(mortal):
+    parent = os.getpid()
 
-
-def test_what_was_stopped_or_failed_is_made_here():
-    def make(number: int, wire: PipeLink):
-        before = wire.ask()
-        if number in (0, 2) and isinstance(wire, PipeLink):
-            os.kill(os.getpid(), signal.SIGKILL)
-        if number == 3 and isinstance(wire, PipeLink):
-            raise ValueError("no other process meets it")
-        wire.tell(number)
-        return number, before, os.getpid()
+    def make(number: int) -> tuple[int, bool]:
+        if os.getpid() != parent:
+            if number in mortal:
+                os.kill(os.getpid(), signal.SIGKILL)
+            if number == 3:
+                raise ValueError("no other process meets it")
+        return number, os.getpid() == parent
 
     made = list(in_processes(6, 3, make))
-    assert [one[0] for one in made] == list(range(6))
-    assert [one[2] == os.getpid() for one in made] == [number in (0, 2, 3) for number in range(6)]
-    assert [one[1] for one in made] == [None, 0, 0, 0, 0, 0]  # as if nothing had happened
-
-
-def test_all_of_them_stopped():
-    def make(number: int, wire: PipeLink):
-        if isinstance(wire, PipeLink):
-            os.kill(os.getpid(), signal.SIGKILL)
-        return number
-
-    assert list(in_processes(5, 2, make)) == list(range(5))
+    assert [number for number, _ in made] == list(range(6))
+    assert all(here for number, here in made if number in {*mortal, 3})
 
 
 def test_an_error_is_that_of_one_process():
-    def make(number: int, wire: PipeLink):
+    def make(number: int) -> None:
         raise KeyError(number)
 
     with pytest.raises(KeyError, match="0"):
@@ -74,7 +52,7 @@ def test_an_error_is_that_of_one_process():
 
 
 def test_none_is_left_behind(tmp_path):
-    def make(number: int, wire: PipeLink):
+    def make(number: int) -> int:
         (tmp_path / str(os.getpid())).touch()
         time.sleep(0.0 if number == 0 else 60.0)
         return number

@@ -1,10 +1,6 @@
 """What is independent, worked on by processes of their own: the tables' channels, trials of a fit.
 
-    channels, in their order
-        --a number down each pipe, as soon as its process is free-->
-        process: passages, form (asked for: where others may start from), tables
-        --Parts up the pipe-->
-    Parts, in the channels' order
+    numbers, in their order --to whichever process is free--> answers, in the numbers' order
 
 Threads would wait for each other: numpy's short calls and Python's own hold the interpreter's lock
 for two thirds of a channel's time. A process that is forked has all that its parent has at hand,
@@ -19,144 +15,62 @@ November 2026, two cores, Python 3.11).
 
 from __future__ import annotations
 
+import multiprocessing
 import os
-import pickle
 import signal
 import sys
 import warnings
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, suppress
-from multiprocessing.connection import Connection, Pipe, wait
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing, contextmanager
 from typing import Any, TypeVar
 
 from tirelog.runtime import end_with_parent, processes, share_work
 
 Made = TypeVar("Made")
 
-#: what a process says of the number that it works on
-ASKS, TOLD, MADE, FAILED = "asks", "told", "made", "failed"
-#: a process can only be forked safely there
-POSSIBLE = sys.platform == "linux" and hasattr(os, "fork")
+#: a process can only be forked safely there, and talks by semaphores, which are kept in memory
+POSSIBLE = sys.platform == "linux" and os.access("/dev/shm", os.W_OK)
+#: what a process makes of its numbers, the last one counts
+_MAKERS: list[Callable[[int], Any]] = []
 
 
-class PipeLink:
-    """How a process that works on a number hears of those before it, and tells of its own."""
+@contextmanager
+def ending_pool(
+    workers: int, method: str, begin: Callable[..., None], *given: Any
+) -> Iterator[ProcessPoolExecutor]:
+    """A pool of so many processes, each of which begins with `begin(parent, *given)`.
 
-    def __init__(self, pipe: Connection, number: int) -> None:
-        self._pipe, self._number, self._told = pipe, number, False
-
-    def ask(self) -> Any:
-        """The first that was told of a number before this one; None if there is none."""
-        self._pipe.send((ASKS, self._number, None))
-        return self._pipe.recv()
-
-    def tell(self, what: Any) -> None:
-        """What is told of this number; only the first time counts."""
-        if not self._told:
-            self._told = True
-            self._pipe.send((TOLD, self._number, what))
-
-
-class LocalLink:
-    """A `PipeLink` of the process that keeps what is told."""
-
-    def __init__(self, before: Any) -> None:
-        self._before = before
-        self.told: list[Any] = []
-
-    def ask(self) -> Any:
-        return self._before
-
-    def tell(self, what: Any) -> None:
-        self.told.append(what)
+    None outlives the block, whatever it is at. `method`: how they start, "fork" or "spawn".
+    """
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context(method)
+    pool = ProcessPoolExecutor(workers, context, begin, (os.getpid(), *given))
+    try:
+        yield pool
+    finally:
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.kill()  # the pool would wait for what they have begun
+        pool.shutdown(cancel_futures=True)
 
 
-def in_processes(
-    count: int,
-    processes: int,
-    make: Callable[[int, PipeLink | LocalLink], Made],
-) -> Generator[Made]:
-    """`make(number, wire)` for all numbers below `count`, in their order, by `processes`.
+def in_processes(count: int, workers: int, make: Callable[[int], Made]) -> Generator[Made]:
+    """`make(number)` for all numbers below `count`, in their order, by so many processes.
 
     What a process has not brought to its end is made in this one.
     """
-    pipes: dict[Connection, int] = {}
-    told: dict[int, Any] = {}
-    asking: dict[int, Connection] = {}
-    done: dict[int, Made | None] = {}
-    at_work: dict[Connection, int] = {}
-    waiting = iter(range(count))
-
-    def next_one(pipe: Connection) -> None:
-        number = next(waiting, None)
-        if number is None:
-            at_work.pop(pipe, None)
-            return
-        at_work[pipe] = number
-        with suppress(OSError):  # it has ended, and is found out below
-            pipe.send(number)
-
-    def settle(number: int, what: Any) -> None:
-        told.setdefault(number, what)
-        for asker in sorted(asking):
-            ready, before = _first_told(told, asker)
-            if ready:
-                with suppress(OSError):
-                    asking.pop(asker).send(before)
-
-    def lost(pipe: Connection) -> None:
-        """A process has ended: what it was at is made here."""
-        number = at_work.pop(pipe, None)
-        pipe.close()
-        _end(pipes.pop(pipe))
-        if number is not None:
-            asking.pop(number, None)
-            done[number] = None
-
-    try:
-        for _ in range(min(processes, count)):
-            ours, theirs = Pipe()
-            with warnings.catch_warnings():
-                # Python warns of other threads: that of a terminal's line, and no process needs it
-                warnings.simplefilter("ignore", DeprecationWarning)
-                process = os.fork()
-            if not process:
-                _serve(theirs, [ours, *pipes], make)
-            theirs.close()
-            pipes[ours] = process
-        for pipe in list(pipes):
-            next_one(pipe)
+    with ending_pool(min(workers, count), "fork", _begin, make) as pool:
+        with warnings.catch_warnings():
+            # Python warns of other threads: that of a terminal's line, and no process needs it
+            warnings.simplefilter("ignore", DeprecationWarning)
+            answers = deque(pool.submit(_made, number) for number in range(count))
         for number in range(count):
-            while number not in done and at_work:
-                for ready in wait(list(at_work)):
-                    assert isinstance(ready, Connection)
-                    try:
-                        word, whose, what = ready.recv()
-                        if word == ASKS:
-                            known, before = _first_told(told, whose)
-                            if known:
-                                ready.send(before)
-                            else:
-                                asking[whose] = ready
-                        elif word == TOLD:
-                            settle(whose, what)
-                        else:
-                            done[whose] = what
-                            if word == MADE:
-                                settle(whose, None)
-                            next_one(ready)
-                    except (EOFError, OSError, pickle.UnpicklingError):
-                        lost(ready)
-            made = done.pop(number, None)
-            if made is None:
-                here = LocalLink(_first_told(told, number)[1])
-                made = make(number, here)
-                settle(number, next(iter(here.told), None))
+            try:
+                made = answers.popleft().result()
+            except Exception:  # its process has ended, or met what this one meets too, and says
+                made = make(number)
             yield made
-    finally:
-        for pipe, process in pipes.items():
-            pipe.close()
-            _end(process)
 
 
 def shares(count: int) -> bool:
@@ -174,9 +88,8 @@ def shared_out(count: int, make: Callable[[int], Made], allowed: bool = True) ->
     if not (allowed and shares(count)):
         yield from map(make, range(count))
         return
-    with closing(in_processes(count, processes(), lambda number, wire: (make(number),))) as answers:
-        for (answer,) in answers:
-            yield answer
+    with closing(in_processes(count, processes(), make)) as answers:
+        yield from answers
 
 
 def made_apart(jobs: Sequence[Callable[[], Made]]) -> list[Made]:
@@ -184,42 +97,15 @@ def made_apart(jobs: Sequence[Callable[[], Made]]) -> list[Made]:
     return list(shared_out(len(jobs), lambda number: jobs[number]()))
 
 
-def _first_told(told: dict[int, Any], number: int) -> tuple[bool, Any]:
-    """(whether it is known, the first that is not None of the numbers before this one)."""
-    for before in range(number):
-        if before not in told:
-            return False, None
-        if told[before] is not None:
-            return True, told[before]
-    return True, None
+def _begin(parent: int, make: Callable[[int], Any]) -> None:
+    """Prepare a forked process, before anything else in it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent hears of it
+    for asked in (signal.SIGTERM, signal.SIGHUP):  # nothing of its own is to be put in order
+        signal.signal(asked, signal.SIG_DFL)
+    end_with_parent(parent)
+    share_work(False)
+    _MAKERS.append(make)
 
 
-def _end(process: int) -> None:
-    """End a process that may have ended."""
-    with suppress(ProcessLookupError):
-        os.kill(process, signal.SIGKILL)
-    with suppress(ChildProcessError):
-        os.waitpid(process, 0)
-
-
-def _serve(
-    pipe: Connection, others: list[Connection], make: Callable[[int, PipeLink | LocalLink], Any]
-) -> None:
-    """What a process does: numbers down the pipe, answers up; it never comes back from here."""
-    try:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent hears of it
-        for asked in (signal.SIGTERM, signal.SIGHUP):  # nothing of its own is to be put in order
-            signal.signal(asked, signal.SIG_DFL)
-        end_with_parent(os.getppid())
-        share_work(False)
-        for other in others:
-            other.close()
-        while True:
-            number = pipe.recv()
-            try:
-                answer = MADE, number, make(number, PipeLink(pipe, number))
-            except Exception:  # its parent meets the same, and says it
-                answer = FAILED, number, None
-            pipe.send(answer)
-    finally:
-        os._exit(0)
+def _made(number: int) -> Any:
+    return _MAKERS[-1](number)

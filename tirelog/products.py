@@ -2,35 +2,92 @@
 
     recording, {name: options} --tables_of--> Part (rows of one channel, remarks, what they are
                                               made of), channel by channel
+    channels --threads, or processes of their own--> Parts of each channel, in their order
+    one long channel --the form; the other tables; stretches of passages: by processes--> Parts
 
 Each table's command, `tables`, campaigns, the report and the Python functions all go through
 `tables_of`. Tables of strain channels share what they are made of: a channel is read once and its
 passages are found once, whatever the number of tables, and several channels are worked on at a
-time. A table that a function of its own makes needs nothing here: `vocabulary.tables` names the
-function.
+time; a channel's rows are the same to the bit whoever makes them. A table that a function of its
+own makes needs nothing here: `vocabulary.tables` names the function.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from tirelog.by_channel import ChannelWorker, Options, Part, Work, by_channel, cutoff_in
-from tirelog.data.recording import Channel, Recording
+from tirelog.data.recording import Channel, Recording, Scaled
 from tirelog.errors import UsageError, refuse_unknown
+from tirelog.process_pool import POSSIBLE, in_processes
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
-from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption
+from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
+    from tirelog.dsp.filters import Cutoff
+    from tirelog.strain.footprint.form_choice import FormChoice
+    from tirelog.strain.footprint.measure import Measured
     from tirelog.strain.passages.find import Passages
+    from tirelog.vocabulary.arrays import IntArray
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import EdgeTimes
+
+Options = Mapping[str, Any]
+
+#: what the tables of strain channels are made with, beside what is loaded already
+_OF_CHANNELS = (
+    "tirelog.runs.in_memory",
+    "tirelog.strain.dissipation_table",
+    "tirelog.strain.footprint.footprint",
+    "tirelog.strain.passages.find",
+    "tirelog.strain.speed",
+)
+#: a channel of fewer samples is not worth a second process: an hour at 10 kHz takes a fifth less
+#: time at the same cost, ten minutes take as long and cost a seventh more (23 November 2026, two
+#: cores, Python 3.11); half as many may be no quicker
+_LONG = 10_000_000
+#: stretches of its passages that are measured at a time, so that no process waits long for the
+#: other; with twice as many each is begun anew twice as often
+_STRETCHES = 6
+
+
+@dataclass(frozen=True)
+class Part:
+    """Rows of one table, as a rule those of one channel.
+
+    columns  by name, arrays of one length (or scalars, repeated)
+    remarks  sentences on the channel or the log that were not in a part before
+    found    what the rows were made of, for pictures and further tables: Passages of a grating
+             (speed), PhaseShiftFound, FootprintOfChannel, DissipationOfChannel,
+             InflationOfChannel
+    """
+
+    table: str
+    columns: Mapping[str, Any]
+    remarks: Sequence[str] = ()
+    found: Any = None
+
+
+@dataclass(frozen=True)
+class Work:
+    """A strain channel with what all its tables are made of.
+
+    `measured`: of stretches of its passages, None if that is to be done.
+    """
+
+    recording: Recording
+    channel: Channel
+    passages: Passages
+    settled: FormChoice | None = None
+    measured: Iterable[tuple[IntArray, Measured]] | None = None
 
 
 @dataclass(frozen=True)
@@ -48,29 +105,11 @@ class Maker:
     of_channel: Callable[[Work, Options], Part] | None = None
     whole: Callable[[Recording, Options], Iterator[Part]] | None = None
     by_channel: Callable[[Recording, Options], bool] = lambda recording, options: True
-    check: Callable[[Options], None] = lambda options: None
-
-    @property
-    def options(self) -> tuple[str, ...]:
-        """Names of the table's settings."""
-        return tuple(option.name for option in self.table.options)
-
-    @property
-    def known(self) -> tuple[str, ...]:
-        """Names of all that it may be given: settings, views, and what is for programs."""
-        return (*self.options, *(view.name for view in self.table.views), *self.inner)
-
-    def option(self, name: str) -> TableOption | None:
-        """The setting or view of that name; None: it is for programs."""
-        return next((o for o in (*self.table.options, *self.table.views) if o.name == name), None)
+    check: Callable[[Options], object] = lambda options: None
 
     def suits(self, recording: Recording) -> bool:
         """True if the recording has the channels that the table is made of."""
         return bool(recording.of_kind(*self.table.kinds))
-
-    def goes_by_channel(self, recording: Recording, options: Options) -> bool:
-        """True if the table is made channel by channel from passages."""
-        return self.of_channel is not None and self.by_channel(recording, options)
 
 
 def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
@@ -80,14 +119,14 @@ def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
     """
     for name, options in wanted.items():
         _one_of("table", name, MAKERS)
+        maker = MAKERS[name]
+        known = {option.name: option for option in (*maker.table.options, *maker.table.views)}
         for option, value in options.items():
-            _one_of(f"option of {name}", option, MAKERS[name].known)
-            known = MAKERS[name].option(option)
-            if known is not None and not known.fits(value):
-                raise UsageError(
-                    f"{name}: {option} = {str(value)[:40]!r}", allowed=known.allowed, do="mend it"
-                )
-        MAKERS[name].check(options)
+            _one_of(f"option of {name}", option, (*known, *maker.inner))
+            if option in known and not known[option].fits(value):
+                what = f"{name}: {option} = {str(value)[:40]!r}"
+                raise UsageError(what, allowed=known[option].allowed, do="mend it")
+        maker.check(options)
     return wanted
 
 
@@ -143,7 +182,7 @@ def tables_of(
     of_channels = {
         name: options
         for name, options in wanted.items()
-        if MAKERS[name].goes_by_channel(recording, options)
+        if MAKERS[name].of_channel and MAKERS[name].by_channel(recording, options)
     }
     if of_channels:
         yield from _channel_tables(recording, of_channels, workers, refused_first, processes)
@@ -174,11 +213,11 @@ def _channel_tables(
     turned = False
     told: set[tuple[str, str]] = set()
     channels = list(zip(stored, found, strict=True))
-    making = ChannelWorker(recording, wanted, _part)
-    with closing(by_channel(making, channels, workers, processes)) as of_channels:
-        for made in of_channels:
-            turned |= made.turns
-            for part in made.parts:
+    making = ChannelTables(recording, wanted)
+    with closing(_by_channel(making, channels, workers, processes)) as of_channels:
+        for parts, turns in of_channels:
+            turned |= turns
+            for part in parts:
                 remarks = [
                     remark
                     for remark in (*radius_remarks(recording), *part.remarks)
@@ -203,10 +242,168 @@ def _all_passages(
         return channels, list(pool.map(partial(passages_of, recording), channels))
 
 
-def _part(name: str, work: Work, options: Options) -> Part | None:
-    """Rows of the table `name` of one channel; None if no channel alone has any."""
-    of_channel = MAKERS[name].of_channel
-    return None if of_channel is None else of_channel(work, options)
+# ---- channels, several at work at a time
+
+
+@dataclass(frozen=True)
+class ChannelTables:
+    """The `wanted` tables of the channels of a recording, each made channel by channel."""
+
+    recording: Recording
+    wanted: Mapping[str, Options]
+
+    def work(self, stored: Channel, passages: Passages | None) -> Work:
+        """A channel with its passages, which may be known."""
+        from tirelog.runs.in_memory import without_spikes
+        from tirelog.strain.passages.find import passages_of
+
+        only_passages = passages is not None and set(self.wanted) == {"speed"}
+        channel = stored if only_passages else without_spikes(stored)
+        if passages is None:
+            passages = passages_of(self.recording, channel)
+        return Work(self.recording, channel, passages)
+
+    def with_form(self, work: Work, like: FormChoice | None = None) -> Work:
+        """The channel with the form of its passages, if that is needed and can be learnt.
+
+        `like`: that of another channel, to start from.
+        """
+        from tirelog.strain.footprint.form_choice import choose_form
+
+        if "footprint" not in self.wanted or work.passages.doubt:
+            return work
+        return replace(work, settled=choose_form(work.channel, work.passages, like=like))
+
+    def parts(self, work: Work, names: Iterable[str]) -> dict[str, Part]:
+        """Those of the wanted tables, by their names."""
+        makers = {name: MAKERS[name].of_channel for name in names}
+        return {name: make(work, self.wanted[name]) for name, make in makers.items() if make}
+
+
+def _by_channel(
+    making: ChannelTables,
+    channels: Sequence[tuple[Channel, Passages | None]],
+    workers: int,
+    processes: bool,
+) -> Generator[tuple[list[Part], bool]]:
+    """(tables, whether it has passages) of each channel, in order; with passages, if known.
+
+    With `processes` the workers are processes where they can be, and parts come without what they
+    were `found` in.
+    """
+    stored = [channel for channel, _ in channels]
+    enough = len(stored) > 1 or any(channel.size >= _LONG for channel in stored)
+    if not (processes and enough and workers > 1 and POSSIBLE and _at_hand(stored)):
+        return _by_threads(making, channels, workers)
+    for module in _OF_CHANNELS:  # loaded once, before the processes part
+        import_module(module)
+    if len(channels) == 1:
+        return _by_stretches(making, *channels[0], workers)
+    return _by_processes(making, channels, workers)
+
+
+def _at_hand(channels: Iterable[Channel]) -> bool:
+    """True if processes can read the channels side by side: no library holds their file's place."""
+    return all(isinstance(one.samples, Scaled) and one.samples.at_hand for one in channels)
+
+
+def _maker(
+    making: ChannelTables, channels: Sequence[tuple[Channel, Passages | None]]
+) -> Callable[[int], tuple[list[Part], bool]]:
+    """What makes the tables of a channel by its number.
+
+    The first form that can be learnt is learnt here: all later channels start from it, so that
+    their rows do not depend on who is quicker.
+    """
+    first: dict[int, Work] = {}
+    like: FormChoice | None = None
+    if "footprint" in making.wanted:
+        for number, channel in enumerate(channels):
+            first[number] = making.with_form(making.work(*channel))
+            if like := first[number].settled:
+                break
+
+    def make(number: int) -> tuple[list[Part], bool]:
+        work = first.pop(number, None)
+        if work is None:
+            work = making.with_form(making.work(*channels[number]), like and like.light)
+        return [*making.parts(work, making.wanted).values()], len(work.passages) > 0
+
+    return make
+
+
+def _by_threads(
+    making: ChannelTables, channels: Sequence[tuple[Channel, Passages | None]], workers: int
+) -> Generator[tuple[list[Part], bool]]:
+    """The tables of each channel, in their order, several at a time."""
+    make, left = _maker(making, channels), deque(range(len(channels)))
+    ahead: deque[Future[tuple[list[Part], bool]]] = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        while left or ahead:
+            # one more than are at work, so that nobody waits while rows are written
+            while left and len(ahead) <= workers:
+                ahead.append(pool.submit(make, left.popleft()))
+            yield ahead.popleft().result()
+
+
+def _by_processes(
+    making: ChannelTables, channels: Sequence[tuple[Channel, Passages | None]], workers: int
+) -> Generator[tuple[list[Part], bool]]:
+    """As `_by_threads`, without what the rows were found in, which no pipe carries."""
+    make = _maker(making, channels)
+
+    def bare(number: int) -> tuple[list[Part], bool]:
+        parts, turns = make(number)
+        return [replace(part, found=None) for part in parts], turns
+
+    return in_processes(len(channels), workers, bare)
+
+
+def _by_stretches(
+    making: ChannelTables, stored: Channel, found: Passages | None, workers: int
+) -> Generator[tuple[list[Part], bool]]:
+    """The tables of the only channel, without what its rows were found in.
+
+    One process learns the form while another makes the tables that need none; then both measure
+    stretches of passages.
+    """
+    from tirelog.strain.footprint.footprint import Measuring, refuse_cutoff
+
+    work = making.work(stored, found)
+    names = [name for name in making.wanted if name != "footprint"]
+    if len(names) == len(making.wanted) or work.passages.doubt:
+        yield [*making.parts(work, making.wanted).values()], len(work.passages) > 0
+        return
+    cutoff = cutoff_in(making.wanted["footprint"])
+    refuse_cutoff(making.recording, work.channel, cutoff)
+
+    def begun(number: int) -> Any:
+        if number:
+            parts = making.parts(work, names)
+            return {name: replace(part, found=None) for name, part in parts.items()}
+        settled = making.with_form(work).settled
+        return settled and settled.light
+
+    settled, made = in_processes(2, workers, begun)
+    measured = None
+    if settled:
+
+        def measure(number: int) -> tuple[IntArray, Measured]:
+            measuring = Measuring.of(work.channel, work.passages, settled, cutoff)
+            rows = measuring.measure(number, _STRETCHES)
+            return rows, measuring.work.take(rows)
+
+        measured = list(in_processes(_STRETCHES, workers, measure))
+    parts = making.parts(replace(work, settled=settled, measured=measured), ["footprint"])
+    made |= {name: replace(part, found=None) for name, part in parts.items()}
+    yield [made[name] for name in making.wanted if name in made], len(work.passages) > 0
+
+
+def cutoff_in(options: Options) -> Cutoff:
+    """The low-pass of the footprint's plain lengths.  UsageError: none is called that."""
+    from tirelog.dsp.filters import Cutoff
+
+    return Cutoff.parse(str(options.get("cutoff", "auto")))
 
 
 # ---- the tables
@@ -373,15 +570,6 @@ def _check_phase_shift(options: Options) -> None:
         refuse_other_zero(str(options["zero"]))
 
 
-def _check_with(read: Callable[[Options], object]) -> Callable[[Options], None]:
-    """A check by reading the options and dropping what they say."""
-
-    def check(options: Options) -> None:
-        read(options)
-
-    return check
-
-
 def _by_its_function(table: LogTable) -> Maker:
     """A table that one function makes of a whole log, as its entry in the register says."""
 
@@ -411,7 +599,7 @@ _TOGETHER = (
         by_channel=_footprint_by_strain,
         check=_check_footprint,
     ),
-    Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_check_with(_steadiness)),
+    Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_steadiness),
     Maker(
         LOG_TABLES["phase-shift"],
         ("forces",),

@@ -13,10 +13,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tirelog.campaign.folder import moved_into
+from tirelog.campaign.folder import folder_at
 from tirelog.campaign.ledger import Entry
 from tirelog.campaign.runner import LogTask, make_tables
 from tirelog.storage import remote
+from tirelog.storage.whole import whole_file
 
 #: a busy machine may take so long [s] for what takes one second
 PATIENCE_S = 240.0
@@ -57,8 +58,9 @@ def gated(task: LogTask) -> Entry:
 
 def stuck(task: LogTask) -> Entry:
     """A worker's task that has begun to write its table, and never ends."""
-    with moved_into(Path(task.output), f"table=speed/log={task.name}/part.parquet") as unmoved:
-        unmoved.write_bytes(b"half of a table")
+    name = f"table=speed/log={task.name}/part.parquet"
+    with whole_file(folder_at(task.output).place(name)) as part:
+        part.write_bytes(b"half of a table")
         while True:
             time.sleep(1.0)
 

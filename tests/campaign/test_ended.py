@@ -12,7 +12,7 @@ import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, alive, begun, children, kill_all, stuck, waited_for
-from tirelog.campaign.folder import _half_written, moved_into
+from tirelog.campaign.folder import LocalFolder, _half_written
 from tirelog.cli import run
 
 LINUX = pytest.mark.skipif(
@@ -25,13 +25,11 @@ LINUX = pytest.mark.skipif(
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals) -> None:
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
-    results, temporary = tmp_path / "results", tmp_path / "results" / ".tirelog" / "tmp"
+    results, parts = tmp_path / "results", "table=speed/log=*/.part.parquet.*.part"
     process = begun(manifest, stuck, "--workers", "2")
     started: dict[int, str] = {}
     try:
-        assert waited_for(
-            lambda: process.poll() is not None or len(list(temporary.glob("*/part.parquet"))) == 2
-        )
+        assert waited_for(lambda: process.poll() is not None or len(list(results.glob(parts))) == 2)
         started = children(process.pid)
         assert len(started) >= 2
         process.send_signal(how)
@@ -42,13 +40,14 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
     said = (tmp_path / "said.txt").read_text()
     if how is signal.SIGKILL:
         assert said == ""
-        assert len(list(temporary.glob("*/part.parquet"))) == 2
+        assert len(list(results.glob(parts))) == 2
         assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
         assert len(dataset(results)) == 4
     else:
         assert said.count("\n") == 1
         assert said.endswith("; nothing was left under the result's name; start it again\n")
-    assert not list(temporary.iterdir())
+    assert not list(results.glob(parts))
+    assert not list((results / ".tirelog" / "tmp").iterdir())
 
 
 @LINUX
@@ -120,26 +119,13 @@ def test_planted_links_are_not_followed(tmp_path: Path) -> None:
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
-def test_a_temporary_name_is_another_one_each_time(tmp_path: Path) -> None:
-    """And a file under the name that would be guessed is neither opened nor in the way."""
-    names = set()
-    for _ in range(2):
-        with moved_into(tmp_path, "summary.csv") as unmoved:
-            assert unmoved.parent.parent == tmp_path / ".tirelog" / "tmp"
-            assert unmoved.parent.stat().st_mode & 0o777 == 0o700
-            names.add(unmoved)
-            unmoved.write_text("done")
-    assert len(names) == 2
-    assert (tmp_path / "summary.csv").read_text() == "done"
-
-
-def test_what_fails_half_way_leaves_what_was_there(tmp_path: Path) -> None:
-    (tmp_path / "summary.csv").write_text("before")
-    with pytest.raises(ZeroDivisionError), moved_into(tmp_path, "summary.csv") as unmoved:
-        unmoved.write_text("half")
-        raise ZeroDivisionError
-    assert (tmp_path / "summary.csv").read_text() == "before"
-    assert not list((tmp_path / ".tirelog" / "tmp").iterdir())
+def test_a_link_in_the_place_of_a_result_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "gold.txt").write_text("gold")
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "summary.csv").symlink_to(tmp_path / "gold.txt")
+    LocalFolder(tmp_path / "results").write("summary.csv", b"done")
+    assert (tmp_path / "results" / "summary.csv").read_bytes() == b"done"
+    assert (tmp_path / "gold.txt").read_text() == "gold"
 
 
 @pytest.mark.usefixtures("in_this_process")

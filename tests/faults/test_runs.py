@@ -19,9 +19,15 @@ from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import Group, RawBlock
 from tirelog.runs.ingest import open_recording, write_run
-from tirelog.runs.store import is_run, open_run, write_file
-from tirelog.runs.store_checks import CHUNK, DIGEST, check_columns, contents_digest
-from tirelog.runs.temporary import RunWriter
+from tirelog.runs.store import (
+    DIGEST,
+    check_columns,
+    contents_digest,
+    is_run,
+    open_run,
+    write_file,
+)
+from tirelog.runs.temporary import CHUNK, RunWriter
 from tirelog.vocabulary.quality import Quality
 
 SETUP = """[tire]

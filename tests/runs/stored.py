@@ -8,8 +8,7 @@ from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.readers.base import Group, RawBlock
 from tirelog.runs.store import write_file
-from tirelog.runs.store_checks import CHUNK
-from tirelog.runs.temporary import RunWriter
+from tirelog.runs.temporary import CHUNK, RunWriter
 from tirelog.vocabulary.quality import Quality
 
 SETUP = """[tire]

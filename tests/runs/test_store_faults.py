@@ -8,8 +8,8 @@ import pytest
 
 from tests.runs.stored import SIZE, source, write
 from tirelog.errors import ReadError, SetupError
-from tirelog.runs.store import is_run, open_run
-from tirelog.runs.store_checks import CHUNK, contents_digest
+from tirelog.runs.store import contents_digest, is_run, open_run
+from tirelog.runs.temporary import CHUNK
 from tirelog.vocabulary.quality import Quality
 
 

@@ -12,8 +12,7 @@ from tirelog.data.setup import parse_setup
 from tirelog.errors import SetupError
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock, counted_floats
 from tirelog.runs.store import open_run, write_file
-from tirelog.runs.store_checks import CHUNK
-from tirelog.runs.temporary import RunWriter
+from tirelog.runs.temporary import CHUNK, RunWriter
 from tirelog.vocabulary.quality import Quality
 
 

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tirelog import by_channel
-from tirelog.by_channel import Part
+from tirelog import products
 from tirelog.data.recording import Recording, Scaled
 from tirelog.process_pool import POSSIBLE
-from tirelog.products import tables_of
+from tirelog.products import Part, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.strain.footprint import form_choice
 from tirelog.strain.footprint.footprint import Measuring
@@ -59,7 +58,7 @@ def test_stretches_of_one_grating_give_its_rows(monkeypatch, order):
     with one_grating() as log:
         wanted = {name: {} for name in order}
         alone = list(tables_of(log, wanted))
-        monkeypatch.setattr(by_channel, "_LONG", 1)
+        monkeypatch.setattr(products, "_LONG", 1)
         shared = list(tables_of(log, wanted, 2, processes=True))
     assert [part.table for part in shared] == list(order)
     assert all(part.found is not None for part in alone)
@@ -77,11 +76,11 @@ def gratings(log: Recording, count: int) -> Recording:
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, None])
 def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, how):
-    """Whoever starts from the form of the grating before it does so, whoever learns that form."""
+    """Its parent learns the form in its place, and starts from where it would have."""
     parent, settled = os.getpid(), form_choice.choose_form
 
     def mortal(channel, passages, *, like=None):
-        if channel.name.endswith("_0") and os.getpid() != parent:
+        if channel.name.endswith("_1") and os.getpid() != parent:
             if how is None:
                 raise MemoryError
             os.kill(os.getpid(), how)
@@ -114,7 +113,7 @@ def test_a_process_that_ends_early_leaves_no_gap(monkeypatch):
 
     with one_grating() as log:
         alone = list(tables_of(log, {name: {} for name in TABLES}))
-        monkeypatch.setattr(by_channel, "_LONG", 1)
+        monkeypatch.setattr(products, "_LONG", 1)
         monkeypatch.setattr(Measuring, "measure", mortal)
         shared = list(tables_of(log, {name: {} for name in TABLES}, 2, processes=True))
     same(alone, shared)

@@ -41,7 +41,7 @@ NAMESAKES = {
     },
     "cutoff": {
         "vocabulary/tables.py",
-        "by_channel.py",
+        "products.py",
         "campaign/manifest.py",
         "api/tables.py",
         "cli/footprint.py",

@@ -14,11 +14,11 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 from tirelog.api.logs import Path
-from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.products import (
     OF_A_DRIVE,
+    Part,
     checked,
     phase_shift_parts,
     tables_of,

@@ -5,28 +5,27 @@ Files by their name relative to it, '/' between the parts.
     name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this
             run's alone)
 
-What a campaign knows of a file is whether it is there; what it may rely on is that it is whole.
+What a campaign knows of a file is whether it is there; what it may rely on is that it is whole:
+`whole_file` sees to it here, and a store, which shows whole objects or is given another name first
+(`remote`). Workers' temporary runs are in a folder of this machine. What a kill has left there, or
+half written beside one of the campaign's files, the next run removes, and nothing else.
 
-At an address objects are seen whole or not at all; a store that is not one of objects gets a file
-under another name, which is moved (`remote`). No store has locks that end with a process: one run
-at a time is the user's to see to there.
-
-On this machine everything is written below `.tirelog/tmp`, which is the campaign's own, and moved
-to its place when it is whole. So what a kill has left is there and nowhere else: the next run
-empties that one folder, and never looks at files of other programs that stand among its results.
+On this machine the folder is locked while a run works. No store has locks that end with a process:
+one run at a time is the user's to see to there.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from tirelog.errors import UsageError
 from tirelog.storage.remote import (
@@ -38,7 +37,7 @@ from tirelog.storage.remote import (
     remove_remote,
     write_remote,
 )
-from tirelog.storage.whole import failed_writes, json_value, output_error
+from tirelog.storage.whole import failed_writes, json_of, output_error, whole_file, whole_name
 
 # ---- What a campaign calls its files, and the folder of this machine in which they are made.
 
@@ -61,13 +60,12 @@ def is_own(name: str) -> bool:
     return name.startswith(f"{HIDDEN}/") or _RESULTS.fullmatch(name) is not None
 
 
-def json_of(data: bytes | None) -> dict[str, Any]:
+def json_table(data: bytes | None) -> dict[str, Any]:
     """A small file of ours as a table; empty if it is not there or was damaged."""
     try:
-        content = json_value(data or b"{}")
+        return dict(json_of(data or b"{}", {str: object}))
     except ValueError:
         return {}
-    return content if isinstance(content, dict) else {}
 
 
 def swept(temporary: Path) -> None:
@@ -87,56 +85,11 @@ def temporary_for(url: str) -> Path:
     For a campaign whose results are elsewhere. It is always the same one, so that the next run
     sweeps what a kill left.
     """
-    import hashlib
-
     user = os.getuid() if hasattr(os, "getuid") else 0
     return (
         Path(tempfile.gettempdir())
         / f"tirelog-campaign-{user}-{hashlib.sha256(url.encode()).hexdigest()[:16]}"
     )
-
-
-def _lock(descriptor: int) -> None:
-    """Lock an open file for this process alone.  OSError: another one has it."""
-    if sys.platform == "win32":
-        import msvcrt
-
-        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-    else:
-        import fcntl
-
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
-class Folder(Protocol):
-    """A campaign's output folder, wherever it is.
-
-    `root`: path or address; `temporary`: a folder of this machine for the workers' temporary runs.
-    """
-
-    root: str
-    temporary: Path
-
-    def held(self) -> AbstractContextManager[None]:
-        """The folder for this process alone, swept of what a kill may have left.
-
-        UsageError: another run has it; at an address nobody looks for one.
-        """
-
-    def read(self, name: str) -> bytes | None:
-        """A file's bytes, or None if it is not there."""
-
-    def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
-        """Several files; those that are not there are left out."""
-
-    def write(self, name: str, data: bytes) -> None:
-        """OutputError: it cannot be written; what stood there stands."""
-
-    def remove(self, names: Sequence[str]) -> None:
-        """Those that are not there are no error."""
-
-    def names(self) -> set[str]:
-        """Every file in the folder."""
 
 
 def folder_at(place: str | Path) -> Folder:
@@ -150,27 +103,43 @@ def folder_at(place: str | Path) -> Folder:
 class LocalFolder:
     """A folder on this machine.
 
-    The lock is the kernel's for this process, so it does not outlive a crash.
+    `root`: its path; `temporary`: for the workers' temporary runs.
     """
 
     def __init__(self, path: Path) -> None:
         self.path, self.root = path, str(path)
-        self.temporary = _temporary_in(path)
+        self.temporary = path / HIDDEN / "tmp"
 
     @contextmanager
     def held(self) -> Iterator[None]:
+        """The folder for this process alone, swept of what a kill may have left.
+
+        The lock is the kernel's, so it does not outlive a crash. UsageError: another run has it.
+        """
         hidden = self.path / HIDDEN
         try:
             hidden.mkdir(parents=True, exist_ok=True)
-            _refuse_link(hidden)  # its folder tmp is emptied: never one that a link leads to
-            lock = os.open(
-                hidden / "lock", os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666
-            )
+            if hidden.is_symlink():
+                raise UsageError(
+                    "is a link",
+                    allowed="allowed is a folder of the campaign's own, which it empties",
+                    do="remove the link",
+                    file=hidden,
+                )
+            flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+            lock = os.open(hidden / "lock", flags, 0o666)
         except OSError as problem:
             raise output_error(self.path, problem) from problem
         with os.fdopen(lock):
             try:
-                _lock(lock)
+                if sys.platform == "win32":
+                    import msvcrt
+
+                    msvcrt.locking(lock, msvcrt.LK_NBLCK, 1)
+                else:
+                    import fcntl
+
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise UsageError(
                     "another campaign run works in this folder",
@@ -178,45 +147,61 @@ class LocalFolder:
                     do="wait for it",
                     file=self.path,
                 ) from None
-            swept(self.temporary)
+            self._sweep()
             try:
                 yield
             finally:
-                swept(self.temporary)  # a worker that died has left what it was writing
+                self._sweep()  # a worker that died has left what it was writing
+
+    def _sweep(self) -> None:
+        swept(self.temporary)
+        self.remove([name for name in self.names() if is_own(whole_name(name) or "")])
 
     def read(self, name: str) -> bytes | None:
+        """A file's bytes, or None if it is not there."""
         try:
             return (self.path / name).read_bytes()
         except OSError:
             return None
 
     def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
+        """Several files; those that are not there are left out."""
         return {name: data for name in names if (data := self.read(name)) is not None}
 
     def write(self, name: str, data: bytes) -> None:
-        with moved_into(self.path, name) as unmoved, failed_writes(self.path / name):
-            unmoved.write_bytes(data)
+        """OutputError: it cannot be written; what stood there stands."""
+        with whole_file(self.place(name)) as part, failed_writes(part):
+            part.write_bytes(data)
+
+    def place(self, name: str) -> Path:
+        """Where a file is to be written, in a folder that is there."""
+        path = self.path / name
+        with failed_writes(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.is_symlink():  # who may have put it there? its file is not ours
+                path.unlink()
+        return path
 
     def remove(self, names: Sequence[str]) -> None:
+        """Those that are not there are no error."""
         for name in names:
             (self.path / name).unlink(missing_ok=True)
 
     def names(self) -> set[str]:
-        found: set[str] = set()
-        for folder, _, files in os.walk(self.path):
-            inside = os.path.relpath(folder, self.path)
-            found |= {name if inside == "." else f"{inside}/{name}" for name in files}
-        return found
+        """Every file in the folder."""
+        files = (Path(folder, file) for folder, _, files in os.walk(self.path) for file in files)
+        return {file.relative_to(self.path).as_posix() for file in files}
 
 
 class RemoteFolder:
-    """A folder at the address `root`."""
+    """A folder at the address `root`, with the same doors as `LocalFolder`."""
 
     def __init__(self, root: str) -> None:
         self.root, self.temporary = root, temporary_for(root)
 
     @contextmanager
     def held(self) -> Iterator[None]:
+        """The folder, swept of what a kill may have left; nobody looks for another run."""
         self.remove([name for name in self.names() if _half_written(name)])
         swept(self.temporary)
         try:
@@ -226,67 +211,30 @@ class RemoteFolder:
             self.temporary.rmdir()
 
     def read(self, name: str) -> bytes | None:
-        return read_remote(self._at(name))
+        return read_remote(self.place(name))
 
     def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
-        found = read_several([self._at(name) for name in names])
+        found = read_several([self.place(name) for name in names])
         return {url.removeprefix(f"{self.root}/"): data for url, data in found.items()}
 
     def write(self, name: str, data: bytes) -> None:
-        write_remote(self._at(name), data)
+        write_remote(self.place(name), data)
+
+    def place(self, name: str) -> str:
+        return f"{self.root}/{name}"
 
     def remove(self, names: Sequence[str]) -> None:
-        remove_remote([self._at(name) for name in names])
+        remove_remote([self.place(name) for name in names])
 
     def names(self) -> set[str]:
         return set(list_remote(self.root))
 
-    def _at(self, name: str) -> str:
-        return f"{self.root}/{name}"
+
+Folder = LocalFolder | RemoteFolder
 
 
 def _half_written(name: str) -> bool:
     """A file of the campaign's own under the name that `write_remote` and `upload` move from."""
     folder, _, last = name.rpartition("/")
-    return (
-        last.startswith(".")
-        and last.endswith(PART)
-        and is_own(f"{folder}/{last[1 : -len(PART)]}".lstrip("/"))
-    )
-
-
-def _temporary_in(output: Path) -> Path:
-    """Where a campaign in the folder `output` keeps what is not whole yet."""
-    return output / HIDDEN / "tmp"
-
-
-def _refuse_link(path: Path) -> None:
-    """UsageError: `path` is a symbolic link."""
-    if path.is_symlink():
-        raise UsageError(
-            "is a link",
-            allowed="allowed is a folder of the campaign's own, which it empties",
-            do="remove the link",
-            file=path,
-        )
-
-
-@contextmanager
-def moved_into(output: Path, name: str) -> Iterator[Path]:
-    """A path to write to; when the block ends well, the file there becomes `name` in `output`.
-
-    The path is in a new folder of an unpredictable name that nobody else may enter.  OutputError:
-    it cannot be put there; what stood under `name` stands.
-    """
-    path, temporary = output / name, _temporary_in(output)
-    with ExitStack() as left:
-        with failed_writes(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.mkdir(parents=True, exist_ok=True)
-            folder = tempfile.TemporaryDirectory(dir=temporary, ignore_cleanup_errors=True)
-            unmoved = Path(left.enter_context(folder)) / path.name
-        yield unmoved
-        with failed_writes(path):
-            with unmoved.open("rb+") as stream:
-                os.fsync(stream.fileno())
-            os.replace(unmoved, path)
+    own = f"{folder}/{last[1 : -len(PART)]}".lstrip("/")
+    return last.startswith(".") and last.endswith(PART) and is_own(own)

@@ -25,11 +25,11 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from tirelog.campaign.folder import HIDDEN, Folder, json_of
+from tirelog.campaign.folder import HIDDEN, Folder, json_table
 from tirelog.data.recording import Conditions
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.storage.remote import address, open_input, state_of
-from tirelog.storage.whole import json_value
+from tirelog.storage.whole import json_of, json_value
 
 _DONE = f"{HIDDEN}/done/"
 _HASHES = f"{HIDDEN}/hashes.json"
@@ -74,7 +74,7 @@ class Ledger:
         ReadError: it cannot be read.
         """
         if self._hashes is None:
-            self._hashes = json_of(self.folder.read(_HASHES))
+            self._hashes = json_table(self.folder.read(_HASHES))
         url = address(log)
         if url is None:
             stat = os.stat(log)
@@ -99,17 +99,9 @@ class Ledger:
     def entry(self, name: str) -> Entry | None:
         """What is known of a log, or None (also if the file was damaged)."""
         if self._entries is None:
-            files = [
-                file
-                for file in self.folder.names()
-                if file.startswith(_DONE) and file.endswith(".json")
-            ]
-            found = {file: _entry(data) for file, data in self.folder.read_all(files).items()}
-            self._entries = {
-                file.removeprefix(_DONE).removesuffix(".json"): entry
-                for file, entry in found.items()
-                if entry is not None
-            }
+            files = [file for file in self.folder.names() if file.startswith(_DONE)]
+            found = map(_entry, self.folder.read_all(files).values())
+            self._entries = {entry.name: entry for entry in found if entry is not None}
         return self._entries.get(name)
 
     def forget(self, names: set[str]) -> None:
@@ -136,23 +128,26 @@ def log_of(name: str) -> str:
     )
 
 
+#: an entry as it is written
+_ENTRY = {
+    **dict.fromkeys(("log", "name", "key", "error", "fault"), str),
+    "losses": [str],
+    "remarks": [str],
+    "exit_status": int,
+    "rows": {str: int},
+    "quality": {str: {str: int}},
+    "pieces": {str: str},
+    "seconds": float,
+    "peak_memory_MB": float,
+}
+
+
 def _entry(data: bytes) -> Entry | None:
     """The entry in a file; None if it is not what was written, and its log is then read again."""
     try:
-        entry = Entry(**json_of(data))
-    except TypeError:
+        return Entry(**json_of(data, _ENTRY))
+    except (ValueError, TypeError):
         return None
-    written = Entry("", "", "")
-    as_written = all(
-        isinstance(value := getattr(entry, name), type(like))
-        or (isinstance(like, float) and type(value) is int)
-        for name, like in vars(written).items()
-    )
-    return (
-        entry
-        if as_written and all(isinstance(words, dict) for words in entry.quality.values())
-        else None
-    )
 
 
 def _bytes(data: Any) -> bytes:
@@ -198,22 +193,12 @@ def pieces_bytes(pieces: Pieces) -> bytes:
 def read_pieces(data: bytes) -> Pieces:
     """The pieces in a file.  ValueError: it is none."""
     try:
-        return _pieces(data)
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            words = json_value(str(arrays["words"]))
+            words |= {name: tuple(words[name]) for name in ("logs", "notes")}
+            given = {f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)}
+            rest = (f.name for f in fields(Pieces) if f.name not in (*_WORDS, "conditions"))
+            rows = {name: arrays[name] for name in rest}
+        return Pieces(**words, conditions=Conditions(**given), **rows)
     except (KeyError, TypeError, AttributeError, OSError, EOFError, BadZipFile) as problem:
         raise ValueError(str(problem)) from None
-
-
-def _pieces(data: bytes) -> Pieces:
-    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-        words = json_value(str(arrays["words"]))
-        conditions = Conditions(
-            **{f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)}
-        )
-        rows = {
-            f.name: arrays[f.name] for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")
-        }
-    return Pieces(
-        **{**words, "logs": tuple(words["logs"]), "notes": tuple(words["notes"])},
-        conditions=conditions,
-        **rows,
-    )

@@ -104,7 +104,8 @@ class Campaign:
 
 
 _TABLES = {
-    name: Table(dict.fromkeys(maker.options, ANYTHING)) for name, maker in OF_A_DRIVE.items()
+    name: Table({option.name: ANYTHING for option in maker.table.options})
+    for name, maker in OF_A_DRIVE.items()
 }
 _GLOB = replace(LINE, words='a pattern relative to the manifest, such as "logs/*.csv"')
 _MODEL = replace(LINE, words='the path of a model file, such as "beam.toml"')
@@ -237,14 +238,18 @@ def _matches(pattern: str, base: Path) -> list[str]:
 def _setup(place: str, base: Path) -> Setup:
     """The setup at a path relative to the manifest, or at an address."""
     url = address(place)
-    if url is None:
-        return load_setup(base / place)
-    data = read_remote(url)
-    if data is None:
+    setup = load_setup(base / place) if url is None else _remote_setup(url)
+    if setup is None:
         raise SetupError(
             "is not there", allowed="a setup is a TOML file", do="give another address", file=url
         )
-    return parse_setup(data.decode("utf-8-sig", errors="replace"), url)
+    return setup
+
+
+def _remote_setup(url: str) -> Setup | None:
+    """The setup at an address; None if nothing is there."""
+    data = read_remote(url)
+    return None if data is None else parse_setup(data.decode("utf-8-sig", errors="replace"), url)
 
 
 def _setup_beside(log: str) -> Setup | None:
@@ -255,10 +260,8 @@ def _setup_beside(log: str) -> Setup | None:
         return load_setup(beside) if beside is not None else None
     folder, _, name = url.rpartition("/")
     stems = [name[:at] for at in range(len(name) - 1, 0, -1) if name[at] == "."]
-    for stem in stems:
-        if (data := read_remote(f"{folder}/{stem}.toml")) is not None:
-            return parse_setup(data.decode("utf-8-sig", errors="replace"), f"{folder}/{stem}.toml")
-    return None
+    found = (_remote_setup(f"{folder}/{stem}.toml") for stem in stems)
+    return next((setup for setup in found if setup is not None), None)
 
 
 def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -> CampaignLog:
@@ -270,7 +273,7 @@ def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -
     )
     name = re.sub(r"[^\w.+-]+", "_", inside).strip("_")
     row = rows.get(inside) or rows.get(log.rsplit("/", 1)[-1])
-    tags = {} if row is None else {k: v for k, v in row.cells.items() if k not in _CONDITIONS}
+    tags = {} if row is None else row.tags
     if row is not None:
         row.logs.append(inside)
     try:
@@ -290,15 +293,13 @@ def _log(log: str, shared: Setup | None, rows: Mapping[str, _Row], base: Path) -
 
 @dataclass(frozen=True)
 class _Row:
-    """A row of a table of conditions: the cells beside `log`, and the logs that they are of."""
+    """A row of a table of conditions: its place, what it says, and the logs that it is of."""
 
     file: Path
     line: int
-    cells: Mapping[str, str]
+    conditions: Mapping[str, float]
+    tags: Mapping[str, str]
     logs: list[str] = field(default_factory=list)
-
-    def refuse(self, what: str, allowed: str, do: str = "mend it") -> UsageError:
-        return UsageError(what, allowed=allowed, do=do, file=self.file, line=self.line)
 
 
 #: how a table of conditions may say yes and no
@@ -311,12 +312,8 @@ def _with_conditions(setup: Setup, row: _Row) -> Setup:
     Its text carries them too, so that a run made from it says the same. SetupError, with the row's
     place: a condition is beyond what a setup may say.
     """
-    told = {key: text for key in _CONDITIONS if (text := row.cells.get(key, "")) != ""}
-    given = {
-        key: _YES[text.strip().lower()] if key == "driven" else float(text)
-        for key, text in told.items()
-    }
-    known = {k: v for k, v in dataclasses.asdict(setup.conditions).items() if v is not None} | given
+    known = {k: v for k, v in dataclasses.asdict(setup.conditions).items() if v is not None}
+    known |= row.conditions
     lines = [
         f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in known.items()
     ]
@@ -365,37 +362,40 @@ def _conditions(path: Path) -> dict[str, _Row]:
     rows: dict[str, _Row] = {}
     for line, cells in lines:
         log = str(cells.pop("log"))
-        row = _Row(path, line, {k: v or "" for k, v in cells.items() if isinstance(k, str)})
-        if None in cells:
-            raise row.refuse("has more cells than the header", "allowed is one per column")
-        if log in rows:
-            raise row.refuse(
-                f"log {log!r} has a row in line {rows[log].line} already",
+        tags = {name: cell or "" for name, cell in cells.items() if isinstance(name, str)}
+        texts = {key: tags.pop(key).strip() for key in _CONDITIONS if key in tags}
+        given = {key: _condition(key, text) for key, text in texts.items() if text}
+        wrong = next((key for key, value in given.items() if value is None), "")
+        for refused, what, allowed, do in (
+            (None in cells, "has more cells than the header", "allowed is one per column", ""),
+            (
+                log in rows,
+                f"log {log!r} has a row in line {log in rows and rows[log].line} already",
                 "allowed is one row per log",
-                do="remove one of them",
-            )
-        _refuse_cells(row)
-        rows[log] = row
+                "remove one of them",
+            ),
+            (
+                wrong,
+                f"{wrong} = {texts.get(wrong, '')[:40]!r}",
+                f"allowed are {', '.join(_YES)}" if wrong == "driven" else "allowed is a number",
+                "",
+            ),
+        ):
+            if refused:
+                raise UsageError(what, allowed=allowed, do=do or "mend it", file=path, line=line)
+        rows[log] = _Row(path, line, {k: v for k, v in given.items() if v is not None}, tags)
     return rows
 
 
-def _refuse_cells(row: _Row) -> None:
-    """UsageError: a condition is no number, or `driven` neither yes nor no."""
-    for key in _CONDITIONS:
-        text = row.cells.get(key, "")
-        if key == "driven":
-            fits, allowed = text.strip().lower() in ("", *_YES), f"allowed are {', '.join(_YES)}"
-        else:
-            fits, allowed = not text or _finite(text), "allowed is a number"
-        if not fits:
-            raise row.refuse(f"{key} = {text[:40]!r}", allowed)
-
-
-def _finite(text: str) -> bool:
+def _condition(key: str, text: str) -> float | None:
+    """The value of a condition, for `driven` true or false; None if the text is none."""
+    if key == "driven":
+        return _YES.get(text.lower())
     try:
-        return math.isfinite(float(text))
+        value = float(text)
     except ValueError:
-        return False
+        return None
+    return value if math.isfinite(value) else None
 
 
 def _model(entry: Mapping[str, Any], place: FilePlace, base: Path) -> CampaignModel:

@@ -25,8 +25,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tirelog.campaign.folder import json_of
-from tirelog.campaign.ledger import Ledger
+from tirelog.campaign.folder import json_table
+from tirelog.campaign.ledger import Ledger, read_pieces
 from tirelog.campaign.manifest import Campaign, CampaignModel
 from tirelog.campaign.runner import LogTask, pieces_name
 from tirelog.data.setup import parse_setup
@@ -99,7 +99,7 @@ def _run(
     waiting = [
         name
         for name in model.commands
-        if json_of(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key
+        if json_table(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key
     ]
     if not waiting:
         return
@@ -235,8 +235,6 @@ def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Piec
 
 def _kept(task: LogTask, observable: str, ledger: Ledger) -> Pieces:
     """The pieces that a log's worker kept.  ReadError: the file is damaged."""
-    from tirelog.campaign.ledger import read_pieces
-
     name = pieces_name(observable, task.name)
     try:
         return read_pieces(ledger.folder.read(name) or b"")

@@ -12,7 +12,6 @@ from __future__ import annotations
 import csv
 import io
 import logging
-import multiprocessing
 import os
 import sys
 import tempfile
@@ -20,7 +19,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -30,8 +29,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.campaign.folder import HIDDEN, moved_into
-from tirelog.campaign.ledger import Entry, Ledger, key_of, log_of
+from tirelog.campaign.folder import HIDDEN, folder_at
+from tirelog.campaign.ledger import Entry, Ledger, key_of, log_of, pieces_bytes
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.data.recording import Recording
 from tirelog.data.setup import parse_setup
@@ -43,10 +42,10 @@ from tirelog.errors import (
     UsageError,
     is_outside_log,
 )
+from tirelog.process_pool import ending_pool
 from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.runtime import end_with_parent, one_heap, one_thread
-from tirelog.storage.remote import address
 from tirelog.storage.whole import whole_file
 from tirelog.tables.writer import TableWriter
 from tirelog.version import __version__
@@ -118,27 +117,19 @@ def make_tables(task: LogTask) -> Entry:
             _keep_pieces(recording, task, entry)
             entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
-    except TirelogError as problem:
-        # a shared setup that does not fit this log names itself alone
-        told = task.log in str(problem.file)
-        entry.error, entry.exit_status = (
-            str(problem) if told else f"{task.log}: {problem}",
-            int(problem.exit_status),
-        )
-        entry.fault = (
-            "output"
-            if isinstance(problem, OutputError)
-            else "machine"
-            if is_outside_log(problem)
-            else "log"
-        )
-    except (
-        Exception
-    ) as problem:  # one log's failure, also a defect of our own, must not stop the campaign
-        what = f"({type(problem).__name__}: {problem})"
-        entry.fault = "machine" if is_outside_log(problem) else "log"
-        whose = "the machine refuses" if entry.fault == "machine" else "a defect of tirelog's own"
-        entry.error, entry.exit_status = f"{task.log}: {whose} {what}", int(ExitStatus.DEFECT)
+    # one log's failure, also a defect of our own, must not stop the campaign
+    except Exception as problem:
+        outside = is_outside_log(problem)
+        entry.exit_status = int(getattr(problem, "exit_status", ExitStatus.DEFECT))
+        entry.fault = "machine" if outside else "log"
+        if isinstance(problem, OutputError):
+            entry.fault = "output"
+        if isinstance(problem, TirelogError):
+            # a shared setup that does not fit this log names itself alone
+            entry.error = f"{'' if task.log in str(problem.file) else f'{task.log}: '}{problem}"
+        else:
+            whose = "the machine refuses" if outside else "a defect of tirelog's own"
+            entry.error = f"{task.log}: {whose} ({type(problem).__name__}: {problem})"
     finally:
         # the next log's folder may be another, or gone
         tempfile.tempdir = folder_before
@@ -176,19 +167,6 @@ def pieces_name(observable: str, log: str) -> str:
     return f"{HIDDEN}/means/{observable}/{log}.npz"
 
 
-@contextmanager
-def _written(output: str, name: str) -> Iterator[str]:
-    """Path or address to write a file of the output folder to.
-
-    A path's file takes its place at the end.
-    """
-    if address(output) is not None:
-        yield f"{output}/{name}"
-    else:
-        with moved_into(Path(output), name) as unmoved:
-            yield str(unmoved)
-
-
 def _make(
     wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: LogTask, entry: Entry
 ) -> None:
@@ -197,12 +175,11 @@ def _make(
     The column `log` is the partition, so that readers of the dataset get it from the folder's name.
     """
     metadata = {"key": task.key, "log": task.log, "version": __version__}
+    folder = folder_at(task.output)
     with ExitStack() as open_tables:
         writers: dict[str, TableWriter] = {}
         for name in wanted:
-            path = open_tables.enter_context(
-                _written(task.output, table_part_name(name, task.name))
-            )
+            path = str(folder.place(table_part_name(name, task.name)))
             writers[name] = open_tables.enter_context(
                 TableWriter(name, path, "parquet", metadata=metadata)
             )
@@ -228,7 +205,6 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
     """
     if not task.observables:
         return
-    from tirelog.campaign.ledger import pieces_bytes
     from tirelog.inference.cells.pieces import pieces_of_all
     from tirelog.inference.measured import measured
     from tirelog.vocabulary.observables import OBSERVABLES
@@ -243,10 +219,7 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         except TirelogError as problem:
             entry.pieces[observable] = problem.message
             continue
-        with (
-            _written(task.output, pieces_name(observable, task.name)) as place,
-            whole_file(place) as part,
-        ):
+        with whole_file(folder_at(task.output).place(pieces_name(observable, task.name))) as part:
             part.write_bytes(pieces_bytes(pieces))
         entry.pieces[observable] = ""
 
@@ -355,19 +328,6 @@ def _of_the_machine(task: LogTask, error: str) -> Entry:
     """What did not come to an end, and is no fault of the log that is known."""
     status = int(ExitStatus.DEFECT)
     return Entry(task.log, task.name, task.key, error=error, exit_status=status, fault="machine")
-
-
-SUMMARY = (
-    "log",
-    "name",
-    "status",
-    "error",
-    "rows",
-    "quality",
-    "losses",
-    "seconds",
-    "peak_memory_MB",
-)
 
 
 def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list[LogTask]:
@@ -576,7 +536,11 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
                     alone.appendleft(suspect)
                 else:
                     del waiting[suspect.name]
-                    yield _died(suspect)
+                    yield _of_the_machine(
+                        suspect,
+                        f"{suspect.log}: its worker died {_ATTEMPTS} times (out of memory, or "
+                        "killed); free memory or use fewer workers",
+                    )
 
 
 @contextmanager
@@ -603,29 +567,18 @@ def _by_pool(
 
     BrokenProcessPool: a worker died; it was at work on one of these.
     """
-    others = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
-    ) as pool:
+    with ending_pool(workers, "spawn", _begin) as pool:
         left = deque(queue)
         running: dict[Future[Entry], LogTask] = {}
-        try:
-            while left or running:
-                while left and len(running) < workers:  # no more: whoever dies names the suspects
-                    task = left.popleft()
-                    at_work[task.name] = task
-                    running[pool.submit(make_tables, task)] = task
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    entry = future.result()
-                    del at_work[running.pop(future).name]
-                    yield entry
-        except BrokenProcessPool:
-            raise
-        except BaseException:  # interrupted, or nobody wants the rest
-            for worker in set(multiprocessing.active_children()) - others:
-                worker.kill()  # the pool would wait for what they have begun
-            raise
+        while left or running:
+            while left and len(running) < workers:  # no more: whoever dies names the suspects
+                task = left.popleft()
+                at_work[task.name] = task
+                running[pool.submit(make_tables, task)] = task
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                entry = future.result()
+                del at_work[running.pop(future).name]
+                yield entry
 
 
 def _begin(parent: int) -> None:
@@ -638,20 +591,13 @@ def _begin(parent: int) -> None:
     sys.unraisablehook = lambda _: None
 
 
-def _died(task: LogTask) -> Entry:
-    return _of_the_machine(
-        task,
-        f"{task.log}: its worker died {_ATTEMPTS} times (out of memory, or killed); "
-        "free memory or use fewer workers",
-    )
-
-
 def write_summary(campaign: Campaign, ledger: Ledger) -> str:
     """summary.csv beside the tables: a row per log of the manifest, with its tags."""
     tags = sorted({tag for log in campaign.logs for tag in log.tags})
     stream = io.StringIO(newline="")
     writer = csv.writer(stream)
-    writer.writerow([*SUMMARY, *tags])
+    about = ("log", "name", "status", "error", "rows", "quality", "losses", "seconds")
+    writer.writerow([*about, "peak_memory_MB", *tags])
     for log in campaign.logs:
         row = _summary_row(log, ledger.entry(log.name), list(campaign.tables))
         writer.writerow([*row, *(log.tags.get(tag, "") for tag in tags)])

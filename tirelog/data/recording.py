@@ -59,15 +59,15 @@ class TimeAxis:
         """Explicit, ascending `times_s`, shape (size,)."""
         steps = np.diff(times_s)
         rate = float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else 1.0
+        return cls.read_by(lambda start, stop: times_s[start:stop], times_s.size, rate)
+
+    @classmethod
+    def read_by(
+        cls, explicit: Callable[[int, int], FloatArray], size: int, rate_Hz: float
+    ) -> TimeAxis:
+        """Explicit times, read in slices; `rate_Hz`: their median rate."""
         none = np.zeros(0)
-        return cls(
-            times_s.size,
-            rate,
-            none.astype(np.int64),
-            none,
-            none,
-            lambda start, stop: times_s[start:stop],
-        )
+        return cls(size, rate_Hz, none.astype(np.int64), none, none, explicit)
 
     def time(self, start: int = 0, stop: int | None = None) -> FloatArray:
         """Times [s] of the samples [start, stop), shape (stop - start,)."""
@@ -152,18 +152,7 @@ class Scaled:
 
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
-        return self._into(raw, np.empty(raw.size))
-
-    def whole(self, size: int) -> FloatArray:
-        """All samples of a channel of `size`, read a block at a time."""
-        values = np.empty(size)
-        for start in range(0, size, BLOCK_SAMPLES):
-            stop = min(start + BLOCK_SAMPLES, size)
-            self._into(self.raw(start, stop), values[start:stop])
-        return values
-
-    def _into(self, raw: NDArray[Any], values: FloatArray) -> FloatArray:
-        """`values` (n,), filled with what the stored `raw` numbers (n,) are in SI."""
+        values = np.empty(raw.size)
         if self.lost is not None and raw.dtype == np.int32:
             si_of_counts(raw, self.scale, self.offset, self.lost, values)
             return values

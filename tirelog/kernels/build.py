@@ -40,9 +40,6 @@ def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
     ImportError: numba or setuptools is not there. Whatever numba and the C compiler raise if they
     can't.
     """
-    from tirelog.kernels.dispatch import without_blas
-
-    without_blas()
     with warnings.catch_warnings():
         # numba means to replace its compiler of modules, and has not said by what
         warnings.simplefilter("ignore")

@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
-from functools import update_wrapper
+from functools import cache, update_wrapper
 from hashlib import blake2b
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -19,7 +19,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from threading import Lock
 from types import FunctionType
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -31,8 +31,7 @@ from tirelog.runtime import notice_compiling
 #     _built.json  their names, and of which sources it was made
 #
 # It is used if all of its sources are as they were, to the byte: not after an edit of one of them
-# in
-# a folder that the package is installed from.
+# in a folder that the package is installed from.
 
 
 #: the folder of the package, in which sources are named by their paths
@@ -49,14 +48,10 @@ RECORD = "TIRELOG_RECORD_KERNELS"
 
 def function(kernel: str, kinds: str) -> Callable[..., Any] | None:
     """The function of a `kernel` for arguments of these `kinds`; None if there is none."""
-    module, symbols = _loaded()
+    with _LOCK:  # threads that call their first kernels at the same time
+        module, symbols = _loaded()
     symbol = symbols.get(kernel, {}).get(kinds)
     return None if symbol is None else getattr(module, symbol)
-
-
-def at_hand() -> bool:
-    """True if the extension can be used: calling one more kernel costs nothing."""
-    return bool(_loaded()[1])
 
 
 def note_missed(kernel: str, kinds: str) -> None:
@@ -75,21 +70,12 @@ def fingerprints(sources: Iterable[str]) -> dict[str, str]:
     }
 
 
-_Functions = dict[str, dict[str, str]]
-_lock = Lock()
-_once: list[tuple[Any, _Functions]] = []
+_LOCK = Lock()
 
 
-def _loaded() -> tuple[Any, _Functions]:
+@cache
+def _loaded() -> tuple[Any, dict[str, dict[str, str]]]:
     """The extension and its functions' names by kernel and kinds; none if it is not to be used."""
-    if not _once:
-        with _lock:  # threads that call their first kernels at the same time
-            if not _once:
-                _once.append(_load())
-    return _once[0]
-
-
-def _load() -> tuple[Any, _Functions]:
     with suppress(OSError, ValueError, KeyError, TypeError, ImportError):
         table = json.loads(TABLE.read_text(encoding="utf-8"))
         made_of: dict[str, str] = table["sources"]
@@ -110,8 +96,7 @@ def _load() -> tuple[Any, _Functions]:
 #
 # numba knows a cached kernel by its own file only, and reads what it has cached before it looks
 # whether that is outdated. A kernel is forgotten here if its file, or one whose kernels it calls,
-# was
-# edited since: else one whose types have other names by now would end the process.
+# was edited since: else one whose types have other names by now would end the process.
 #
 # numba takes half a second to start and 75 MB: who needs no kernel of it does not import it.
 
@@ -121,7 +106,6 @@ def jit(source: FunctionType, files: Collection[Path]) -> Any:
 
     `files` are those that it is compiled from.
     """
-    without_blas()
     from numba import njit
 
     notice_compiling()
@@ -131,24 +115,6 @@ def jit(source: FunctionType, files: Collection[Path]) -> Any:
         return njit(error_model="numpy", nogil=True)(source)
     _forget_outdated(source, files, made)
     return made
-
-
-def without_blas() -> None:
-    """Load numba's array functions without scipy's linear algebra, which they look for then.
-
-    No kernel needs it; one that does has numba import it. It is 16 MB, and 5 to 9 % of a command's
-    CPU time (22 November 2026, two shared cores, Python 3.11; `tirelog tables` on a run of 4
-    gratings, `speed`, `ingest`).
-    """
-    blas = "scipy.linalg.cython_blas"
-    if blas in sys.modules or "numba.np.arraymath" in sys.modules:
-        return
-    modules = cast(dict[str, Any], sys.modules)
-    modules[blas] = None  # for Python: not there (its reference, 5.3.1 "The module cache")
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        del modules[blas]
 
 
 def _forget_outdated(source: FunctionType, files: Collection[Path], made: Any) -> None:

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.by_channel import Part
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import lowpassed, window_spectra
 from tirelog.errors import UsageError
@@ -36,6 +35,7 @@ from tirelog.plots.style import (
     write,
 )
 from tirelog.plots.turns import TurnsSketch, turns_picture
+from tirelog.products import Part
 from tirelog.strain.dissipation import AVERAGED, Regression, regression
 from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows
 from tirelog.strain.footprint.footprint import FootprintOfChannel

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.by_channel import Part
 from tirelog.data.recording import Recording
 from tirelog.plots.record import Mark, Page, Panel, band, dots, level, line, span, upright, words
 from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, RAW, picture, robust_range, write
+from tirelog.products import Part
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import OK

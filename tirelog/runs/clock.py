@@ -142,8 +142,10 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     if stamp[-1] - stamp[-2] > stamp[-2] - stamp[0]:  # nothing follows a leap longer than the log
         wrong = ((int(index[-1]), stamps.spool.size),)
         index, k, stamp = index[:-1], k[:-1], stamp[:-1]
+    from scipy.ndimage import median_filter  # a twentieth of a second, for few logs
+
     steps, samples = np.diff(stamp), np.diff(k)
-    rate = _running_median(samples / steps)
+    rate = median_filter(samples / steps, 2 * _ABOUT + 1, mode="nearest")
     lacking = steps * rate - samples
     usual = 1.4826 * float(np.median(np.abs(lacking - np.median(lacking))))
     lacks = lacking > max(_MISSING, _UNUSUAL * usual)
@@ -202,17 +204,6 @@ def _points(stamps: Stamps, period: float) -> tuple[IntArray, IntArray, FloatArr
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     index, k, stamp = (np.concatenate(column) for column in zip(*parts, strict=True))
     return index, k, stamp
-
-
-def _running_median(values: FloatArray) -> FloatArray:
-    """The median of each value and its neighbours, as far as there are any; same shape."""
-    padded = np.pad(values, _ABOUT, mode="edge")
-    out = np.empty(values.size)
-    for start in range(0, values.size, 1 << 16):
-        part = padded[start : start + (1 << 16) + 2 * _ABOUT]
-        windows = np.lib.stride_tricks.sliding_window_view(part, 2 * _ABOUT + 1)
-        out[start : start + windows.shape[0]] = np.median(windows, axis=1)
-    return out
 
 
 #: share of a period by which a clock's stamps may stray, unless a rate is declared; twice as much
@@ -589,8 +580,7 @@ class ClockFit:
         self._count("stamps_repaired", repaired)
         for index in far:
             self._gap(index, 0)
-        none = np.zeros(0)
-        return TimeAxis(self.size, 1.0 / step, none.astype(np.int64), none, none, times.read)
+        return TimeAxis.read_by(times.read, self.size, 1.0 / step)
 
     def _wandering(self, clock: Wandering) -> TimeAxis:
         """The axis of a clock whose rate wanders, which is said."""
@@ -600,10 +590,7 @@ class ClockFit:
         )
         for index, samples in clock.gaps:
             self._gap(index, samples)
-        none = np.zeros(0)
-        return TimeAxis(
-            self.size, clock.rate_Hz, none.astype(np.int64), none, none, clock.times
-        )  # fmt: skip
+        return TimeAxis.read_by(clock.times, self.size, clock.rate_Hz)
 
     def _repaired(self, spans: Iterable[tuple[int, int]]) -> None:
         self._count("stamps_repaired", sum(stop - start for start, stop in spans))

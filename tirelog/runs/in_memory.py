@@ -1,17 +1,12 @@
-"""A channel in memory, in as few bytes as its numbers need: it is gone through more than once.
+"""A channel in memory: it is gone through more than once.
 
-    Channel of a run
-        --counts, piece by piece, above the least of the piece: two bytes per sample if they fit-->
-        Channel in memory
+    Channel of a run --int32 counts as they are stored--> Channel in memory
     Channel of a log --float64 if it is short--> Channel in memory; a long one stays in the
         temporary run, whose numbers are stored as they are
     any other Channel --float64--> Channel in memory
 
-What is read from the one that is made is what was stored, to the bit.
-
-Two bytes per sample are kept for what they buy: with four, and so half as long channels held in the
-same memory, `tirelog tables` on an hour's run of 4 gratings takes 10.1 s of CPU for 5.5 (22
-November 2026, two shared cores, Python 3.11).
+What is read from the one that is made is what was stored, to the bit. A run's counts are not
+unpacked again: of an hour at 2.5 kHz they take 36 MB a channel.
 """
 
 from __future__ import annotations
@@ -24,77 +19,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Scaled
-from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality
 
-#: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 19 MB
+#: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 38 MB
 HELD_SAMPLES = 9_500_000
 #: a channel of a log up to this length is held as what it becomes, 50 MB: ten minutes at 10 kHz.
 #: Tables go through it ten times, which without it are a seventh of their CPU time; twice as much
 #: holds twice as much in each process
 HELD_FLOATS = 6_300_000
-#: samples a piece
-PIECE = 1 << 17
-_MOST = np.iinfo(np.uint16).max - 1
 
 Read = Callable[[int, int], FloatArray]
 
 
 @dataclass(frozen=True)
-class _Packed:
-    """A piece of a channel as counts above a `least` one, 0 if a sample is lost."""
-
-    short: NDArray[np.uint16]
-    least: int
-    scale: float
-    offset: float
-
-    def __call__(self, start: int, stop: int) -> FloatArray:
-        some = self.short[start:stop]
-        return self.into(start, np.empty(some.size))
-
-    def into(self, start: int, out: FloatArray) -> FloatArray:
-        """The samples from `start` on into `out`, which is given back."""
-        unpacked(self.short[start : start + out.size], self.least, self.scale, self.offset, out)
-        return out
-
-
-@dataclass(frozen=True)
 class _Held:
-    """The samples of a channel from memory, piece by piece, and where they were `stored`."""
+    """The samples of a channel in `memory`, and where they were `stored`."""
 
-    pieces: tuple[Read, ...]
+    memory: Read
     stored: Read
 
     def __call__(self, start: int, stop: int) -> FloatArray:
-        parts = [
-            (self.pieces[n], max(start - n * PIECE, 0), stop - n * PIECE)
-            for n in range(start // PIECE, -(-stop // PIECE))
-        ]
-        if len(parts) == 1:
-            piece, begin, end = parts[0]
-            return piece(begin, end)
-        out, at = np.empty(max(stop - start, 0)), 0
-        for piece, begin, end in parts:
-            size = min(end, PIECE) - begin
-            if isinstance(piece, _Packed):
-                piece.into(begin, out[at : at + size])
-            else:
-                out[at : at + size] = piece(begin, end)
-            at += size
-        return out
-
-
-@dataclass(frozen=True)
-class _Whole:
-    """The samples of a channel, and where they were `stored`."""
-
-    values: FloatArray
-    stored: Read
-
-    def __call__(self, start: int, stop: int) -> FloatArray:
-        return self.values[start:stop]
+        return self.memory(start, stop)
 
 
 @dataclass(frozen=True)
@@ -115,21 +61,14 @@ class _Holed:
         return values
 
 
-def with_holes(samples: Read, size: int, first: IntArray, stop: IntArray) -> Read:
-    """The `samples` of a channel of `size`, lost in the ranges [first, stop), (n,) in order.
+def with_holes(samples: Read, first: IntArray, stop: IntArray) -> Read:
+    """The `samples` of a channel, lost in the ranges [first, stop), (n,) in order.
 
     They stay in memory if they are there.
     """
-    if isinstance(samples, _Whole):
-        return _Whole(_Holed(samples, first, stop)(0, size), _Holed(samples.stored, first, stop))
-    holed = _Holed(samples, first, stop)
-    if not isinstance(samples, _Held):
-        return holed
-    pieces = list(samples.pieces)
-    for begin, end in zip(first.tolist(), stop.tolist(), strict=True):
-        for n in range(begin // PIECE, (end - 1) // PIECE + 1):
-            pieces[n] = _piece(holed, n * PIECE, min((n + 1) * PIECE, size))
-    return _Held(tuple(pieces), _Holed(samples.stored, first, stop))
+    if isinstance(samples, _Held):
+        return _Held(_Holed(samples.memory, first, stop), _Holed(samples.stored, first, stop))
+    return _Holed(samples, first, stop)
 
 
 def in_memory(channel: Channel) -> Channel:
@@ -140,17 +79,13 @@ def in_memory(channel: Channel) -> Channel:
     cores, Python 3.11; `tirelog tables` on 4 gratings).
     """
     stored = channel.samples
-    if channel.size > HELD_SAMPLES or isinstance(stored, _Held | _Whole):
+    most = HELD_FLOATS if _at_hand(channel) else HELD_SAMPLES
+    if channel.size > most or isinstance(stored, _Held):
         return channel
-    if isinstance(stored, Scaled) and stored.at_hand:
-        if channel.size > HELD_FLOATS:
-            return channel
-        return replace(channel, samples=_Whole(stored.whole(channel.size), stored))
-    pieces = tuple(
-        _piece(stored, start, min(start + PIECE, channel.size))
-        for start in range(0, channel.size, PIECE)
-    )
-    return replace(channel, samples=_Held(pieces, stored))
+    if isinstance(stored, Scaled) and not stored.at_hand:
+        raw = _whole(stored.raw, channel.size, stored.raw(0, 0).dtype)
+        return replace(channel, samples=_Held(replace(stored, raw=raw), stored))
+    return replace(channel, samples=_Held(_whole(stored, channel.size, np.dtype(float)), stored))
 
 
 def readable_apart(channel: Channel) -> bool:
@@ -158,67 +93,33 @@ def readable_apart(channel: Channel) -> bool:
 
     It is in memory, or stored so that no library holds its file's place; its times are counted.
     """
-    stored = channel.samples
-    if isinstance(stored, _Holed):
-        stored = stored.stored
-    at_hand = isinstance(stored, Scaled) and stored.at_hand
-    return (at_hand or isinstance(stored, _Held | _Whole)) and channel.axis.explicit is None
+    readable = isinstance(channel.samples, _Held) or _at_hand(channel)
+    return readable and channel.axis.explicit is None
 
 
 def released(channel: Channel) -> Channel:
     """The channel without the memory that `in_memory` took."""
-    return (
-        replace(channel, samples=channel.samples.stored)
-        if isinstance(channel.samples, _Held | _Whole)
-        else channel
-    )
+    stored = channel.samples
+    return replace(channel, samples=stored.stored) if isinstance(stored, _Held) else channel
 
 
-def _piece(stored: Read, start: int, stop: int) -> Read:
-    """The samples [start, stop) from memory, counted from `start`."""
-    if not isinstance(stored, Scaled):
-        values = stored(start, stop)
-        return lambda a, b: values[a:b]
-    raw = stored.raw(start, stop)
-    packed = None if stored.lost is None else _packed(raw, stored.lost)
-    if packed is None:
-        return replace(stored, raw=lambda a, b: raw[a:b])
-    return _Packed(*packed, stored.scale, stored.offset)
+def _at_hand(channel: Channel) -> bool:
+    """Whether reading the channel where it is stored costs little."""
+    stored = channel.samples
+    if isinstance(stored, _Holed):
+        stored = stored.stored
+    return isinstance(stored, Scaled) and stored.at_hand
 
 
-def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | None:
-    """(counts above a base, the base), or None if two bytes do not hold them.
-
-    The base is one below the least count; a count that is `lost` becomes 0.
-    """
-    least, most = (int(raw.min()), int(raw.max())) if raw.size else (0, 0)
-    if lost in (least, most):
-        known = raw[raw != lost]
-        least, most = (int(known.min()), int(known.max())) if known.size else (0, 0)
-    if most - least >= _MOST:
-        return None
-    short = np.empty(raw.size, np.uint16)
-    pack(raw, lost, least - 1, short)
-    return short, least - 1
-
-
-@compiled
-def pack(raw: NDArray[Any], lost: int, least: int, short: NDArray[np.uint16]) -> None:
-    """Fills `short` (n,) with how far each count of `raw` (n,) is above `least`, 0 if `lost`."""
-    for i in range(raw.size):
-        short[i] = np.uint16(0) if raw[i] == lost else np.uint16(raw[i] - least)
-
-
-@compiled
-def unpacked(
-    short: NDArray[np.uint16], least: int, scale: float, offset: float, out: FloatArray
-) -> None:
-    """Fills `out` (n,) with what `pack` made, in SI; NaN for a lost count.
-
-    (short + least) x scale + offset, `scale` and `offset` in the channel's SI unit.
-    """
-    for i in range(short.size):
-        out[i] = np.nan if short[i] == 0 else (np.int64(short[i]) + least) * scale + offset
+def _whole(
+    read: Callable[[int, int], NDArray[Any]], size: int, dtype: np.dtype[Any]
+) -> Callable[[int, int], NDArray[Any]]:
+    """All numbers of a channel of `size` from memory."""
+    values = np.empty(size, dtype)
+    for start in range(0, size, BLOCK_SAMPLES):
+        stop = min(start + BLOCK_SAMPLES, size)
+        values[start:stop] = read(start, stop)
+    return lambda start, stop: values[start:stop]
 
 
 # ---- Bursts of bad samples: what leaves everything around it by far, and comes back within 8 ms.
@@ -280,7 +181,7 @@ def without_spikes(channel: Channel) -> Channel:
     flags = [(int(a), int(b), Quality.SPIKE) for a, b in zip(first, stop, strict=True)]
     return replace(
         channel,
-        samples=with_holes(channel.samples, channel.size, first, stop),
+        samples=with_holes(channel.samples, first, stop),
         flags=(*channel.flags, *flags),
     )
 
@@ -294,18 +195,14 @@ class _Cells:
     def __init__(self, channel: Channel, size: int) -> None:
         count = -(-channel.size // size)
         self._read, self.size = channel.read, size
-        self.low, self.high, self.bottom, self.top = np.empty((4, count))
+        self.low, self.high = np.empty((2, count))
         step = max(BLOCK_SAMPLES // size, 1)
         for cell in range(0, count, step):
             part = slice(cell, min(cell + step, count))
             values = channel.read(part.start * size, part.stop * size)
-            cell_extremes(
-                np.ascontiguousarray(values, np.float64), size, self.low[part], self.high[part]
-            )
-        room = np.empty(MANY_LEFT_OUT + 1)
-        cell_ranges(self.low, self.high, AROUND, LEFT_OUT, self.bottom, self.top, room)
-        bottom, top = np.empty((2, count))
-        cell_ranges(self.low, self.high, AROUND, MANY_LEFT_OUT, bottom, top, room)
+            self.low[part], self.high[part] = cell_extremes(values, size)
+        self.bottom, self.top = cell_ranges(self.low, self.high, AROUND, LEFT_OUT)
+        bottom, top = cell_ranges(self.low, self.high, AROUND, MANY_LEFT_OUT)
         with np.errstate(invalid="ignore", over="ignore"):
             odd = self._beyond(self.bottom, self.top, FAR)
             many = self._beyond(bottom, top, VERY_FAR) & ~odd
@@ -361,74 +258,33 @@ def _bursts(channel: Channel) -> tuple[IntArray, IntArray]:
     return firsts, stops
 
 
-@compiled
-def cell_extremes(values: FloatArray, size: int, low: FloatArray, high: FloatArray) -> None:
-    """Fills `low` and `high` (m,) with the least and largest of each `size` of `values` (n,).
+def cell_extremes(values: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest of each `size` of `values` (n,), shape (m,) each.
 
     Of those that are not lost; NaN if all are. The last cell may hold fewer.
     """
-    for cell in range(low.size):
-        some = values[cell * size : min((cell + 1) * size, values.size)]
-        # two chains each, so that one does not wait for the other
-        least0 = least1 = np.inf
-        most0 = most1 = -np.inf
-        for k in range(some.size // 2):
-            a, b = some[2 * k], some[2 * k + 1]
-            least0 = a if a < least0 else least0
-            least1 = b if b < least1 else least1
-            most0 = a if a > most0 else most0
-            most1 = b if b > most1 else most1
-        if some.size % 2 > 0:
-            a = some[some.size - 1]
-            least0 = a if a < least0 else least0
-            most0 = a if a > most0 else most0
-        least0 = least1 if least1 < least0 else least0
-        most0 = most1 if most1 > most0 else most0
-        low[cell] = least0 if least0 <= most0 else np.nan
-        high[cell] = most0 if least0 <= most0 else np.nan
+    lost = np.full(-values.size % size, np.nan)
+    cells = np.ascontiguousarray(np.concatenate([values, lost]).reshape(-1, size).T)
+    return np.fmin.reduce(cells), np.fmax.reduce(cells)
 
 
-@compiled
 def cell_ranges(
-    low: FloatArray, high: FloatArray, around: int, left_out: int, bottom: FloatArray,
-    top: FloatArray, extremes: FloatArray,
-) -> None:  # fmt: skip
-    """Fills `bottom` and `top` (m,) with the range of the `around` cells about each.
+    low: FloatArray, high: FloatArray, around: int, left_out: int
+) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest, shape (m,) each, of the `around` cells about each cell.
 
     Of the cells' `low` and `high` (m,), NaN where lost, without the most extreme `left_out` at
     either end, or as large a share of the cells that are there; NaN if these are too few. The same
-    for all cells of half of `around`. `extremes` has room for one more than are left out.
+    for all cells of half of `around`.
     """
     half, count = around // 2, low.size
-    for first in range(0, count, half):
-        stop = min(first + half, count)
-        begin = max(min(first - half // 2, count - around), 0)
-        end = min(begin + around, count)
-        known = 0
-        for k in range(begin, end):
-            known += low[k] == low[k]
-        bottom[first:stop] = top[first:stop] = np.nan
-        if known >= FEWEST:
-            share = max(known * left_out // around, FEWEST_LEFT_OUT)
-            top[first:stop] = _largest_but(high, 1.0, begin, end, share, extremes)
-            bottom[first:stop] = -_largest_but(low, -1.0, begin, end, share, extremes)
-
-
-@compiled
-def _largest_but(
-    values: FloatArray, sign: float, begin: int, end: int, left_out: int, largest: FloatArray
-) -> float:
-    """The largest of `values` [begin, end) times `sign`, but for so many that are larger.
-
-    `largest` has room for one more than are left out.
-    """
-    largest[: left_out + 1] = -np.inf
-    for k in range(begin, end):
-        value = sign * values[k]
-        if value > largest[left_out]:
-            place = left_out
-            while place > 0 and value > largest[place - 1]:
-                largest[place] = largest[place - 1]
-                place -= 1
-            largest[place] = value
-    return float(largest[left_out])
+    first = np.clip(np.arange(0, count, half) - half // 2, 0, max(count - around, 0))
+    windows = first[:, None] + np.arange(min(around, count))
+    # ascending, lost ones behind all others
+    bottoms, tops = np.sort(low[windows]), np.sort(-high[windows])
+    known = np.count_nonzero(~np.isnan(bottoms), axis=1)
+    share = np.maximum(known * left_out // around, FEWEST_LEFT_OUT)[:, None]
+    share[known < FEWEST] = -1
+    ends = (np.take_along_axis(sorted_, share, axis=1) for sorted_ in (bottoms, tops))
+    bottom, top = (np.repeat(np.where(share < 0, np.nan, end)[:, 0], half)[:count] for end in ends)
+    return bottom, -top

@@ -14,11 +14,11 @@ import hashlib
 import io
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -42,6 +42,18 @@ from tirelog.storage.whole import (
     whole_file,
 )
 from tirelog.version import __version__
+
+#: what opens a log by its format; text is of none
+_READERS = {
+    "HDF5": "tirelog.readers.hdf5.reader:open_hdf5",
+    "Parquet": "tirelog.readers.other.formats:open_parquet",
+    "MCAP": "tirelog.readers.mcap.reader:open_mcap",
+    "WAV": "tirelog.readers.other.wav:WavReader",
+}
+_TEXT = "tirelog.readers.text.reader:open_text"
+#: what makes an HDF5 file of MATLAB's, and a file that is read of one of FORMATS
+_OF_MATLAB = "tirelog.readers.other.matlab:convert"
+_BY_LIBRARY = "tirelog.readers.other.conversion:convert"
 
 
 class LogStream(io.RawIOBase):
@@ -188,40 +200,16 @@ def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> L
             do="remove it, or give the log that it is for",
             file=setup.file or log,
         )
-    reader = _reader_of(stream, opened, setup, log)
+    source = opened.path or io.BufferedReader(stream, 1 << 20)
+    again = Path(log) if opened.path is None and is_file(log) else None
+    more = (again,) if opened.made == "MCAP" else ()
+    reader: LogReader = resolve_name(_READERS.get(opened.made, _TEXT))(source, setup, log, *more)
     if opened.converted is not None:
         reader.report.format = "matlab 5" if opened.format == "MATLAB" else opened.format.lower()
         reader.report.losses += opened.converted.losses
         reader.report.remarks += opened.converted.said
         reader.report.start = reader.report.start or opened.converted.start
     return reader
-
-
-def _reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> LogReader:
-    """The reader of what the log is or was made."""
-    path = opened.path
-    if path is not None and opened.made == "HDF5":
-        from tirelog.readers.hdf5.reader import open_hdf5
-
-        return open_hdf5(path, setup, log)
-    if path is not None and opened.made == "Parquet":
-        from tirelog.readers.other.formats import open_parquet
-
-        return open_parquet(path, setup, log)
-    buffered = io.BufferedReader(stream, 1 << 20)
-    if opened.made == "MCAP":
-        from tirelog.readers.mcap.reader import open_mcap
-
-        if path is not None:
-            return open_mcap(path, setup, log)
-        return open_mcap(buffered, setup, log, Path(log) if is_file(log) else None)
-    if opened.made == "WAV":
-        from tirelog.readers.other.wav import WavReader
-
-        return WavReader(buffered, setup, log)
-    from tirelog.readers.text.reader import open_text
-
-    return open_text(path or buffered, setup, log)
 
 
 @contextmanager
@@ -234,10 +222,10 @@ def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iter
     format = name_of(head)
     if not format:
         refuse_foreign(head, name or log)
-    convert = _converter(format)
-    if format not in ("HDF5", "Parquet") and convert is None:
+    converts = format == "MATLAB" or format in FORMATS
+    if format not in ("HDF5", "Parquet") and not converts:
         yield OpenedLog(format, made=format)
-    elif is_file(log) and convert is None:
+    elif is_file(log) and not converts:
         yield OpenedLog(format, Path(log), made=format)
     else:
         with temporary_folder() as folder:
@@ -246,28 +234,15 @@ def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iter
                 with failed_writes(path), path.open("wb") as copy:
                     while part := log_part(stream, log):
                         copy.write(part)
-            if convert is None:
-                yield OpenedLog(format, path, made=format)
+            if format == "MATLAB":
+                made = folder / "log.h5"
+                converted = resolve_name(_OF_MATLAB)(path, made, name or log)
+                yield OpenedLog(format, made, converted, "HDF5")
+            elif converts:
+                made, converted = resolve_name(_BY_LIBRARY)(format, path, folder, name or log)
+                yield OpenedLog(format, made, converted, FORMATS[format].made)
             else:
-                made, converted = convert(path, folder, name or log)
-                kind = "HDF5" if format == "MATLAB" else FORMATS[format].made
-                yield OpenedLog(format, made, converted, kind)
-
-
-def _converter(format: str) -> Callable[[Path, Path, str], tuple[Path, Converted]] | None:
-    """What converts a log of that format: (log, folder, its name) -> (file, what is said)."""
-    if format == "MATLAB":
-        from tirelog.readers.other.matlab import convert
-
-        def to_hdf5(source: Path, folder: Path, name: str) -> tuple[Path, Converted]:
-            return folder / "log.h5", convert(source, folder / "log.h5", name)
-
-        return to_hdf5
-    if format in FORMATS:
-        from tirelog.readers.other import conversion
-
-        return partial(conversion.convert, format)
-    return None
+                yield OpenedLog(format, path, made=format)
 
 
 def log_part(stream: io.RawIOBase | BinaryIO, log: str) -> bytes:
@@ -345,22 +320,18 @@ def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
 
     ReadError: not even the first.
     """
-    blocks, some = reader.blocks(), False
-    while True:
-        try:
-            block = next(blocks, None)
-        except OSError as problem:
-            if not some:
-                raise _unreadable(summary.log, problem) from None
-            what = problem.strerror or problem
-            summary.losses.append(
-                f"cannot be read to its end ({what}); what follows is lost; copy it again"
-            )
-            return
-        if block is None:
-            return
-        some = True
-        yield block
+    some = False
+    try:
+        for block in reader.blocks():
+            some = True
+            yield block
+    except OSError as problem:
+        if not some:
+            raise _unreadable(summary.log, problem) from None
+        what = problem.strerror or problem
+        summary.losses.append(
+            f"cannot be read to its end ({what}); what follows is lost; copy it again"
+        )
 
 
 def _write(
@@ -392,12 +363,9 @@ def _write(
         )
     lost = {name: n for name, n in writer.lost.items() if _size(reader.groups, summary, name)}
     report = reader.report
-    summary.format, summary.start, summary.counts = (
-        report.format,
-        report.start,
-        dict(report.counts),
-    )
-    summary.counts.update({f"lost_samples {name}": n for name, n in lost.items()})
+    summary.format, summary.start = report.format, report.start
+    lost_samples = {f"lost_samples {name}": n for name, n in lost.items()}
+    summary.counts = {**report.counts, **lost_samples}
     summary.losses += report.losses
     summary.remarks += report.remarks
     for name, n in lost.items():

@@ -21,9 +21,23 @@ from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.errors import ReadError
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock, Samples, counted_floats, lost_samples
-from tirelog.runs.store_checks import CHUNK, check_open
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Doubt
+
+#: samples per chunk of a run
+CHUNK = 1 << 15
+
+
+def check_open(opened: bool) -> None:
+    """ReadError if a run is not open any more."""
+    if not opened:
+        raise ReadError(
+            "the recording is closed",
+            allowed="its samples can be read while `open_recording` is open, and in a session "
+            "until the next log is taken",
+            do="read them there, or open it again",
+        )
+
 
 # P1 (1) for gratings, the table of `units` for the rest.
 #

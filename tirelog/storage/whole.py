@@ -154,6 +154,13 @@ def part_name(path: Path | str) -> Path:
     return path.with_name(f".{_cut(path.name)}.{_owner()}.part")
 
 
+def whole_name(path: str) -> str | None:
+    """The path that a part takes when it is finished; None if the path is not that of a part."""
+    folder, _, name = path.rpartition("/")
+    part = _PART.fullmatch(name)
+    return part and f"{folder}/{part['name']}".lstrip("/")
+
+
 def _sweep(folder: Path, form: re.Pattern[str]) -> bool:
     """Remove what in `folder` has a name of our `form` and no process any more.
 
