@@ -44,7 +44,7 @@ NAMESAKES = {
         "campaign/manifest.py",
         "api/tables.py",
         "cli/footprint.py",
-        "cli/help.py",
+        "cli/app.py",
     },
     "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},
     "clock_set_back": {"runs/clock.py"},
