@@ -333,7 +333,7 @@ def report(
     os.environ.setdefault(
         "ARROW_DEFAULT_MEMORY_POOL", "system"
     )  # the default one keeps what is freed: 50 MB for an hour's tables
-    from tirelog.api.reports import ReportOrder, ReportRequest
+    from tirelog.api.answers import ReportOrder, ReportRequest
 
     paths, tables = tuple(logs or ()), tuple(table or ())
     order = ReportOrder(

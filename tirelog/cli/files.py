@@ -48,7 +48,7 @@ def check(
     Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
     log's file name, which is said.
     """
-    from tirelog.api import checks
+    from tirelog.api import tables as checks
 
     session = Session(None, quiet, output, format)
     if bless:
@@ -191,7 +191,7 @@ def simulate(
     moves: over the [road] (flat, step, cleat, sine, profile), under [[load_steps]], through every
     [[manoeuvres]]. The keys are explained in sample_data/README.md.
     """
-    from tirelog.api.simulated import simulated_log
+    from tirelog.api.logs import simulated_log
 
     session = Session(quiet=quiet)
     with session.working() as line:
