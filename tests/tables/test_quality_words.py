@@ -11,7 +11,7 @@ import pytest
 
 from tirelog.report.page import LogColours
 from tirelog.report.sections import recorded as sections
-from tirelog.tables.check import differences
+from tirelog.tables.frame import differences
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import (
     OK,

@@ -8,9 +8,16 @@ from pathlib import Path as File
 
 from tirelog.api.logs import Path, as_setup
 from tirelog.data.setup import Setup
-from tirelog.drafts.contents import Contents, FoundSeries, contents
-from tirelog.drafts.contents import rows as contents_rows
-from tirelog.drafts.setup import Finding, SetupDraft, draft, findings
+from tirelog.drafts.setup import (
+    Contents,
+    Finding,
+    FoundSeries,
+    SetupDraft,
+    contents,
+    draft,
+    findings,
+)
+from tirelog.drafts.setup import rows as contents_rows
 from tirelog.runs.ingest import open_recording
 from tirelog.storage.whole import whole_file
 

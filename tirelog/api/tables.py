@@ -22,8 +22,16 @@ from tirelog.api.parts import TablePicture, calibrated, checked_options, parts_o
 from tirelog.data.setup import Setup
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.storage.whole import whole_file
-from tirelog.tables.check import Difference, as_table, differences, of_like_logs, summary
-from tirelog.tables.frame import frame_of, read_table, whole_frame
+from tirelog.tables.frame import (
+    Difference,
+    as_table,
+    differences,
+    frame_of,
+    of_like_logs,
+    read_table,
+    summary,
+    whole_frame,
+)
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:

@@ -710,7 +710,8 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
             [*sizes, of_floor, *edges(both[0].half_angle_rad)],
             "means of like revolutions",
             scales=("linear", "log"),
-            legend={"fontsize": 8, "loc": "upper left"},
+            # below the axes: what is large may lie anywhere in them
+            legend={"fontsize": 8, "loc": "upper center", "bbox_to_anchor": (0.5, -0.2)},
         ),
     ]
 

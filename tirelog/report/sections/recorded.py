@@ -18,9 +18,9 @@ import pandas as pd
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
-from tirelog.plots.footprint import WINDOW, passage_panels
 from tirelog.plots.record import Mark, Panel, dots, line, upright
 from tirelog.plots.style import decimated
+from tirelog.plots.tables import WINDOW, passage_panels
 from tirelog.report.page import (
     GREY,
     INK,
