@@ -10,7 +10,7 @@ import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -77,15 +77,12 @@ def with_question(command: Callable[..., None]) -> Callable[..., None]:
     asked = inspect.signature(Question, eval_str=True).parameters
     _, *own = inspect.signature(command, eval_str=True).parameters.values()
 
-    @wraps(command)
     def run(**given: Any) -> None:
         question = Question(**{name: given.pop(name) for name in asked})
         command(question, **given)
 
-    parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in (*asked.values(), *own)]
-    vars(run)["__signature__"] = inspect.Signature(parameters)  # which typer reads
-    run.__annotations__ = {p.name: p.annotation for p in parameters}
-    del run.__wrapped__  # whose signature has the question
+    run.__doc__ = command.__doc__
+    options.with_options(run, (*asked.values(), *own))
     return run
 
 

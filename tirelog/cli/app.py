@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from tirelog.storage.whole import refuse_inputs, refuse_one_for_two, taken_as_input
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 #: a table whose command does more than write it
@@ -39,25 +40,21 @@ AFTER_TABLES = {
 
 def _commands() -> Iterator[tuple[str, Callable[[], Any]]]:
     """Every command's name, and what imports the function or sub-application behind it."""
+    driven, others = (
+        {name: table for name, table in LOG_TABLES.items() if table.driven == of_a_drive}
+        for of_a_drive in (True, False)
+    )
+    every = (
+        BEFORE_TABLES | driven | {"tables": "files:tables"} | others | AFTER_TABLES | OF_THEIR_OWN
+    )
+    yield from ((name, partial(_function, place)) for name, place in every.items())
 
-    def own(place: str) -> Any:
+
+def _function(place: str | LogTable) -> Any:
+    """The command of a table, or what stands at a place in `tirelog.cli`."""
+    if isinstance(place, str):
         return resolve_name(f"tirelog.cli.{place}")
-
-    def of_table(name: str, table: LogTable) -> Any:
-        from tirelog.cli.files import table_command
-
-        return own(OF_THEIR_OWN[name]) if name in OF_THEIR_OWN else table_command(table)
-
-    def of_a_log(driven: bool) -> Iterator[tuple[str, Callable[[], Any]]]:
-        for name, table in LOG_TABLES.items():
-            if table.driven == driven:
-                yield name, partial(of_table, name, table)
-
-    yield from ((name, partial(own, place)) for name, place in BEFORE_TABLES.items())
-    yield from of_a_log(driven=True)
-    yield "tables", partial(own, "files:tables")
-    yield from of_a_log(driven=False)
-    yield from ((name, partial(own, place)) for name, place in AFTER_TABLES.items())
+    return resolve_name("tirelog.cli.files:table_command")(place)
 
 
 def _version(asked: bool) -> None:
@@ -91,8 +88,6 @@ def _keep_inputs(given: dict[str, Any]) -> None:
 
     UsageError: it would write on another of them, or two outputs on one file.
     """
-    from tirelog.storage.whole import refuse_inputs, refuse_one_for_two, taken_as_input
-
     outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
     edited = given.get("model") if "new_model" in given else None
     for place in _inputs(given, outputs if edited is None else (*outputs, "model")):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from inspect import Parameter, Signature
+from inspect import Parameter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -295,37 +295,34 @@ def table_command(table: LogTable) -> Callable[..., None]:
             if plot is not None and picture is not None:
                 picture.draw(plot)
 
-    _give_parameters(command, table)
-    command.__doc__ = table.says
-    return command
-
-
-def _give_parameters(command: Callable[..., None], table: LogTable) -> None:
-    """Give the command the parameters that typer reads: those of every table, then its own."""
-    parameters: list[tuple[str, Any, Any]] = [
+    own: list[tuple[str, Any, Any]] = [
+        (option.name, Annotated[option.kind | None, table_option(option)], None)
+        if option.kind is not bool
+        else (option.name, Annotated[bool, table_option(option)], False)
+        for option in (*table.options, *table.views)
+    ]
+    if table.picture:
+        own.append(("plot", options.Plot, None))
+    if table.pictures:
+        kinds = Annotated[str, options.plot_kind(table.pictures)]
+        own.append(("kind", kinds, next(iter(table.pictures))))
+    shared = (
         ("logs", options.Logs, Parameter.empty),
         ("setup", options.SetupFile, None),
         ("output", options.Output, None),
         ("format", options.Format, None),
         ("channel", options.Channels, None),
         ("quiet", options.Quiet, False),
-    ]
-    for option in (*table.options, *table.views):
-        switch = option.kind is bool
-        of = bool if switch else option.kind | None
-        first = False if switch else None
-        parameters.append((option.name, Annotated[of, table_option(option)], first))
-    if table.picture:
-        parameters.append(("plot", options.Plot, None))
-    if table.pictures:
-        kinds = Annotated[str, options.plot_kind(table.pictures)]
-        parameters.append(("kind", kinds, next(iter(table.pictures))))
-    command.__annotations__ = {name: kind for name, kind, _ in parameters} | {"return": None}
-    typed = [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-        for name, kind, default in parameters
-    ]
-    vars(command).update(__signature__=Signature(typed))
+    )
+    options.with_options(
+        command,
+        (
+            Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+            for name, kind, default in (*shared, *own)
+        ),
+    )
+    command.__doc__ = table.says
+    return command
 
 
 # ---- `tirelog tables LOG... -o FOLDER`.

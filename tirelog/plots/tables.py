@@ -58,8 +58,8 @@ from tirelog.wheel.phase_shift import EdgeTimes
 # ---- The footprint as one page (P2 Figs. 17 to 22).
 #
 # Left: strain and speed over time of the first channel (Figs. 17, 20), contact lengths over time
-# and speed of all. Right: one passage, free rolling if there is one, and the one with the clearest slip
-# onset: strain, first and second derivative along the tread, raw and low-passed, edges by each
+# and speed of all. Right: one passage, free rolling if there is one, and the one with the clearest
+# slip onset: strain, first and second derivative along the tread, raw and low-passed, edges by each
 # method (Figs. 18, 19, 21).
 
 
