@@ -57,7 +57,7 @@ LONGER = {
 }
 WIDER = {
     "api/models.py:passage",
-    "api/reports.py:write_report",
+    "api/answers.py:write_report",
     "physics/model/prediction.py:linearised",
     "physics/model/prediction.py:predict",
     "strain/footprint/plain_edges.py:find_edges",

@@ -31,17 +31,16 @@ if TYPE_CHECKING:
         measure,
         propose,
         tire_form,
+        write_report,
     )
     from tirelog.api.campaigns import campaign_status, run_campaign
-    from tirelog.api.checks import check
-    from tirelog.api.logs import ingest, open_log
+    from tirelog.api.logs import ingest, open_log, simulate
     from tirelog.api.models import contributions, load_model, new_model, predict, save_model
     from tirelog.api.parts import save_calibration
-    from tirelog.api.reports import write_report
     from tirelog.api.setups import check_setup, draft_setup
-    from tirelog.api.simulated import simulate
     from tirelog.api.tables import (
         calibrate,
+        check,
         dissipation,
         footprint,
         inflation,
@@ -59,20 +58,18 @@ _HOMES = {
     for module, names in {
         "tirelog.api.answers": (
             *("compare", "diagnose", "fit", "ladder", "measure", "propose", "tire_form"),
+            "write_report",
         ),
         "tirelog.api.campaigns": ("campaign_status", "run_campaign"),
-        "tirelog.api.logs": ("ingest", "open_log"),
+        "tirelog.api.logs": ("ingest", "open_log", "simulate"),
         "tirelog.api.models": (
             *("contributions", "load_model", "new_model", "predict", "save_model"),
         ),
         "tirelog.api.parts": ("save_calibration",),
-        "tirelog.api.reports": ("write_report",),
-        "tirelog.api.checks": ("check",),
         "tirelog.api.setups": ("check_setup", "draft_setup"),
-        "tirelog.api.simulated": ("simulate",),
         "tirelog.api.tables": (
             *("calibrate", "dissipation", "footprint", "inflation", "phase_shift", "plot_table"),
-            "speed",
+            *("check", "speed"),
         ),
         "tirelog.data.recording": ("Conditions", "Recording"),
         "tirelog.errors": ("TirelogError",),

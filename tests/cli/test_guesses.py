@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tirelog.drafts.contents import _ALONG, _QUANTITIES, _SIZES, _WORDS, guessed
+from tirelog.drafts.setup import _ALONG, _QUANTITIES, _SIZES, _WORDS, guessed
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.units import UNITS
 

@@ -22,8 +22,7 @@ import pytest
 
 from tests.cli.conftest import Command, tirelog
 from tirelog.cli import run
-from tirelog.cli.app import command
-from tirelog.cli.help import EXAMPLES
+from tirelog.cli.app import EXAMPLES, command
 
 __all__ = ["tirelog"]
 

@@ -17,7 +17,7 @@ from tirelog.plots import answers
 from tirelog.plots.answers import coloured
 from tirelog.plots.record import Panel
 from tirelog.plots.style import COLOURS, draw_panel
-from tirelog.report.figures import LogColours, figure
+from tirelog.report.page import LogColours, figure
 from tirelog.report.sections.models import styles
 
 PHI = np.linspace(-np.pi, np.pi, 64, endpoint=False)

@@ -28,7 +28,7 @@ from tests.readers.mcap_files import (
     write_protobuf,
     write_ros2,
 )
-from tirelog.drafts.contents import contents
+from tirelog.drafts.setup import contents
 from tirelog.errors import ReadError, TirelogError
 
 N = 3000

@@ -26,13 +26,23 @@ from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
-from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, LogColours
-from tirelog.report.page import Report, Section, render
+from tirelog.report.build import PAPERS, used_papers
+from tirelog.report.page import (
+    COLOURS,
+    DARK_COLOURS,
+    DARK_NEUTRALS,
+    GREY,
+    INK,
+    PALE,
+    LogColours,
+    Report,
+    Section,
+    render,
+)
 from tirelog.report.request import ReportRequest
 from tirelog.report.sections import diagnosed
 from tirelog.report.sections.diagnosed import model_story, proposed
 from tirelog.report.sections.models import residual_map
-from tirelog.report.sources import PAPERS, used_papers
 from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
@@ -417,8 +427,8 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
 ) -> None:
     log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
-    monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", lambda *_, **__: proposal())
+    monkeypatch.setattr("tirelog.report.sections.diagnosed.measured_for", lambda *_, **__: measured)
+    monkeypatch.setattr("tirelog.report.sections.diagnosed.propose", lambda *_, **__: proposal())
     asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
     story = model_story([], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"]))
     assert story.answer.card is not None
@@ -441,8 +451,8 @@ def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.Monk
         raise UsageError("no waveform")
 
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)])
-    monkeypatch.setattr("tirelog.inference.measured.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.diagnosis.propose.propose.propose", refused)
+    monkeypatch.setattr("tirelog.report.sections.diagnosed.measured_for", lambda *_, **__: measured)
+    monkeypatch.setattr("tirelog.report.sections.diagnosed.propose", refused)
     asked = ReportRequest(("made",), model=Path("M.toml"), propose=True)
     story = model_story([], MODEL, None, asked, BY_ID, lambda _: None)
     assert [section.id for section in story.before_ladder] == ["diagnosis"]

@@ -9,9 +9,8 @@ import pytest
 
 from tirelog.cli import run
 from tirelog.errors import UsageError
-from tirelog.report.figures import Figure, packed_array
-from tirelog.report.page import Card, LadderRow, PageTable, Section
-from tirelog.report.sources import model_pages, read_stored, stored
+from tirelog.report.build import model_pages, read_stored, stored
+from tirelog.report.page import Card, Figure, LadderRow, PageTable, Section, packed_array
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 

@@ -12,7 +12,7 @@ from tests.strain.strain_truth import Beam, Ring
 from tirelog.data.recording import Recording, TimeAxis
 from tirelog.data.setup import LogConditions, Setup, Tire
 from tirelog.dsp.filters import bridged, differentiator
-from tirelog.plots.footprint import said
+from tirelog.plots.tables import said
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation, moving_average, regression, steady_stretches
 from tirelog.strain.dissipation_table import by_speed, regressions

@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tirelog.report.figures import LogColours
+from tirelog.report.page import LogColours
 from tirelog.report.sections import recorded as sections
-from tirelog.report.sections import tables as table_sections
-from tirelog.tables.check import differences
+from tirelog.tables.frame import differences
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import (
     OK,
@@ -45,7 +44,7 @@ NAMESAKES = {
         "campaign/manifest.py",
         "api/tables.py",
         "cli/footprint.py",
-        "cli/help.py",
+        "cli/app.py",
     },
     "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},
     "clock_set_back": {"runs/clock.py"},
@@ -204,7 +203,7 @@ def test_an_unknown_word_of_a_foreign_table_is_kept() -> None:
     )  # fmt: skip
     counts = sections.quality(table, "footprint").rows
     assert sorted(counts) == [["gap;wobbly", "1"], ["ok", "2"], ["wobbly", "1"]]
-    section = table_sections.footprint_section(
+    section = sections.footprint_section(
         table, "tirelog footprint a.csv", [], LogColours(["a.csv"])
     )
     assert any("2 passages without a mark" in text for text in section.text)

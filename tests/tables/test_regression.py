@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from tirelog.errors import UsageError
-from tirelog.tables.check import differences, of_like_logs, summary
+from tirelog.tables.frame import differences, of_like_logs, summary
 
 
 def table() -> pd.DataFrame:

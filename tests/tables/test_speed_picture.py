@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from tirelog.plots import speed
+from tirelog.plots import tables as speed
 
 
 def rows(channel, n, flagged=()):

@@ -5,13 +5,19 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path as File
-from typing import Any
 
 from tirelog.api.logs import Path, as_setup
 from tirelog.data.setup import Setup
-from tirelog.drafts import contents as inside
-from tirelog.drafts.contents import Contents, FoundSeries
-from tirelog.drafts.setup import Finding, SetupDraft, draft, findings
+from tirelog.drafts.setup import (
+    Contents,
+    Finding,
+    FoundSeries,
+    SetupDraft,
+    contents,
+    draft,
+    findings,
+)
+from tirelog.drafts.setup import rows as contents_rows
 from tirelog.runs.ingest import open_recording
 from tirelog.storage.whole import whole_file
 
@@ -41,22 +47,6 @@ class SetupCheck:
     def implausible(self) -> bool:
         """True if the setup says of a channel what no tire can read."""
         return any(one.about == "implausible" for one in self.findings)
-
-
-def contents(log: Path) -> inside.Contents:
-    """What is in a log without a setup: its series of numbers, with ranges and likely kinds.
-
-    Raises
-    ------
-    ReadError
-        Nothing of the log could be read.
-    """
-    return inside.contents(os.fspath(log))
-
-
-def contents_rows(found: inside.Contents) -> dict[str, Any]:
-    """Columns of `tirelog info` of a log without a setup: a row per series."""
-    return inside.rows(found)
 
 
 def draft_setup(log: Path, output: Path | None = None) -> SetupDraft:

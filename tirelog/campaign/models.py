@@ -181,9 +181,9 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
     The sections that it makes of a model and single logs.
     """
     from tirelog.physics.effects import BY_ID
+    from tirelog.report.build import stored
     from tirelog.report.sections import models as model_sections
     from tirelog.report.sections.diagnosed import story_of
-    from tirelog.report.sources import stored
 
     command = shlex.join(["tirelog", "campaign", "run", manifest])
     found, climbed = (

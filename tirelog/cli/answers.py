@@ -1,4 +1,4 @@
-"""`tirelog compare | diagnose | form | ladder | propose LOG... --model M`: logs, model -> answer.
+"""`tirelog compare | diagnose | form | ladder | propose LOG... --model M`, `report`, `campaign`.
 
 Question (logs, model, options) --ask--> answer
     --> remarks, picture, and the answer as a page, a table or JSON
@@ -7,9 +7,10 @@ Question (logs, model, options) --ask--> answer
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -17,8 +18,8 @@ import typer
 
 from tirelog.cli import options
 from tirelog.cli.options import in_a_folder
-from tirelog.cli.session import Session, write_json
-from tirelog.errors import UsageError, refuse_unknown
+from tirelog.cli.session import CampaignProgress, Session, say, write_json
+from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
 from tirelog.vocabulary.tables import COMPARE, ERRORS_BY
 
 if TYPE_CHECKING:
@@ -76,15 +77,12 @@ def with_question(command: Callable[..., None]) -> Callable[..., None]:
     asked = inspect.signature(Question, eval_str=True).parameters
     _, *own = inspect.signature(command, eval_str=True).parameters.values()
 
-    @wraps(command)
     def run(**given: Any) -> None:
         question = Question(**{name: given.pop(name) for name in asked})
         command(question, **given)
 
-    parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in (*asked.values(), *own)]
-    vars(run)["__signature__"] = inspect.Signature(parameters)  # which typer reads
-    run.__annotations__ = {p.name: p.annotation for p in parameters}
-    del run.__wrapped__  # whose signature has the question
+    run.__doc__ = command.__doc__
+    options.with_options(run, (*asked.values(), *own))
     return run
 
 
@@ -291,3 +289,132 @@ def propose(
             write_json(result.to_json() | {"next_command": follows}, None)
         else:
             proposal_page(result, follows)
+
+
+# ---- `tirelog report LOG... -o report.html`.
+
+
+def report(
+    logs: Annotated[
+        list[str] | None, typer.Argument(help="Logs or runs; '-' is standard input.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="The page to write, .html.", callback=in_a_folder),
+    ] = None,
+    setup: options.SetupFile = None,
+    table: Annotated[
+        list[Path] | None, typer.Option("--table", help="A table already made; may be repeated.")
+    ] = None,
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="A campaign's output folder.")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option("--model", help="Model file to hold against the logs.")
+    ] = None,
+    ladder: Annotated[
+        Path | None, typer.Option("--ladder", help="The ladder kept beside the model.")
+    ] = None,
+    channel: options.ChannelName = None,
+    effects: options.EffectsFile = None,
+    propose: Annotated[
+        bool,
+        typer.Option(
+            "--propose",
+            help="If something is unknown: write it down, as `propose` (half a minute and more).",
+        ),
+    ] = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write one offline page: what was recorded, what came of it, where the model fails."""
+    os.environ.setdefault(
+        "ARROW_DEFAULT_MEMORY_POOL", "system"
+    )  # the default one keeps what is freed: 50 MB for an hour's tables
+    from tirelog.api.answers import ReportOrder, ReportRequest
+
+    paths, tables = tuple(logs or ()), tuple(table or ())
+    order = ReportOrder(
+        ReportRequest(paths, setup, model, ladder, campaign, tables, channel, effects, propose),
+        output,
+    )
+    with Session(setup, quiet, hashed=True) as session:
+        with session.working() as line:
+            line.say("making the page")
+            recordings = session.all_recordings(list(paths)) if paths else []
+            written = order.make(recordings, session.say)
+        session.notes(written)
+
+
+# ---- `tirelog campaign run | status MANIFEST`.
+
+
+campaigns = typer.Typer(
+    help="Every log of a test campaign, every table, resumable.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+Manifest = Annotated[Path, typer.Argument(help="The campaign's manifest (TOML).")]
+Only = Annotated[
+    str | None, typer.Option("--only", help="Only logs whose path or name matches this pattern.")
+]
+
+
+@campaigns.command("run")
+def run(
+    manifest: Manifest,
+    workers: Annotated[
+        int, typer.Option("--workers", min=1, max=256, help="Processes on this machine.")
+    ] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done.")] = False,
+    only: Only = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Try the failed logs again.")
+    ] = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Make what is not made yet: every log's tables, then the models over all logs."""
+    from tirelog.api.campaigns import campaign_status, run_campaign
+
+    session = Session(quiet=quiet)
+    if dry_run:
+        for log in campaign_status(manifest, only=only, retry_failed=retry_failed).logs:
+            if log.made:
+                typer.echo(printable(f"{log.log}: {', '.join(log.made)}"))
+        return
+    done = run_campaign(
+        manifest,
+        workers=workers,
+        scheduler=scheduler,
+        only=only,
+        retry_failed=retry_failed,
+        began=partial(CampaignProgress, quiet),
+        said=session.note,
+        during=session.working_on,
+    )
+    for loss in done.lost:
+        say(f"note: {loss}")
+    for error in done.failed:
+        say(f"error: {error}")
+    if done.failed or done.lost:
+        raise typer.Exit(int(ExitStatus.INPUT_LOST))
+
+
+@campaigns.command("status")
+def status(manifest: Manifest, quiet: options.Quiet = False) -> None:
+    """Say what is done, failed and open; also while a run works."""
+    from tirelog.api.campaigns import campaign_status
+
+    found = campaign_status(manifest)
+    typer.echo(
+        f"{found.name}: {len(found.logs)} logs, {found.count('done')} done, "
+        f"{found.count('failed')} failed, {found.count('open')} open"
+    )
+    for log in found.logs:
+        if log.state == "open":
+            typer.echo(printable(f"open    {log.log}"))
+        elif log.state == "failed":
+            typer.echo(printable(f"failed  {log.error}"))

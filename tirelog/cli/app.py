@@ -5,18 +5,20 @@ Science is imported inside the commands, so that help answers at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial, wraps
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from tirelog.storage.whole import refuse_inputs, refuse_one_for_two, taken_as_input
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 #: a table whose command does more than write it
-OF_THEIR_OWN = {"phase-shift": "log_tables:phase_shift"}
+OF_THEIR_OWN = {"phase-shift": "files:phase_shift"}
 #: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in
 #: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
 BEFORE_TABLES = {"ingest": "files:ingest", "info": "files:info"}
@@ -30,33 +32,29 @@ AFTER_TABLES = {
     "propose": "answers:propose",
     "form": "answers:form",
     "ladder": "answers:ladder",
-    "report": "report:report",
-    "campaign": "campaign:app",
+    "report": "answers:report",
+    "campaign": "answers:campaigns",
     "check": "files:check",
 }
 
 
 def _commands() -> Iterator[tuple[str, Callable[[], Any]]]:
     """Every command's name, and what imports the function or sub-application behind it."""
+    driven, others = (
+        {name: table for name, table in LOG_TABLES.items() if table.driven == of_a_drive}
+        for of_a_drive in (True, False)
+    )
+    every = (
+        BEFORE_TABLES | driven | {"tables": "files:tables"} | others | AFTER_TABLES | OF_THEIR_OWN
+    )
+    yield from ((name, partial(_function, place)) for name, place in every.items())
 
-    def own(place: str) -> Any:
+
+def _function(place: str | LogTable) -> Any:
+    """The command of a table, or what stands at a place in `tirelog.cli`."""
+    if isinstance(place, str):
         return resolve_name(f"tirelog.cli.{place}")
-
-    def of_table(name: str, table: LogTable) -> Any:
-        from tirelog.cli.log_tables import table_command
-
-        return own(OF_THEIR_OWN[name]) if name in OF_THEIR_OWN else table_command(table)
-
-    def of_a_log(driven: bool) -> Iterator[tuple[str, Callable[[], Any]]]:
-        for name, table in LOG_TABLES.items():
-            if table.driven == driven:
-                yield name, partial(of_table, name, table)
-
-    yield from ((name, partial(own, place)) for name, place in BEFORE_TABLES.items())
-    yield from of_a_log(driven=True)
-    yield "tables", partial(own, "log_tables:tables")
-    yield from of_a_log(driven=False)
-    yield from ((name, partial(own, place)) for name, place in AFTER_TABLES.items())
+    return resolve_name("tirelog.cli.files:table_command")(place)
 
 
 def _version(asked: bool) -> None:
@@ -90,8 +88,6 @@ def _keep_inputs(given: dict[str, Any]) -> None:
 
     UsageError: it would write on another of them, or two outputs on one file.
     """
-    from tirelog.storage.whole import refuse_inputs, refuse_one_for_two, taken_as_input
-
     outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
     edited = given.get("model") if "new_model" in given else None
     for place in _inputs(given, outputs if edited is None else (*outputs, "model")):
@@ -153,11 +149,9 @@ def command(asked: str = "") -> Any:
     The whole also if there is no such command. One alone is made in 10 ms, the whole in 55 (CPU, 23
     November 2026, Python 3.11).
     """
-    from tirelog.cli.help import GroupedHelp, PlainHelp, dress
-
     app = typer.Typer(
         name="tirelog",
-        cls=GroupedHelp,
+        cls=WholeHelp,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         no_args_is_help=True,
@@ -168,9 +162,309 @@ def command(asked: str = "") -> Any:
     for name in [asked] if asked in commands else commands:
         target = commands[name]()
         if isinstance(target, typer.Typer):
-            app.add_typer(target, name=name, cls=PlainHelp)
+            app.add_typer(target, name=name, cls=WholeHelp)
         else:
             app.command(name)(target)
     parsed = typer.main.get_command(_keep_all(app))
     dress(parsed)
     return parsed
+
+
+# ---- What help says beside each command's own words: groups, examples, what stands for a value.
+#
+# A new command has its line in GROUPS and in EXAMPLES, an option of a kind not seen before its word
+# in METAVARS.
+
+
+#: the commands in the order of help, by what one wants
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "Logs": ("info", "setup", "ingest", "simulate"),
+    "Tables": (
+        "speed",
+        "footprint",
+        "dissipation",
+        "phase-shift",
+        "inflation",
+        "slip",
+        "grip",
+        "strain-shift",
+        "wheel-angle",
+        "tables",
+        "check",
+    ),
+    "Physics": ("effects", "model", "compare", "diagnose", "form", "propose", "ladder", "report"),
+    "Campaigns": ("campaign",),
+}
+#: per command: lines as they are typed in a folder like sample_data, with what they do
+EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "info": (
+        ("tirelog info drive.csv.gz", "channels, rates, gaps, the setup"),
+        ("tirelog info log.csv", "without a setup: columns, ranges, likely kinds"),
+    ),
+    "setup new": (("tirelog setup new log.csv -o log.toml", "a draft, guesses marked"),),
+    "setup check": (("tirelog setup check drive.csv.gz", "what is implausible or missing"),),
+    "ingest": (
+        ("tirelog ingest drive.csv.gz -o drive.h5", "read once; every command takes the run"),
+        ("zstd -dc log.csv.zst | tirelog ingest - --setup drive.toml -o run.h5", "from a pipe"),
+    ),
+    "simulate": (
+        ("tirelog simulate scenarios/drive.toml -o made.csv", "beside it its truth and its setup"),
+        ("tirelog simulate scenarios/drive.toml -o made.csv --seed 7", "another draw of the noise"),
+    ),
+    "speed": (
+        ("tirelog speed drive.csv.gz -o speed.csv", "a row per passage"),
+        ("tirelog speed drive.csv.gz hidden_1.csv.gz | head -3", "two logs, one table"),
+        ("tirelog speed drive.csv.gz -o speed.csv --plot speed.png", "and a picture"),
+    ),
+    "footprint": (
+        ("tirelog footprint drive.csv.gz -o footprint.csv", "contact length, edges, slip onset"),
+        ("tirelog footprint drive.csv.gz -o f.csv --plot footprint.png", "and a picture"),
+        (
+            "tirelog footprint drive.csv.gz -o f.csv --plot wheel.svg --plot-kind polar",
+            "strain around the wheel; also waterfall, edges, lengths, orders",
+        ),
+    ),
+    "dissipation": (
+        ("tirelog dissipation drive.csv.gz -o dissipation.csv", "factor and power per revolution"),
+        ("tirelog dissipation drive.csv.gz --format ndjson", "lines for jq"),
+    ),
+    "phase-shift": (
+        ("tirelog phase-shift encoder.h5 -o phase.csv", "patch width and phase shift"),
+        (
+            "tirelog phase-shift encoder_ramp.h5 --calibrate wheel.toml -o phase.csv",
+            "learn the calibration from this log",
+        ),
+    ),
+    "inflation": (
+        ("tirelog inflation inflation.csv.gz -o inflation.csv", "strain against pressure"),
+    ),
+    "slip": (
+        ("tirelog slip encoder.h5 -o slip.csv", "of each turn, from the vehicle's speed (P2)"),
+    ),
+    "grip": (
+        ("tirelog grip drive.csv.gz -o grip.csv", "adhesion share, friction used and left"),
+        ("tirelog grip drive.csv.gz --static-friction 1.0", "on a road with more of it"),
+    ),
+    "strain-shift": (
+        ("tirelog strain-shift cleat.csv.gz -o shift.csv", "the patch's place in wheel angle"),
+    ),
+    "wheel-angle": (
+        (
+            "tirelog wheel-angle encoder.h5 -o angle.csv --plot angle.png",
+            "0.1 s of P4 Figs. 4 to 6",
+        ),
+        ("tirelog wheel-angle encoder.h5 --from 5 --to 9 --every 20", "4 s, each 20th sample"),
+    ),
+    "tables": (
+        ("tirelog tables drive.csv.gz -o results", "all that the log has channels for"),
+        (
+            "tirelog tables hidden_*.csv.gz -o results --table speed --table footprint",
+            "two tables of many logs",
+        ),
+    ),
+    "check": (
+        ("tirelog check speed.csv --against golden.csv", "status 1 if rows moved"),
+        (
+            "tirelog check speed.csv --against golden.csv --tolerance speed_m_s=0.001",
+            "or far enough",
+        ),
+    ),
+    "effects": (
+        ("tirelog effects", "the catalogue"),
+        ("tirelog effects water_film --plot water_film.png", "what one does to the strain"),
+    ),
+    "model new": (
+        ("tirelog model new --setup drive.toml -o model.toml", "a beam to begin with"),
+        ("tirelog model new --preset P3 -o ring.toml", "the ring of a paper's table"),
+    ),
+    "model show": (("tirelog model show model.toml", "parameters, effects, ladders climbed"),),
+    "model add": (("tirelog model add model.toml water_film -o better.toml", "an effect more"),),
+    "model remove": (
+        ("tirelog model remove better.toml water_film -o model.toml", "an effect less"),
+    ),
+    "model worn": (
+        (
+            "tirelog model worn ring.toml --new-depth 0.008 --depth 0.003 -o worn.toml",
+            "5 mm of tread less",
+        ),
+    ),
+    "model nuisance": (
+        ("tirelog model nuisance model.toml wheel on -o model.toml", "run-out beside the model"),
+    ),
+    "model fit": (
+        ("tirelog model fit drive.csv.gz --model model.toml -o fitted.toml", "with its errors"),
+    ),
+    "model predict": (
+        ("tirelog model predict fitted.toml --speed 20 -o revolution.csv", "one revolution"),
+        (
+            "tirelog model predict fitted.toml --speed 5:25:5 --load 3000,4000 -o all.parquet",
+            "ten of them",
+        ),
+    ),
+    "model forces": (
+        (
+            "tirelog model forces ring.toml --speed 20 --load 1000:4000:1000",
+            "at the hub, and what rolling costs",
+        ),
+    ),
+    "model modes": (
+        ("tirelog model modes ring.toml --speed 20", "of a ring, on the road"),
+        (
+            "tirelog model modes ring.toml --log drive.csv.gz --plot orders.png",
+            "its modes over the log's order map; without a log, their shapes",
+        ),
+    ),
+    "compare": (
+        ("tirelog compare drive.csv.gz --model model.toml", "held out, beside the noise floor"),
+        (
+            "tirelog compare drive.csv.gz --model model.toml --by angle -o by_angle.csv",
+            "where on the wheel it fails",
+        ),
+        (
+            "tirelog compare drive.csv.gz --model model.toml --plot edges.pdf --plot-kind edges",
+            "the patch's edges close up",
+        ),
+    ),
+    "diagnose": (
+        ("tirelog diagnose hidden_*.csv.gz --model model.toml", "which effect is missing"),
+        ("tirelog diagnose hidden_*.csv.gz --model model.toml --format json", "for a script"),
+        (
+            "tirelog diagnose hidden_*.csv.gz --model model.toml --leave-one-out log "
+            "--bootstrap 500",
+            "does the verdict hang on one log, or on some manoeuvres?",
+        ),
+    ),
+    "propose": (
+        (
+            "tirelog propose unknown_*.csv.gz --model model.toml -o better.toml",
+            "the unknown effect as a formula",
+        ),
+    ),
+    "form": (
+        (
+            "tirelog form hidden_*.csv.gz --model model.toml -o form.csv --plot form.png",
+            "contact pressure over the patch, and stiffness over wavelength",
+        ),
+    ),
+    "ladder": (
+        (
+            "tirelog ladder hidden_*.csv.gz --model model.toml --save better.toml --plot steps.png",
+            "effects until nothing more is worth adding",
+        ),
+    ),
+    "report": (
+        ("tirelog report drive.csv.gz --model model.toml -o report.html", "one offline page"),
+        (
+            "tirelog report hidden_*.csv.gz --model model.toml --ladder model.ladder.json -o r.htm",
+            "with the ladder; --propose also writes down what is unknown",
+        ),
+    ),
+    "campaign run": (("tirelog campaign run campaign.toml --workers 2", "what is not made yet"),),
+    "campaign status": (("tirelog campaign status campaign.toml", "done, failed and open"),),
+}
+#: what stands for the value of an argument or option in help
+METAVARS: Mapping[str, str] = {
+    "logs": "LOG",
+    "log": "LOG",
+    "scenario": "SCENARIO",
+    "table": "TABLE",
+    "name": "EFFECT",
+    "effect": "EFFECT",
+    "model": "MODEL",
+    "campaign": "CAMPAIGN",
+    "output": "FILE",
+    "new_model": "FILE",
+    "setup": "SETUP",
+    "format": "FORMAT",
+    "channel": "CHANNEL",
+    "effects": "PYTHON_FILE",
+    "own": "PYTHON_FILE",
+    "plot": "PICTURE",
+    "kind": "KIND",
+    "save": "FILE",
+    "against": "TABLE",
+    "ladder": "LADDER",
+    "calibration": "FILE",
+    "calibrate": "FILE",
+    "tolerance": "COLUMN=VALUE",
+    "by": "WHAT",
+    "workers": "NUMBER",
+    "seed": "NUMBER",
+    "average": "NUMBER",
+    "points": "NUMBER",
+    "carcass": "CARCASS",
+    "preset": "PRESET",
+    "contact": "CONTACT",
+    "surface": "SURFACE",
+    "observable": "OBSERVABLE",
+    "cutoff": "CUTOFF",
+    "nuisances": "WORDS",
+    "use": "USE",
+    "only": "PATTERN",
+    "manifest": "CAMPAIGN",
+    "scheduler": "ADDRESS",
+    "road": "ROAD",
+    "zero": "ZERO",
+    "acceleration": "M_PER_S2",
+    "speed": "M_PER_S",
+    "steady_step": "M_PER_S",
+    "slip": "SHARE",
+    "temperature": "K",
+    "time": "S",
+    "duration": "S",
+    "step": "S",
+    "load": "N",
+    "pressure": "PA",
+    "from_Pa": "PA",
+    "to_Pa": "PA",
+    "hub_mass": "KG",
+    "hub_inertia": "KG_M2",
+    "sensor": "DEGREES",
+    "to_frequency": "HZ",
+    "modes": "NUMBER",
+    "new_depth": "M",
+    "depth": "M",
+    "neutral_axis": "SHARE",
+    "friction_ratio": "NUMBER",
+    "static_friction": "NUMBER",
+    "sliding_friction": "NUMBER",
+    "stiffness_ratio": "NUMBER",
+    "load_exponent": "NUMBER",
+    "every": "NUMBER",
+    "from_s": "S",
+    "to_s": "S",
+    "slip_angle": "DEGREES",
+    "camber": "DEGREES",
+}
+#: letters of a first sentence that the list of commands shows: all of it, on several lines
+_WHOLE = 400
+
+
+class WholeHelp(TyperGroup):
+    """Help of the program, its commands under headings, or of a group; no sentence is cut off."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        headings = GROUPS if self.name == "tirelog" else {"Commands": self.list_commands(ctx)}
+        for title, names in headings.items():
+            own = [(name, self.get_command(ctx, name)) for name in names]
+            rows = [(n, c.get_short_help_str(_WHOLE)) for n, c in own if c is not None]
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+
+def dress(command: Any, path: str = "") -> None:
+    """Give a command, and all below it, their examples and words for values."""
+    for name, below in getattr(command, "commands", {}).items():
+        dress(below, f"{path} {name}".strip())
+    lines = EXAMPLES.get(path, ())
+    if lines:
+        # \b: the lines stay as they are
+        shown = "\n".join(f"  {line}\n      {does}" for line, does in lines)
+        command.epilog = f"\b\nExamples:\n{shown}"
+    for parameter in command.params:
+        if not getattr(parameter, "is_flag", False):
+            if parameter.metavar is None:
+                parameter.metavar = METAVARS.get(parameter.name)
+            if parameter.metavar is not None and parameter.param_type_name == "argument":
+                parameter.display_type_rich = lambda *_, **__: ""  # the word says it

@@ -5,15 +5,20 @@ from __future__ import annotations
 import errno
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from importlib.util import find_spec
+from inspect import Parameter, Signature
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.errors import UsageError, refuse_unknown
-from tirelog.vocabulary.tables import TABLE_FORMATS
+from tirelog.errors import OutputError, TirelogError, UsageError, refuse_unknown
+from tirelog.storage.remote import address
+from tirelog.storage.whole import output_error
+from tirelog.vocabulary.tables import no_matplotlib, refuse_no_picture
 
 if TYPE_CHECKING:
     from tirelog.data.recording import Conditions
@@ -25,43 +30,27 @@ if TYPE_CHECKING:
 # Nothing here reads a log: an answer has to come while one types.
 
 
-def formats(incomplete: str) -> list[str]:
-    """Formats of tables."""
-    return _beginning(TABLE_FORMATS, incomplete)
+def _words_of(place: str) -> Callable[[str], list[str]]:
+    """What completes a word of a register, "module:name", which is read when it is asked for."""
+
+    def beginning(incomplete: str) -> list[str]:
+        words = resolve_name(place)
+        known = words() if callable(words) else words
+        return [word for word in known if word.startswith(incomplete)]
+
+    return beginning
 
 
-def effects(incomplete: str) -> list[str]:
-    """Effects of the catalogue."""
-    from tirelog.api.models import catalogue_with
-
-    return _beginning(tuple(catalogue_with()), incomplete)
-
-
-def nuisances(incomplete: str) -> list[str]:
-    """Nuisances of a model."""
-    from tirelog.api.models import NUISANCES
-
-    return _beginning(tuple(NUISANCES), incomplete)
-
-
-def presets(incomplete: str) -> list[str]:
-    """Presets of a new model."""
-    from tirelog.api.models import PRESETS
-
-    return _beginning(PRESETS, incomplete)
-
-
-def tables(incomplete: str) -> list[str]:
-    """Tables of a log."""
-    from tirelog.vocabulary.tables import LOG_TABLES
-
-    return _beginning(tuple(LOG_TABLES), incomplete)
+formats = _words_of("tirelog.vocabulary.tables:TABLE_FORMATS")
+effects = _words_of("tirelog.api.models:catalogue_with")
+nuisances = _words_of("tirelog.api.models:NUISANCES")
+presets = _words_of("tirelog.api.models:PRESETS")
+tables = _words_of("tirelog.vocabulary.tables:LOG_TABLES")
 
 
 def channels(ctx: Any, incomplete: str) -> list[str]:
     """Channels of the setup that is given, or stands beside the first log."""
     from tirelog.data.setup import load_setup, setup_beside
-    from tirelog.errors import TirelogError
 
     found: tuple[str, ...] = ()
     with suppress(TirelogError, OSError):
@@ -69,11 +58,7 @@ def channels(ctx: Any, incomplete: str) -> list[str]:
         place = ctx.params.get("setup") or (setup_beside(logs[0]) if logs else None)
         if place is not None:
             found = tuple(load_setup(place).channels)
-    return _beginning(found, incomplete)
-
-
-def _beginning(words: tuple[str, ...], incomplete: str) -> list[str]:
-    return [word for word in words if word.startswith(incomplete)]
+    return [name for name in found if name.startswith(incomplete)]
 
 
 # ---- Refusals before the work: what could not be written, drawn or saved in the end.
@@ -83,31 +68,25 @@ def _beginning(words: tuple[str, ...], incomplete: str) -> list[str]:
 
 def in_a_folder(path: Path | None) -> Path | None:
     """The path of a file to write.  OutputError: its folder is not there, or it is one itself."""
-    from tirelog.storage.remote import address
-    from tirelog.storage.whole import output_error
-
     if path is None or address(path) is not None:
         return path
-    number = 0
     if path.is_dir():
-        number = errno.EISDIR
-    elif not path.parent.is_dir():
-        number = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
-    if number:
-        raise output_error(path, OSError(number, os.strerror(number)))
+        raise _no_place(path, errno.EISDIR)
+    if not path.parent.is_dir():
+        raise _no_place(path, errno.ENOTDIR if path.parent.exists() else errno.ENOENT)
     return path
+
+
+def _no_place(path: Path, number: int) -> OutputError:
+    return output_error(path, OSError(number, os.strerror(number)))
 
 
 def folder(path: Path | None) -> Path | None:
     """The path of a folder to write into, made if missing.  OutputError: a file is in its way."""
-    from tirelog.storage.remote import address
-    from tirelog.storage.whole import output_error
-
     if path is not None and address(path) is None:
         there = next(place for place in (path, *path.absolute().parents) if place.exists())
         if not there.is_dir():
-            number = errno.EEXIST if there == path else errno.ENOTDIR
-            raise output_error(path, OSError(number, os.strerror(number)))
+            raise _no_place(path, errno.EEXIST if there == path else errno.ENOTDIR)
     return path
 
 
@@ -118,10 +97,6 @@ def drawable(path: Path | None) -> Path | None:
     """
     if path is None:
         return None
-    from importlib.util import find_spec
-
-    from tirelog.vocabulary.tables import no_matplotlib, refuse_no_picture
-
     refuse_no_picture(path)
     if find_spec("matplotlib") is None:
         raise no_matplotlib()
@@ -217,53 +192,39 @@ def road_words(words: str, setup: Setup | None) -> RoadSetup:
     return setup.road
 
 
-def load_steps(words: list[str]) -> list[tuple[float, float]]:
-    """(time [s], load [N]) of each --load-step TIME:LOAD.  UsageError: words that are none."""
-    steps: list[tuple[float, float]] = []
-    before = 0.0
-    for text in words:
-        time, load = _numbers(text, "--load-step", "TIME:LOAD", 2)
-        _later("--load-step", text, time, before)
-        before = time + 1e-6  # a step takes a moment
-        steps.append((time, load))
-    return steps
+def events(words: list[str], option: str, form: str) -> list[Any]:
+    """The numbers of each event that an option gives: times [s] one after the other, and a value.
 
-
-def speed_ramps(words: list[str]) -> list[tuple[float, float, float]]:
-    """(from [s], to [s], speed [m/s]) of each --speed-ramp FROM:TO:SPEED.
-
-    UsageError: words that are none.
+    UsageError: words that are not of the `form`, such as TIME:LOAD, or go back in time.
     """
-    ramps: list[tuple[float, float, float]] = []
+    made: list[Any] = []
     before = 0.0
     for text in words:
-        begin, end, speed = _numbers(text, "--speed-ramp", "FROM:TO:SPEED", 3)
-        _later("--speed-ramp", text, begin, before)
-        _later("--speed-ramp", text, end, begin)
-        before = end
-        ramps.append((begin, end, speed))
-    return ramps
+        try:
+            numbers = [float(part) for part in text.split(":")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != form.count(":") + 1 or not all(map(math.isfinite, numbers)):
+            raise UsageError(
+                f"{option} {text}", allowed=f"{form} in s and SI units is allowed", do="correct it"
+            )
+        times = [before, *numbers[:-1]]
+        if times != sorted(times):
+            raise UsageError(
+                f"{option} {text} goes back in time",
+                allowed="times that grow, from 0 s on, are allowed",
+                do="correct it",
+            )
+        before = times[-1] + (1e-6 if len(numbers) == 2 else 0.0)  # a step takes a moment
+        made.append(tuple(numbers))
+    return made
 
 
-def _numbers(text: str, option: str, form: str, count: int) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(":")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise UsageError(
-            f"{option} {text}", allowed=f"{form} in s and SI units is allowed", do="correct it"
-        )
-    return numbers
-
-
-def _later(option: str, text: str, time_s: float, before_s: float) -> None:
-    if time_s < before_s:
-        raise UsageError(
-            f"{option} {text} goes back in time",
-            allowed="times that grow, from 0 s on, are allowed",
-            do="correct it",
-        )
+def with_options(command: Callable[..., None], parameters: Iterable[Parameter]) -> None:
+    """Give the command the parameters that typer reads, in the place of its own."""
+    typed = [one.replace(kind=Parameter.KEYWORD_ONLY) for one in parameters]
+    vars(command)["__signature__"] = Signature(typed)
+    command.__annotations__ = {one.name: one.annotation for one in typed}
 
 
 def plot_kind(kinds: Mapping[str, str]) -> Any:

@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -37,7 +37,7 @@ from tirelog.errors import (
     printable,
 )
 from tirelog.runtime import PATIENCE_S
-from tirelog.storage.whole import output_error
+from tirelog.storage.whole import output_error, whole_file
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -177,15 +177,12 @@ class Working:
     """
 
     def __init__(self, *, shown: bool) -> None:
-        self._shown, self._lock = shown, threading.Lock()
-        self._text, self._done, self._total = "", 0, 0
+        self._lock, self._told = threading.Lock(), ("", 0, 0)
         self._line: Any = None
-        self._task: Any = None
-        self._timer: threading.Timer | None = None
+        self._timer = threading.Timer(PATIENCE_S, self._begin) if shown else None
 
     def __enter__(self) -> Working:
-        if self._shown:
-            self._timer = threading.Timer(PATIENCE_S, self._begin)
+        if self._timer is not None:
             self._timer.daemon = True
             self._timer.start()
         return self
@@ -193,7 +190,7 @@ class Working:
     def say(self, text: str, done: int = 0, total: int = 0) -> None:
         """What is worked on now; `done` of a `total` before it."""
         with self._lock:
-            self._text, self._done, self._total = printable(text), done, total
+            self._told = (printable(text), done, total)
             self._update()
 
     def _begin(self) -> None:
@@ -201,7 +198,7 @@ class Working:
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
         with self._lock:
-            if not self._shown:
+            if self._timer is None:  # it was left meanwhile
                 return
             self._line = Progress(
                 SpinnerColumn(),
@@ -211,33 +208,24 @@ class Working:
                 console=Console(stderr=True),
                 transient=True,
             )
-            self._task = self._line.add_task(self._text, total=None)
+            self._line.add_task("", total=None)
             self._update()
             self._line.start()
 
     def _update(self) -> None:
         if self._line is not None:
-            several = self._total > 1
-            self._line.update(
-                self._task,
-                description=self._text,
-                completed=self._done if several else 0,
-                total=self._total if several else None,
-            )
+            text, done, total = self._told
+            task, several = self._line.task_ids[0], total > 1
+            size = {"completed": done, "total": total} if several else {"completed": 0}
+            self._line.update(task, description=text, **size)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with self._lock:
-            self._shown = False
             if self._timer is not None:
                 self._timer.cancel()
             if self._line is not None:
                 self._line.stop()
-                self._line = None
+            self._timer = self._line = None
 
 
 def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
@@ -312,8 +300,6 @@ def write_json(value: Mapping[str, Any], output: Path | None) -> None:
     if output is None:
         typer.echo(text, nl=False)
         return
-    from tirelog.storage.whole import whole_file
-
     with whole_file(output) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -436,8 +422,7 @@ class Session:
             try:
                 inside = contents(log)
             except ReadError as problem:
-                self._unread.append(log)
-                say(f"error: {problem}")
+                self._cannot_read(log, problem)
                 continue
             self._read += 1
             self.notes(f"{log}: {remark}" for remark in inside.remarks)
@@ -445,6 +430,10 @@ class Session:
                 self.lost(f"{log}: {loss}")
             yield inside
         self._stop_if_unread()
+
+    def _cannot_read(self, log: str, problem: ReadError) -> None:
+        self._unread.append(log)
+        say(f"error: {problem}")
 
     def _stop_if_unread(self) -> None:
         """Ends the command with status 4 if there were logs and none could be read."""
@@ -544,8 +533,7 @@ class Session:
                 opened(log, self.setup(), blocks=blocks, hashed=self._hashed)
             )
         except ReadError as problem:
-            self._unread.append(log)
-            say(f"error: {problem}")
+            self._cannot_read(log, problem)
             return None
         self._read += 1
         self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))

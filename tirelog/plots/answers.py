@@ -634,8 +634,9 @@ def coloured(map_: Map, values: Any, unit: str, small: float, largest: float) ->
 
 
 def edges(edge: float, per_degree: float = 1.0) -> list[Mark]:
-    """The patch's edges [rad] as lines, of degrees or of `per_degree` of something."""
-    return upright([per_degree * np.rad2deg(side) for side in (-edge, edge)], dash="dash")
+    """The patch's edges [rad] as lines, of degrees or of `per_degree` of something; 0: none."""
+    sides = (-edge, edge) if edge > 0.0 else ()
+    return upright([per_degree * np.rad2deg(side) for side in sides], dash="dash")
 
 
 # ---- The picture of `diagnose`: what the model leaves before and after, at one scale, and the
@@ -709,7 +710,8 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
             [*sizes, of_floor, *edges(both[0].half_angle_rad)],
             "means of like revolutions",
             scales=("linear", "log"),
-            legend={"fontsize": 8, "loc": "upper left"},
+            # below the axes: what is large may lie anywhere in them
+            legend={"fontsize": 8, "loc": "upper center", "bbox_to_anchor": (0.5, -0.2)},
         ),
     ]
 

@@ -1,7 +1,7 @@
 """A picture as a record: pages of panels of marks, which name what they show and its unit.
 
     numbers --> Mark --> Panel --> Page --`plots.style`--> matplotlib (files, notebooks)
-                             Panel --`report.figures`--> plotly's JSON (the report's page)
+                             Panel --`report.page`--> plotly's JSON (the report's page)
 
 Style words are of no library: width, dash, size, symbol, opacity. What else a mark's style holds
 is matplotlib's own.

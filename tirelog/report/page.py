@@ -1,25 +1,205 @@
-"""Sections to one HTML file that needs nothing else.
+"""Figures as plain data, and sections to one HTML file that needs nothing else.
+
+    Panel --`figure`--> traces and layout of the plotting library --> drawn by the page's script
+    Section --`render`--> HTML
+
+Arrays travel as base64 of float32: a trace of n points costs about 5 n bytes a coordinate. Long
+series are decimated by min-max buckets first, which keeps every peak. Names go through `safe`: the
+plotting library reads a few HTML elements in its texts, links among them.
 
 Scripts are inline and named by their hash in the content security policy; data is JSON in a script
-element that is never executed; every text goes through `html.escape`, so a hostile file name is
-only ever text.
+element that is never executed; every text goes through `escape`, so a hostile file name is only
+ever text.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from importlib import resources
+from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+
 from tirelog.errors import UsageError
-from tirelog.report.figures import COLOURS, DARK_COLOURS, DARK_NEUTRALS, GREY, INK, PALE, Figure
+from tirelog.plots.record import Mark, Panel
 from tirelog.version import __version__
+
+#: told apart by all forms of colour blindness (Okabe and Ito's first three), each with three times
+#: the luminance contrast to white that a graphic needs
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C4569A", "#4B3FA0", "#8A6D00", "#6b6b6b")
+#: the same ones, in order, on dark paper
+DARK_COLOURS = ("#56B4E9", "#FF9E4A", "#35C99A", "#E8A0CC", "#A99CF0", "#E6C34A", "#B4BAC0")
+#: what is no log's: models and effects, and what stands aside of them; on dark paper
+INK, GREY, PALE = "#26323d", "#5f6b76", "#7f8992"
+DARK_NEUTRALS = ("#e8edf2", "#b9c2ca", "#8d97a0")
+EDGE = "#8d8d8d"
+#: blue below zero, red above, light between
+DIVERGING = (
+    (0.0, "#2166ac"),
+    (0.25, "#92c5de"),
+    (0.5, "#f7f7f7"),
+    (0.75, "#f4a582"),
+    (1.0, "#b2182b"),
+)
+SCATTER_POINTS = 6000
+SYMBOLS = ("circle", "square", "diamond")
+DASHES = ("solid", "dash", "dot", "dashdot")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure: `alt` is what a person who cannot see it would be told.
+
+    half   it may stand beside the next one on a wide window
+    """
+
+    id: str
+    title: str
+    alt: str
+    traces: list[dict[str, Any]]
+    layout: dict[str, Any] = field(default_factory=dict)
+    half: bool = False
+
+
+def safe(name: str) -> str:
+    """The user's text, escaped so that the plotting library shows it as it is."""
+    return escape(str(name), quote=False)
+
+
+def packed_array(values: Any) -> dict[str, str]:
+    """Numbers as the plotting library's typed array (float32)."""
+    array = np.ascontiguousarray(np.asarray(values, dtype=np.float32))
+    out = {"dtype": "f4", "bdata": base64.b64encode(array.tobytes()).decode()}
+    if array.ndim == 2:
+        out["shape"] = f"{array.shape[0]}, {array.shape[1]}"
+    return out
+
+
+class LogColours:
+    """Of each log the number of its colour, by its file name; the same in every figure."""
+
+    def __init__(self, logs: Iterable[str] = ()) -> None:
+        self._numbers: dict[str, int] = {}
+        for log in logs:
+            self(log)
+
+    def __call__(self, log: str) -> int:
+        return self._numbers.setdefault(PurePath(log).name, len(self._numbers))
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+
+def thinning(points: int) -> int:
+    """Every how many-th of so many points a figure draws."""
+    return max(1, -(-points // SCATTER_POINTS))
+
+
+#: symbols of marks that have no name of their own here
+_MARKERS: dict[str, dict[str, Any]] = {
+    ".": {},
+    "D": {"symbol": "diamond"},
+    "_": {"symbol": "line-ew-open", "size": 14, "line": {"width": 3}},
+}
+
+
+def figure(id: str, title: str, alt: str, panel: Panel, half: bool = False, **shape: Any) -> Figure:
+    """The figure of a panel; `shape`: what its layout has besides."""
+    words = (panel.x_words, panel.y_words)
+    for key, text, limits, scale, names in zip(
+        ("xaxis", "yaxis"), (panel.x, panel.y), panel.limits, panel.scales, words, strict=True
+    ):
+        shape[key] = {"title": {"text": text}, "automargin": True, "exponentformat": "power"}
+        if names:  # in their order, the first of lying ones on top
+            shape[key] |= {
+                "type": "category",
+                "categoryorder": "array",
+                "categoryarray": list(names),
+                **({"autorange": "reversed"} if key == "yaxis" else {}),
+            }
+            continue
+        if limits is not None and np.isfinite(limits).all():
+            shape[key]["range"] = [float(limit) for limit in limits]
+        if scale == "log":
+            shape[key]["type"] = "log"
+    look = {"color": EDGE, "width": 1, "dash": "dash"}
+    lines = [m.x for m in panel.marks if m.kind == "upright" and panel.limits[1] is None]
+    if lines:
+        across = {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "line": look}
+        shape["shapes"] = [across | {"x0": float(x), "x1": float(x)} for x in lines]
+    traces = [trace for mark in panel.marks for trace in _traces(mark, panel)]
+    return Figure(id, title, alt, traces, shape, half)
+
+
+def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
+    """A mark as the plotting library has it; none of words and of lines across the panel.
+
+    What only this library has of its look stands in its style, as `marker` or `line`.
+    """
+    style, named = mark.style, not mark.name.startswith("_")
+    colour = mark.colour if isinstance(mark.colour, str) else COLOURS[mark.colour % len(COLOURS)]
+    at: Any
+    along: Any
+    own: dict[str, Any] = {"type": "scatter", "name": safe(mark.name.removeprefix("_"))}
+    if mark.kind in ("words", "level", "span"):
+        return []
+    if mark.kind == "heat":
+        reach = mark.style["high"]
+        return [
+            {
+                "type": "heatmap",
+                "x": packed_array(mark.x),
+                "y": packed_array(mark.y),
+                "z": packed_array(mark.other),
+                "zmin": -reach,
+                "zmax": reach,
+                "colorscale": [list(stop) for stop in DIVERGING],
+                "colorbar": {"title": {"text": mark.name, "side": "right"}, "thickness": 12},
+            }
+        ]
+    if mark.kind == "bars":
+        across = bool(style.get("across"))
+        words = [safe((panel.y_words if across else panel.x_words)[i]) for i in mark.x]
+        values = packed_array(mark.y)
+        x, y = (values, words) if across else (words, values)
+        bar = {"type": "bar", "width": 0.6, "x": x, "y": y, "marker": {"color": colour}}
+        bar["orientation"] = "h" if across else "v"
+        if mark.other is not None:
+            error = {"type": "data", "array": packed_array(mark.other), "visible": True}
+            look = {"color": "#6b6b6b", "thickness": 1.5}
+            bar["error_x" if across else "error_y"] = error | look
+        return [own | bar]
+    if mark.kind == "dots":
+        step = thinning(np.size(mark.x))
+        symbol = SYMBOLS[mark.colour % 3] if isinstance(mark.colour, int) else SYMBOLS[0]
+        marker = {"color": colour, "size": 5, "opacity": 0.7, "symbol": symbol}
+        marker |= _MARKERS.get(style.get("symbol", "."), {"symbol": style.get("symbol")})
+        own |= {"mode": "markers", "marker": marker | style.get("marker", {})}
+        at, along = np.asarray(mark.x)[::step], np.asarray(mark.y)[::step]
+    else:
+        steps = {"steps-mid": "hvh", "steps-post": "hv"}.get(style.get("drawstyle", ""), "linear")
+        drawn = {"dash": style.get("dash", "solid"), "shape": steps} | style.get("line", {})
+        own |= {"mode": "lines", "line": {"color": colour, "width": 1.5} | drawn}
+        at, along = mark.x, mark.y
+    if mark.kind == "upright":  # one without a name is a shape of the layout
+        if panel.limits[1] is None:
+            return []
+        at, along = [mark.x, mark.x], panel.limits[1]
+        own |= {"showlegend": bool(mark.name), "hoverinfo": "skip"}
+    own["x"] = [panel.x_words[i] for i in at] if panel.x_words else packed_array(at)
+    own["y"] = packed_array(along)
+    if mark.kind == "band":
+        own |= {"line": {"color": colour, "width": 0}, "hoverinfo": "skip", "showlegend": False}
+        above = {"y": packed_array(mark.other), "fill": "tonexty", "fillcolor": f"{colour}40"}
+        return [own, own | above | {"showlegend": named}]
+    return [own]
 
 
 @dataclass(frozen=True)
@@ -109,15 +289,6 @@ def _hash(script: str) -> str:
     return "'sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() + "'"
 
 
-def _json(data: Any) -> str:
-    """JSON that cannot close its script element."""
-    return (
-        json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
-        .replace("<", "\\u003c")
-        .replace("&", "\\u0026")
-    )
-
-
 @dataclass
 class Report:
     """What goes on the page, in plain text.
@@ -137,47 +308,51 @@ class Report:
 
 def render(report: Report) -> list[str]:
     """The page, in parts to be written one after the other."""
-    title, sections = report.title, report.sections
     library, script, style = plotting_library(), _file("page.js"), _palette() + _file("page.css")
     policy = (
         f"default-src 'none'; script-src {_hash(library)} {_hash(script)}; "
         "style-src 'unsafe-inline'; img-src data: blob:; "
         "base-uri 'none'; form-action 'none'"
     )
+    light, dark = (*COLOURS, INK, GREY, PALE), (*DARK_COLOURS, *DARK_NEUTRALS)
+    figures = (f for section in report.sections for f in section.figures)
     data = {
         "figures": {
-            f.id: {"traces": f.traces, "layout": f.layout, "title": f.title}
-            for s in sections
-            for f in s.figures
+            f.id: {"traces": f.traces, "layout": f.layout, "title": f.title} for f in figures
         },
-        "dark": dict(
-            zip((*COLOURS, INK, GREY, PALE), (*DARK_COLOURS, *DARK_NEUTRALS), strict=True)
-        ),
+        "dark": dict(zip(light, dark, strict=True)),
     }
-    e = html.escape
-    contents = "".join(f'<li><a href="#{s.id}">{e(s.title)}</a></li>' for s in sections)
-    body = "".join(_section(s) for s in sections)
+    links = (f'<a href="#{one.id}">{escape(one.title)}</a>' for one in report.sections)
     head = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta name="color-scheme" content="light dark">'
-        f'<title>{e(title)}</title><link rel="icon" href="data:,">'
+        f'<title>{escape(report.title)}</title><link rel="icon" href="data:,">'
         f"<style>{style}</style></head><body>"
         '<a class="skip" href="#main">Skip to the results</a>'
-        f"<header><h1>{e(title)}</h1><p>{e(report.made)}</p>"
-        f'<nav aria-label="Sections"><ul>{contents}<li><a href="#about">About this page</a></li>'
-        f'</ul></nav></header><main id="main" tabindex="-1">{body}'
-        f"{_about(report)}</main>"
+        f"<header><h1>{escape(report.title)}</h1><p>{escape(report.made)}</p>"
+        f'<nav aria-label="Sections"><ul>{_items(links)}'
+        '<li><a href="#about">About this page</a></li>'
+        '</ul></nav></header><main id="main" tabindex="-1">'
+        f"{''.join(map(_section, report.sections))}{_about(report)}</main>"
         '<script type="application/json" id="data">'
     )
     return [
         head,
-        _json(data),
+        # JSON that cannot close its script element
+        json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
+        .replace("<", "\\u003c")
+        .replace("&", "\\u0026"),
         "</script><script>",
         library,
         f"</script><script>{script}</script></body></html>\n",
     ]
+
+
+def _items(content: Iterable[str]) -> str:
+    """Items of a list, each already HTML."""
+    return "".join(f"<li>{one}</li>" for one in content)
 
 
 def _palette() -> str:
@@ -194,92 +369,72 @@ def _palette() -> str:
 
 def _about(report: Report) -> str:
     """What stands behind the page, at its foot."""
-    e, commands, missing, papers = html.escape, report.commands, report.missing, report.papers
-    absent = "".join(f"<li>{e(what)}: <code>{e(command)}</code></li>" for what, command in missing)
-    cited = "".join(f"<li>{e(paper)} <em>Here: {e(what)}.</em></li>" for paper, what in papers)
-    origins = "".join(f"<li>{e(part)}</li>" for part in report.provenance)
+    absent = _items(f"{escape(what)}: <code>{escape(done)}</code>" for what, done in report.missing)
+    cited = _items(f"{escape(p)} <em>Here: {escape(what)}.</em>" for p, what in report.papers)
+    meanings = "".join(f"<dt>{escape(w)}</dt><dd>{escape(meaning)}</dd>" for w, meaning in _WORDS)
+    commands = escape("\n".join(report.commands))
     return (
         '<section id="about"><h2>About this page</h2>'
         + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")
         + (f'<h3 id="papers">Papers</h3><ul>{cited}</ul>' if cited else "")
         + "<h3>Glossary</h3>"
-        + _fold(f"What {len(_WORDS)} words mean here", f"<dl>{_glossary()}</dl>")
+        + _fold(f"What {len(_WORDS)} words mean here", f"<dl>{meanings}</dl>")
         + "<h3>Provenance</h3>"
-        + _fold("Versions, and the bytes of every file that went in", f"<ul>{origins}</ul>")
-        + "<h3>Commands that repeat it</h3>"
         + _fold(
-            f"{len(commands)} command lines", f"<pre><code>{e(chr(10).join(commands))}</code></pre>"
+            "Versions, and the bytes of every file that went in",
+            f"<ul>{_items(map(escape, report.provenance))}</ul>",
         )
+        + "<h3>Commands that repeat it</h3>"
+        + _fold(f"{len(report.commands)} command lines", f"<pre><code>{commands}</code></pre>")
         + "</section>"
     )
 
 
 def _fold(summary: str, content: str) -> str:
-    return f"<details><summary>{html.escape(summary)}</summary>{content}</details>"
+    return f"<details><summary>{escape(summary)}</summary>{content}</details>"
 
 
 def _section(section: Section) -> str:
-    e = html.escape
-    paragraphs = [f"<p>{e(p)}</p>" for p in section.text]
-    formulas = "".join(
-        f'<p class="formula"><strong>{e(name)}</strong> = <code>{e(text)}</code></p>'
+    first, *more = [f"<p>{escape(p)}</p>" for p in section.text] or [""]
+    first += "".join(
+        f'<p class="formula"><strong>{escape(name)}</strong> = <code>{escape(text)}</code></p>'
         for name, text in section.formulas
     )
-    tables = "".join(_table(t) for t in section.tables)
-    made = (
-        f'<p class="made">Made with <code>{e(section.command)}</code></p>'
-        if section.command
-        else ""
-    )
-    first = "".join(paragraphs[:1]) + formulas
-    rest = (
-        "".join(paragraphs[1:])
-        + _figures(section.figures)
-        + tables
-        + (made if section.folded else "")
-    )
+    rest = "".join([*more, _figures(section.figures), *map(_table, section.tables)])
+    made = f'<p class="made">Made with <code>{escape(section.command)}</code></p>'
+    rest += made if section.command else ""
     if section.folded and rest:
-        rest = _fold(_folded(section), rest)
-    elif not section.folded:
-        rest += made
+        sizes = ((len(section.figures), "figure"), (len(section.tables), "table"))
+        held = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in sizes if n]
+        rest = _fold(f"Details: {', '.join([*held, 'how it was made'])}", rest)
     return (
         f'<section id="{section.id}"{" class=answer" if section.card else ""}>'
-        f"<h2>{e(section.title)}</h2>"
+        f"<h2>{escape(section.title)}</h2>"
         f"{_card(section.card) if section.card else ''}{first}{rest}</section>"
     )
 
 
-def _folded(section: Section) -> str:
-    """What a folded section holds, in words."""
-    counted = [
-        f"{n} {word}{'s' if n > 1 else ''}"
-        for n, word in ((len(section.figures), "figure"), (len(section.tables), "table"))
-        if n
-    ]
-    return f"Details: {', '.join([*counted, 'how it was made'])}"
-
-
 def _figures(figures: Sequence[Figure]) -> str:
-    e = html.escape
     drawn = "".join(
         f'<figure{" class=half" if f.half else ""} aria-labelledby="{f.id}-title" '
-        f'aria-describedby="{f.id}-alt"><figcaption id="{f.id}-title">{e(f.title)}</figcaption>'
-        f'<div class="plot" id="{f.id}"></div>'
-        f'<p class="alt" id="{f.id}-alt">{e(f.alt)}</p></figure>'
+        f'aria-describedby="{f.id}-alt"><figcaption id="{f.id}-title">{escape(f.title)}'
+        f'</figcaption><div class="plot" id="{f.id}"></div>'
+        f'<p class="alt" id="{f.id}-alt">{escape(f.alt)}</p></figure>'
         for f in figures
     )
     return f'<div class="figures">{drawn}</div>' if drawn else ""
 
 
 def _card(card: Card) -> str:
-    e = html.escape
-    facts = "".join(f"<div><dt>{e(term)}</dt><dd>{e(text)}</dd></div>" for term, text in card.facts)
-    advice = "".join(f"<p>{e(text)}</p>" for text in card.advice)
+    facts = "".join(
+        f"<div><dt>{escape(term)}</dt><dd>{escape(text)}</dd></div>" for term, text in card.facts
+    )
+    advice = "".join(f"<p>{escape(text)}</p>" for text in card.advice)
     return (
         '<div class="card"><div class="said">'
-        f'<p class="verdict"><strong>{e(card.word)}</strong></p>'
-        f'<p class="sentence">{e(card.sentence)}</p></div><div class="steps">{_rungs(card)}'
-        f"<h3>Next</h3>{advice}<pre><code>{e(card.command)}</code></pre></div>"
+        f'<p class="verdict"><strong>{escape(card.word)}</strong></p>'
+        f'<p class="sentence">{escape(card.sentence)}</p></div><div class="steps">{_rungs(card)}'
+        f"<h3>Next</h3>{advice}<pre><code>{escape(card.command)}</code></pre></div>"
         f'<dl class="facts">{facts}</dl></div>'
     )
 
@@ -288,30 +443,28 @@ def _rungs(card: Card) -> str:
     """The error falling: a bar per model, the floor marked on each."""
     if not card.rungs:
         return ""
-    e = html.escape
     largest = max(1e-300, *(value for rung in card.rungs for value in (rung.error, rung.floor)))
     steps = []
     for rung in card.rungs:
         length, mark = 100.0 * rung.error / largest, 100.0 * rung.floor / largest
         steps.append(
-            f"<li><strong>{e(rung.name)}</strong> <span>{e(rung.said)}</span>"
+            f"<li><strong>{escape(rung.name)}</strong> <span>{escape(rung.said)}</span>"
             f'<span class="bar" aria-hidden="true"><span style="width:{length:.1f}%"></span>'
             f'<i style="left:{mark:.1f}%"></i></span>'
-            f'<span class="error">{rung.error:.3g} {e(card.unit)}, noise floor {rung.floor:.3g}'
-            "</span></li>"
+            f'<span class="error">{rung.error:.3g} {escape(card.unit)}, noise floor '
+            f"{rung.floor:.3g}</span></li>"
         )
-    said = f'<p class="alt">{e(card.rungs_said)}</p>' if card.rungs_said else ""
+    said = f'<p class="alt">{escape(card.rungs_said)}</p>' if card.rungs_said else ""
     heading = "How the error falls" if len(steps) > 1 else "The error"
     return f'<h3>{heading}</h3>{said}<ol class="rungs">{"".join(steps)}</ol>'
 
 
 def _table(table: PageTable) -> str:
-    e = html.escape
-    head = "".join(f'<th scope="col">{e(h)}</th>' for h in table.header)
+    head = "".join(f'<th scope="col">{escape(h)}</th>' for h in table.header)
     rows = "".join(_row(table, i) for i in range(len(table.rows)))
-    caption = f"<caption>{e(table.caption)}</caption>"
+    caption = f"<caption>{escape(table.caption)}</caption>"
     return (
-        f'<div class="table" role="group" aria-label="{e(table.caption)}" tabindex="0">'
+        f'<div class="table" role="group" aria-label="{escape(table.caption)}" tabindex="0">'
         f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
@@ -325,8 +478,8 @@ def _row(table: PageTable, number: int) -> str:
         if number < len(table.colours)
         else ""
     )
-    cells = "".join(f"<td>{html.escape(c)}</td>" for c in others)
-    return f'<tr><th scope="row">{swatch}{html.escape(first)}</th>{cells}</tr>'
+    cells = "".join(f"<td>{escape(c)}</td>" for c in others)
+    return f'<tr><th scope="row">{swatch}{escape(first)}</th>{cells}</tr>'
 
 
 _WORDS = (
@@ -373,9 +526,3 @@ _WORDS = (
     ),
     ("residual", "measured less predicted"),
 )
-
-
-def _glossary() -> str:
-    return "".join(
-        f"<dt>{html.escape(word)}</dt><dd>{html.escape(meaning)}</dd>" for word, meaning in _WORDS
-    )

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from tirelog.errors import ReadError
+from tirelog.errors import ReadError, UsageError
 from tirelog.storage.remote import open_input
 from tirelog.tables.writer import table_format
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES
@@ -135,3 +136,193 @@ def _of_kind(values: pd.Series, kind: str) -> pd.Series:
         row = int(np.flatnonzero(wrong)[0])
         raise ValueError(f"row {row + 1}, column {values.name}: no {kind}")
     return values
+
+
+# ---- `check`: does a table still say what an earlier one said?
+#
+#     two tables --match rows by key--> differences beyond each column's tolerance, largest first
+#
+# A row's key is what names it (log, channel, revolution, step, effect, ...: the key columns that
+# both tables have; without any, the row number). A float may move by its column's absolute +
+# relative tolerance (`columns.COLUMNS`), anything else not at all; rows that only one table has are
+# differences too.
+#
+# The column `log` is the path as it was typed, so the same log has another key from another folder.
+# `of_like_logs` takes the file's name in its place when not one row has the same path in both.
+
+
+KEYS = (
+    "log",
+    "table",
+    "channel",
+    "revolution",
+    "step",
+    "effect",
+    "manoeuvre",
+    "regime",
+    "quantity",
+    "angle",
+    "name",
+)
+#: relative tolerance of a column that the register of columns does not know
+_DEFAULT_RELATIVE = 1e-6
+#: what stands for the key of a whole column, and for the column of a whole row
+_ALL_ROWS, _ROW = "(all rows)", "(row)"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One value that moved.
+
+    `excess` is its difference over what is allowed (inf if the values cannot be compared).
+    """
+
+    key: str
+    column: str
+    value: str
+    against: str
+    excess: float
+
+
+def differences(
+    table: pd.DataFrame, against: pd.DataFrame, tolerance: Mapping[str, float] | None = None
+) -> list[Difference]:
+    """What moved between `against` (the older table) and `table`, largest first.
+
+    `tolerance` replaces a column's own tolerance by an absolute one. UsageError: a tolerance for a
+    column that is not there.
+    """
+    tolerance = dict(tolerance or {})
+    for name in tolerance:
+        if name not in against.columns:
+            raise UsageError(
+                f"--tolerance {name}: no such column",
+                allowed=f"allowed are {', '.join(map(str, against.columns))}",
+                do="mend the name",
+            )
+    keys = [k for k in KEYS if k in table.columns and k in against.columns]
+    table, against = _indexed(table, keys), _indexed(against, keys)
+    sides = (("absent", "present", table, against), ("present", "absent", against, table))
+    found = [
+        Difference(_ALL_ROWS, str(c), here, there, np.inf)
+        for here, there, new, old in sides
+        for c in old.columns.difference(new.columns)
+    ] + [
+        Difference(str(key), _ROW, here, there, np.inf)
+        for here, there, new, old in sides
+        for key in old.index.difference(new.index)
+    ]
+    common = against.index.intersection(table.index)
+    for name in [c for c in against.columns if c in table.columns]:
+        found += _moved(
+            str(name), table.loc[common, name], against.loc[common, name], tolerance.get(str(name))
+        )
+    return sorted(found, key=lambda d: -d.excess)
+
+
+def of_like_logs(
+    table: pd.DataFrame, against: pd.DataFrame
+) -> tuple[pd.DataFrame, pd.DataFrame, str]:
+    """(both tables with keys by which rows match, a sentence on the keys).
+
+    The sentence is there if those are not the paths of the logs.
+
+    As they are, if a single row has the same key in both. Else `log` is the file's name in both, or
+    that name without its suffixes (a log and the run made of it), if rows match then; and if within
+    neither table two logs come to have one name.
+    """
+    keys = [k for k in KEYS if k in table.columns and k in against.columns]
+    if "log" in keys and not _share_rows(table, against, keys):
+        for name_of, words in (
+            (_file_name, "file name"),
+            (_stem, "file name without its suffixes"),
+        ):
+            new, old = (t.assign(log=t["log"].map(name_of)) for t in (table, against))
+            distinct = (
+                new["log"].nunique() == table["log"].nunique()
+                and old["log"].nunique() == against["log"].nunique()
+            )
+            if distinct and _share_rows(new, old, keys):
+                return (
+                    new,
+                    old,
+                    f"no row has the path of its log in common; logs are matched by {words}",
+                )
+    return table, against, ""
+
+
+def _share_rows(table: pd.DataFrame, against: pd.DataFrame, keys: list[str]) -> bool:
+    return not _indexed(table, keys).index.intersection(_indexed(against, keys).index).empty
+
+
+def _file_name(path: object) -> str:
+    return str(path).rstrip("/").rpartition("/")[2]
+
+
+def _stem(path: object) -> str:
+    """The name before its first dot, other than a leading one: `drive` for `logs/drive.csv.gz`."""
+    name = _file_name(path)
+    return name[:1] + name[1:].partition(".")[0]
+
+
+def summary(found: Sequence[Difference]) -> str:
+    """One line: how many values moved, how many rows or columns only one of the tables has."""
+    counted = {
+        "values moved beyond their tolerance": [
+            d for d in found if d.column != _ROW and d.key != _ALL_ROWS
+        ],
+        "rows are new": [d for d in found if d.column == _ROW and d.value == "present"],
+        "rows are missing": [d for d in found if d.column == _ROW and d.value == "absent"],
+        "columns are new": [d for d in found if d.key == _ALL_ROWS and d.value == "present"],
+        "columns are missing": [d for d in found if d.key == _ALL_ROWS and d.value == "absent"],
+    }
+    return ", ".join(f"{len(some)} {words}" for words, some in counted.items() if some)
+
+
+def _indexed(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """The table with its key as index: `log=a.csv channel=strain_1 revolution=3`.
+
+    Numbered if keys repeat.
+    """
+    if not keys:
+        return table.set_axis([f"row={i}" for i in range(len(table))], axis=0)
+    key = table[keys[0]].map(lambda v: f"{keys[0]}={v}")
+    for name in keys[1:]:
+        key = key + table[name].map(lambda v, name=name: f" {name}={v}")
+    again = key.groupby(key).cumcount()
+    key = key.where(again == 0, key + " #" + (again + 1).astype(str))
+    return table.drop(columns=keys).set_axis(key.to_numpy(), axis=0)
+
+
+def _moved(name: str, new: pd.Series, old: pd.Series, tolerance: float | None) -> list[Difference]:
+    """The values of one column that differ by more than is allowed."""
+    numbers = pd.api.types.is_float_dtype(new) or pd.api.types.is_float_dtype(old)
+    if not (numbers and pd.api.types.is_numeric_dtype(new) and pd.api.types.is_numeric_dtype(old)):
+        same = (new.astype(str) == old.astype(str)) | (new.isna() & old.isna())
+        return [
+            Difference(str(k), name, str(new[k]), str(old[k]), np.inf)
+            for k in new.index[~same.to_numpy()]
+        ]
+    a, b = new.to_numpy(float), old.to_numpy(float)
+    column = COLUMNS.get(name)
+    if tolerance is not None:
+        allowed = np.full(a.size, tolerance)
+    else:
+        allowed = (column.absolute if column else 0.0) + (
+            column.relative if column else _DEFAULT_RELATIVE
+        ) * np.abs(b)
+    one_missing = np.isnan(a) != np.isnan(b)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        excess = np.where(one_missing, np.inf, np.where(a == b, 0.0, np.abs(a - b) / allowed))
+    excess = np.where(np.isnan(a) & np.isnan(b), 0.0, excess)
+    return [
+        Difference(str(new.index[int(i)]), name, f"{a[i]:.9g}", f"{b[i]:.9g}", float(excess[i]))
+        for i in np.flatnonzero(excess > 1.0)
+    ]
+
+
+def as_table(found: list[Difference]) -> dict[str, Any]:
+    """The differences as columns."""
+    words = ("key", "column", "value", "against")
+    columns = {name: np.array([getattr(d, name) for d in found], dtype=object) for name in words}
+    return columns | {"excess": np.array([d.excess for d in found], float)}

@@ -180,7 +180,7 @@ _ALL = (
                 "Take the rolling radius from the log's vehicle_speed, with its error.",
             ),
         ),
-        picture="tirelog.plots.speed:speed_picture",
+        picture="tirelog.plots.tables:speed_picture",
     ),
     LogTable(
         "footprint",
@@ -206,9 +206,9 @@ _ALL = (
                 "f_d / f_s of P2 (13) for the slip onset; else that of the setup, or 0.75 +- 0.13.",
             ),
         ),
-        picture="tirelog.plots.footprint:draw_footprint",
+        picture="tirelog.plots.tables:draw_footprint",
         pictures=FOOTPRINT,
-        sketch="tirelog.plots.footprint:footprint_sketch",
+        sketch="tirelog.plots.tables:footprint_sketch",
     ),
     LogTable(
         "dissipation",
@@ -245,8 +245,8 @@ _ALL = (
                 "The rows of constant speed alone, sorted by speed (P1 Fig. 11).",
             ),
         ),
-        picture="tirelog.plots.footprint:dissipation_picture",
-        sketch="tirelog.plots.footprint:dissipation_sketch",
+        picture="tirelog.plots.tables:dissipation_picture",
+        sketch="tirelog.plots.tables:dissipation_sketch",
     ),
     LogTable(
         "phase-shift",
@@ -275,7 +275,7 @@ _ALL = (
                 "Rows of all accelerometers of a log in the order of time.",
             ),
         ),
-        picture="tirelog.plots.speed:phase_shift_picture",
+        picture="tirelog.plots.tables:phase_shift_picture",
         rows_of=("radial_acceleration",),
     ),
     LogTable(
@@ -348,7 +348,7 @@ _ALL = (
         ),
         made_by="tirelog.wheel.table:wheel_angle_of",
         checked_by="tirelog.wheel.table:refuse_stretch",
-        picture="tirelog.plots.speed:wheel_angle_picture",
+        picture="tirelog.plots.tables:wheel_angle_picture",
         driven=False,
     ),
     LogTable(
@@ -372,7 +372,7 @@ _ALL = (
         ),
         made_by="tirelog.strain.inflation:inflation_of",
         checked_by="tirelog.strain.inflation:refuse_one_end",
-        picture="tirelog.plots.speed:inflation_picture",
+        picture="tirelog.plots.tables:inflation_picture",
         driven=False,
     ),
 )  # fmt: skip

@@ -12,30 +12,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tirelog.data.recording import Recording
+from tirelog.diagnosis.compare import (
+    Measured,
+    compare,
+    comparison_of,
+    measured_pieces,
+    start_from,
+)
+from tirelog.diagnosis.diagnose import Diagnosis, diagnose
+from tirelog.diagnosis.obstacles import HitResult, TransientComparison, compare_transients
+from tirelog.diagnosis.propose.propose import Proposal, propose
+from tirelog.diagnosis.results import Comparison, effect_curves
 from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
+from tirelog.inference.measured import measured_for
+from tirelog.inference.obstacle_log import TransientLog
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.model import Model
+from tirelog.physics.model.user_effects import own_effects
 from tirelog.plots.answers import hit_panels, rest, shape
-from tirelog.report.figures import GREY, INK, Figure, LogColours, figure
-from tirelog.report.page import PageTable, Section
+from tirelog.report.page import GREY, INK, Figure, LogColours, PageTable, Section, figure
+from tirelog.report.request import ReportRequest
 from tirelog.report.sections import models as model_sections
-from tirelog.report.sections.answer import AnswerSection, answer
-from tirelog.report.sections.models import page_table, shown_value
-
-if TYPE_CHECKING:
-    from tirelog.diagnosis.compare import Measured
-    from tirelog.diagnosis.diagnose import Diagnosis
-    from tirelog.diagnosis.obstacles import HitResult, TransientComparison
-    from tirelog.diagnosis.propose.propose import Proposal
-    from tirelog.diagnosis.results import Comparison
-    from tirelog.inference.measured import MeasuredLogs
-    from tirelog.inference.obstacle_log import TransientLog
-    from tirelog.physics.effects import Effect
-    from tirelog.physics.model.model import Model
-    from tirelog.report.request import ReportRequest
-
+from tirelog.report.sections.models import AnswerSection, answer, page_table, shown_value
 
 # ---- The section of logs that met an obstacle: how well the model answers it, hit by hit.
 #
@@ -54,13 +57,17 @@ def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Se
         f"out. A {carcass} says nothing of an obstacle; a model with carcass = "
         '"coupled_ring" does.'
     )
-    rows = [[Path(log.log).name, log.road.kind, str(log.hits_s.size), _times(log)] for log in logs]
+    rows = [
+        [
+            Path(log.log).name,
+            log.road.kind,
+            str(log.hits_s.size),
+            ", ".join(f"{time:.3f}" for time in log.hits_s),
+        ]
+        for log in logs
+    ]
     table = PageTable("Obstacles", ["log", "kind", "hits", "at [s]"], rows)
     return Section("obstacles", "Obstacles", command, [text], (), [table])
-
-
-def _times(log: TransientLog) -> str:
-    return ", ".join(f"{time:.3f}" for time in log.hits_s)
 
 
 def obstacles(result: TransientComparison, command: str, colours: LogColours) -> Section:
@@ -127,57 +134,55 @@ def _hit(
 
 def proposed(result: Proposal, command: str) -> Section:
     """The section; of no proposal the reason."""
+    title = "What is unknown, written down"
     if result.status == "nothing":
-        return Section("propose", "What is unknown, written down", command, [result.sentence])
+        return Section("propose", title, command, [result.sentence])
+    as_shown = shown_value(result.observable, result.unit)
     terms = result.terms if result.status == "formula" else ()
-    tables = [page_table(result.terms_table())] if terms else []
+    panel = rest(result, as_shown, (GREY, INK))
+    alt = "The leading shape of what is left over the angle, before and with the proposal."
+    left = figure("propose-rest", "What is left, before and after", alt, panel, half=True)
     return Section(
         "propose",
-        "What is unknown, written down",
+        title,
         command,
         [result.sentence, *result.sentences()],
-        [*_shape(result), _rest(result)],
-        [*_errors(result), *tables],
+        [*_shape(result, as_shown), left],
+        [*_errors(result, *as_shown), *([page_table(result.terms_table())] if terms else [])],
         folded=False,
         formulas=[(term.name, term.formula.expression) for term in terms],
     )
 
 
-def _errors(result: Proposal) -> list[PageTable]:
+def _errors(result: Proposal, factor: float, unit: str) -> list[PageTable]:
     """Errors before and after, on manoeuvres that the search saw and on those it did not."""
-    factor, unit = shown_value(result.observable, result.unit)
-    rows = []
-    if result.rmse_heldout_before is not None and result.noise_floor is not None:
-        seen = (result.rmse_heldout_before, result.rmse_heldout_after, result.noise_floor)
-        cells = ["" if error is None else f"{error * factor:.3g}" for error in seen]
-        rows.append(["seen, held out in turn", str(result.manoeuvres), *cells])
+    before, after, floor = result.rmse_heldout_before, result.rmse_heldout_after, result.noise_floor
+    known = []
+    if before is not None and floor is not None:
+        known.append(("seen, held out in turn", result.manoeuvres, (before, after, floor)))
     if (locked := result.locked) is not None:
         errors = (locked.before, locked.after, locked.floor)
-        cells = [f"{error * factor:.3g}" for error in errors]
-        rows.append(["locked away from the search", str(locked.manoeuvres), *cells])
+        known.append(("locked away from the search", locked.manoeuvres, errors))
+    rows = [
+        [which, str(count), *("" if error is None else f"{error * factor:.3g}" for error in errors)]
+        for which, count, errors in known
+    ]
     header = ["manoeuvres", "how many", *(f"{w} [{unit}]" for w in ("before", "after", "floor"))]
     return [PageTable("Errors without and with the proposal", header, rows)] if rows else []
 
 
-def _shape(result: Proposal) -> list[Figure]:
+def _shape(result: Proposal, as_shown: tuple[float, str]) -> list[Figure]:
     """The best measured shape with two standard errors."""
-    panel = shape(result, shown_value(result.observable, result.unit), (GREY, INK))
+    panel = shape(result, as_shown, (GREY, INK))
     if panel is None:
         return []
     best = result.shapes[0]
-    law = "" if best.law == "1" else f", times {best.law}"
+    named = f"{best.words}{'' if best.law == '1' else f', times {best.law}'}"
     alt = (
-        f"A free shape {best.words}{law}, with two standard errors as a band: what any formula "
-        "in this frame can remove at most."
+        f"A free shape {named}, with two standard errors as a band: what any formula in this frame "
+        "can remove at most."
     )
-    return [figure("propose-shape", f"Measured shape {best.words}{law}", alt, panel, half=True)]
-
-
-def _rest(result: Proposal) -> Figure:
-    """The leading shape of what is left, before and after."""
-    panel = rest(result, shown_value(result.observable, result.unit), (GREY, INK))
-    alt = "The leading shape of what is left over the angle, before and with the proposal."
-    return figure("propose-rest", "What is left, before and after", alt, panel, half=True)
+    return [figure("propose-shape", f"Measured shape {named}", alt, panel, half=True)]
 
 
 @dataclass
@@ -200,11 +205,6 @@ def model_story(
     colours: LogColours | None = None,
 ) -> DiagnosisFigures:
     """The sections of a model.  TirelogError if model and logs do not fit together."""
-    from tirelog.diagnosis.compare import compare
-    from tirelog.diagnosis.diagnose import diagnose
-    from tirelog.inference.measured import measured_for
-    from tirelog.physics.model.user_effects import own_effects
-
     level = not model.ac_coupled
     logs = measured_for(recordings, model.observables, asked.channel, level=level)
     own = own_effects(model.effects_file, asked=False)
@@ -238,19 +238,22 @@ def model_story(
         except TirelogError as problem:
             story.missing.append((f"{what}: {problem}", made_by))
 
-    def write_down() -> Section:
-        from tirelog.diagnosis.propose.propose import propose
-
-        return proposed(propose(logs.stacks, model, effects=own, progress=progress), wanted)
+    def answered() -> Section:
+        """The answer to the obstacles of the model that came, as `compare` gives it."""
+        if compared.model.carcass != "coupled_ring":
+            return not_answered(logs.obstacles, compared.model.carcass, command("compare"))
+        progress("driving the model over the obstacles")
+        answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
+        return obstacles(answers, command("compare"), colours)
 
     if logs.obstacles:
-        by = command("compare")
-        add("obstacles", by, lambda: _obstacles(logs, compared, by, progress, colours))
+        add("obstacles", command("compare"), answered)
     unknown = "what is unknown, written down as a formula"
     if found is not None and found.next_command.startswith("tirelog propose"):
         wanted = asked.with_options(found.next_command)
         if asked.propose:
-            add(unknown, wanted, write_down)
+            write = partial(propose, logs.stacks, model, effects=own, progress=progress)
+            add(unknown, wanted, lambda: proposed(write(), wanted))
         else:
             again = replace(asked, propose=True).report_command()
             story.missing.append((f"{unknown} (--propose)", again))
@@ -258,23 +261,6 @@ def model_story(
         word = found.verdict.replace("_", " ")
         story.missing.append((f"{unknown}: the verdict is {word}", wanted))
     return story
-
-
-def _obstacles(
-    logs: MeasuredLogs,
-    compared: Comparison,
-    command: str,
-    progress: Callable[[str], None],
-    colours: LogColours,
-) -> Section:
-    """The answer to the obstacles of the model that came, as `compare` gives it."""
-    from tirelog.diagnosis.obstacles import compare_transients
-
-    if compared.model.carcass != "coupled_ring":
-        return not_answered(logs.obstacles, compared.model.carcass, command)
-    progress("driving the model over the obstacles")
-    answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
-    return obstacles(answers, command, colours)
 
 
 def story_of(
@@ -291,9 +277,6 @@ def story_of(
 
     `command(name)`: the line that repeats it; `next_command`: what to type next.
     """
-    from tirelog.diagnosis.compare import comparison_of, measured_pieces, start_from
-    from tirelog.diagnosis.results import effect_curves
-
     colours = LogColours(model_sections.logs_of(compared)) if colours is None else colours
     best: Comparison | None = None
     added: Sequence[str] = () if found is None else (*found.found.came_in, *found.selected)

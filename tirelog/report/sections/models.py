@@ -1,46 +1,72 @@
-"""Sections made of model results: the model against the measurement, the diagnosis, the ladder.
+"""Sections made of model results: the answer, the model's errors, the diagnosis, the ladder.
 
-    Comparison, Diagnosis (of `discrepancy`), a ladder as its command keeps it (JSON) --> Section
+    Comparison, Diagnosis, a ladder as its command keeps it (JSON) --> Section
 
-They carry everything that is shown; this file draws and words it.
+The answer is the page's first section: a card (verdict, what it was measured on, how sure, the
+error falling, what to do next), and measured, first and best model at one scale. Everything is what
+the commands gave; nothing is estimated here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.answer import AnswerTable, in_unit
+from tirelog.diagnosis.answer import (
+    NUISANCES_SAID,
+    AnswerTable,
+    in_unit,
+    percent,
+    probability,
+    separation_sentence,
+    strengths,
+)
 from tirelog.diagnosis.candidates.search import removed_errors
-from tirelog.diagnosis.results import steps_table
-from tirelog.plots.answers import climbed_panel, ranked_panel, wave_marks
-from tirelog.plots.answers import edges as edge_lines
-from tirelog.plots.record import Panel
-from tirelog.report.figures import (
+from tirelog.diagnosis.candidates.separation import drive_sentences
+from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
+from tirelog.diagnosis.rules import RULES
+from tirelog.physics.effects import Effect
+from tirelog.plots.answers import climbed_panel, edges, ranked_panel, wave_marks
+from tirelog.plots.record import Mark, Panel, band, dots, heat, line
+from tirelog.report.page import (
     DASHES,
     GREY,
     INK,
     PALE,
     SYMBOLS,
+    Card,
     Figure,
+    LadderRow,
     LogColours,
-    band,
-    dots,
+    PageTable,
+    Section,
     figure,
-    heat,
-    layout,
-    line,
 )
-from tirelog.report.page import PageTable, Section
+from tirelog.report.request import ReportRequest
+from tirelog.report.sections.recorded import shown_number
+from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
 
-if TYPE_CHECKING:
-    from tirelog.diagnosis.diagnose import Diagnosis
-    from tirelog.diagnosis.results import Comparison, Map
+#: remarks that the card has room for; the sections have all of them
+_REMARKS = 3
+#: logs whose conditions are told one by one; of more their reach is
+_TOLD = 3
+#: effects whose curves are drawn
+_CURVES = 3
+#: verdicts that take more than their own word
+_WORDS = {
+    "too_few": "Too few manoeuvres",
+    "partial": "Partly explained",
+    "unknown": "Unknown effect",
+    "scatter": "Scatter above the floor",
+}
+NO_MODEL = "No model was held against these logs, so nothing is said of what one would miss."
+
 
 #: units that the page writes otherwise than the tables
 _WRITTEN = {"m/s^2": "m/s²"}
@@ -61,24 +87,347 @@ def shown_value(observable: str, unit: str) -> tuple[float, str]:
     return factor, _WRITTEN.get(unit, unit)
 
 
-def shown_number(value: Any) -> str:
-    """A number as a table cell; nothing if there is none."""
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def page_table(table: AnswerTable) -> PageTable:
     """A table of an answer as the page shows it."""
-    header = [word.replace("m/s^2", "m/s²") for word in table.names]
-    rows = [[shown_number(cell) for cell in row] for row in table.rows]
-    return PageTable(table.caption.replace("m/s^2", "m/s²"), header, rows)
+    caption, *header = (text.replace("m/s^2", "m/s²") for text in (table.caption, *table.names))
+    return PageTable(caption, header, [[shown_number(cell) for cell in row] for row in table.rows])
 
 
 def logs_of(result: Comparison) -> list[str]:
     """The logs that a comparison is about."""
     rows = (row for part in result.parts or (result,) for row in part.tables["conditions"])
     return list(dict.fromkeys(str(row["log"]) for row in rows))
+
+
+@dataclass(frozen=True)
+class AnswerSection:
+    """What the answer is made of.
+
+    compared   the model as it came; `found` its diagnosis, None if none was asked for
+    best       the model at the top, None if it is the one that came; `added` its further effects
+    climbed    a ladder as its command keeps it
+    curves     what effects of the best model add
+    """
+
+    compared: Comparison
+    found: Diagnosis | None
+    best: Comparison | None
+    added: Sequence[str]
+    climbed: Mapping[str, Any] | None
+    curves: Sequence[EffectCurve]
+    catalogue: Mapping[str, Effect]
+
+
+def answer(given: AnswerSection, command: str, made_with: str, colours: LogColours) -> Section:
+    """The section.  `command`: what to type next; `made_with`: the command that repeats it."""
+    factor, unit = shown_value(given.compared.observable, given.compared.unit)
+    first, named = given.compared, (given.best or given.compared).model.effects
+    if given.found is None:
+        held = first.rmse_heldout
+        error = (first.rmse if held is None else held) * factor
+        which = "Error of the fit (none held out)" if held is None else "Held-out error"
+        word, sentence = (
+            "Compared",
+            (
+                f"{which} {error:.3g} {unit}, noise floor {first.noise_floor * factor:.3g}. What "
+                "is missing was not asked."
+            ),
+        )
+    else:
+        word, sentence = _word(given.found), given.found.sentence
+    facts, advice = _facts(given, factor, unit), _advice(given.found)
+    card = Card(word, sentence, facts, command, advice, *_rungs(given, factor), unit)
+    return Section(
+        "answer",
+        "The answer",
+        made_with,
+        (),
+        [*_before_and_after(given, colours), *_curves(given, colours)],
+        folded=False,
+        card=card,
+        sources=[(one.id, one.effect.source) for one in named],
+    )
+
+
+def without_a_model(seen: Sequence[tuple[str, str]], asked: ReportRequest, said: str) -> Section:
+    """The answer if no model was held against the logs: what was `seen`, and how to ask more."""
+    advice = ["Make a model, then ask for this page again with --model M.toml."]
+    made = asked.make_model() if asked.model is None else asked.command("compare", model=True)
+    card = Card(
+        "Measured, not yet explained",
+        said,
+        seen,
+        made,
+        advice if asked.model is None else (),
+    )
+    return Section("answer", "The answer", asked.report_command(), folded=False, card=card)
+
+
+def _word(found: Diagnosis) -> str:
+    word = _WORDS.get(found.verdict, found.verdict.replace("_", " ").capitalize())
+    groups = found.ambiguous_groups if found.verdict == "ambiguous" else ()
+    named = "; ".join(" or ".join(group) for group in groups) or ", ".join(found.selected)
+    return f"{word}: {named}" if named else word
+
+
+def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, str]]:
+    compared, found = given.compared, given.found
+    first = compared.parts[0] if compared.parts else compared
+    ends = (np.min(first.by_speed.axis), np.max(first.by_speed.axis))
+    speeds = " to ".join(dict.fromkeys(f"{float(speed):.3g}" for speed in ends))
+    logs = [Path(log).name for log in logs_of(compared)]
+    some = ", ".join(logs[:_TOLD]) + (f" and {len(logs) - _TOLD} more" if logs[_TOLD:] else "")
+    facts = [
+        ("Measured on", f"{compared.observable.replace('_', ' ')} in {some}"),
+        (
+            "How much",
+            f"{compared.revolutions} revolutions in {compared.manoeuvres} "
+            f"manoeuvre{'s' if compared.manoeuvres > 1 else ''}, {speeds} m/s",
+        ),
+        ("Conditions", _conditions(first)),
+    ]
+    if found is not None and found.rmse_heldout_before is not None:
+        told = f"{found.rmse_heldout_before * factor:.3g}"
+        if found.found.came_in:
+            told = f"{(compared.rmse_heldout or 0.0) * factor:.3g} → {told}"
+        if found.selected and found.rmse_heldout_after is not None:
+            told += f" → {found.rmse_heldout_after * factor:.3g}"
+        told += (
+            f" {unit} on manoeuvres that the fit had not seen; noise floor "
+            f"{found.noise_floor * factor:.3g}"
+        )
+        facts.append(("Error", told))
+    if found is not None:
+        facts.append(("How sure", _how_sure(found)))
+        facts += [
+            (effect, _physics(given.catalogue[effect]))
+            for effect in found.selected
+            if effect in given.catalogue
+        ]
+        if found.suspects:
+            facts.append(("Or the setup", "; ".join(s.said for s in found.suspects)))
+    facts.append(("Where it fails", where(first)))
+    if remarks := compared.remarks:
+        more = len(remarks) - _REMARKS
+        told = "; ".join(remarks[:_REMARKS]) + (f"; and {more} more below" if more > 0 else "")
+        facts.append(("Mind", told))
+    return [(term, text) for term, text in facts if text]
+
+
+def _conditions(result: Comparison) -> str:
+    """What the setups say, log by log, or from the least to the most."""
+    said = []
+    for key in SETUP_KEYS:
+        known = [row[key] for row in result.tables["conditions"] if np.isfinite(row[key])]
+        if not known:
+            continue
+        condition = CONDITIONS[key]
+        scale, unit = (1e-3, "kPa") if condition.unit == "Pa" else (1.0, condition.unit)
+        shown = list(dict.fromkeys(f"{value * scale:.4g}" for value in known))
+        reach = (min(known) * scale, max(known) * scale)
+        told = ", ".join(shown) if len(shown) <= _TOLD else "{:.4g} to {:.4g}".format(*reach)
+        said.append(f"{condition.name or condition.symbol} {told} {unit}")
+    return "; ".join(said)
+
+
+def _how_sure(found: Diagnosis) -> str:
+    errors = removed_errors(found.found)
+    told = []
+    for c in found.effects:
+        if c.selected:
+            error = f" ± {100.0 * errors[c.effect]:.2g} %" if c.effect in errors else ""
+            size = strengths(c.strengths)
+            told.append(
+                f"{c.effect} removes {percent(c.excess_removed)}{error} of the excess, probability "
+                f"{probability(c.p_adjusted, found.manoeuvres)} of being noise"
+                + (f" ({size})" if size else "")
+            )
+    meaning = next(rule.words for rule in RULES if rule.verdict == found.verdict)
+    sure = found.certainty.sentence.removesuffix(".")
+    return "; ".join([sure, *told, f"the verdict means: {meaning}"])
+
+
+def _physics(effect: Effect) -> str:
+    return f"{effect.mechanism}: {effect.signature}" if effect.signature else effect.mechanism
+
+
+def _advice(found: Diagnosis | None) -> list[str]:
+    if found is None:
+        return ["Ask what is missing:"]
+    left = str(found.unexplained["sentence"])
+    drives = [f"Drive next, {separation_sentence(row)}." for row in found.separating_manoeuvres]
+    drives = drives or drive_sentences(found.drive_next)
+    return [*([left] if found.verdict in ("unknown", "partial") and left else []), *drives]
+
+
+def _rungs(given: AnswerSection, factor: float) -> tuple[list[LadderRow], str]:
+    """The models on the way, from the ladder or the diagnosis, and what errors these are."""
+
+    def rung(name: str, said: str, error: float, held_out: float | None, floor: float) -> LadderRow:
+        shown_error = error if held_out is None else held_out
+        return LadderRow(name, said, shown_error * factor, floor * factor)
+
+    def of(name: str, said: str, one: Comparison) -> LadderRow:
+        return rung(name, said, one.rmse, one.rmse_heldout, one.noise_floor)
+
+    def physics(*effects: str) -> str:
+        known = (given.catalogue.get(name) for name in effects)
+        return "; ".join("" if one is None else one.mechanism for one in known)
+
+    climbed, found, start = given.climbed, given.found, "the model as it came"
+    if climbed is not None:
+        steps = [s for s in climbed["steps"] if s["outcome"] != "not_added"]
+        names = [
+            f"{'without' if s['outcome'] == 'removed' else '+'} {s['effect']}" for s in steps[1:]
+        ]
+        said = ["", *(physics(s["effect"]) for s in steps[1:])]
+        rungs = [
+            rung(name, what, s["rmse_fit"], s["rmse_heldout"], s["noise_floor"])
+            for name, what, s in zip([start, *names], said, steps, strict=True)
+        ]
+        return rungs, _climbed_on(climbed, logs_of(given.compared), factor)
+    rungs = [of(start, "", given.compared)]
+    if found is None:
+        return rungs, ""
+    if came_in := found.found.came_in:
+        what = "; ".join(NUISANCES_SAID[name] for name in came_in)
+        rungs.append(of(f"+ {' and '.join(came_in)}", what, found.before))
+    if found.selected:
+        name = f"+ {' and '.join(found.selected)}"
+        rungs.append(of(name, physics(*found.selected), found.after))
+    else:  # the floor of the verdict
+        rungs[-1] = replace(rungs[-1], floor=found.noise_floor * factor)
+    if found.rmse_heldout_before is None:
+        return rungs, "The error of the fit: of one manoeuvre none can be held out."
+    return rungs, "Held-out error, beside the noise floor (the upright mark)."
+
+
+def _climbed_on(climbed: Mapping[str, Any], logs: Sequence[str], factor: float) -> str:
+    """On what the ladder was climbed, if not on all of these logs' manoeuvres."""
+    of_fit = climbed["steps"][0]["rmse_heldout"] is None
+    said = ["Errors of the fit by the ladder" if of_fit else "Held-out errors of the ladder"]
+    of = [Path(str(log)).name for log in climbed.get("logs") or ()]
+    if of and sorted(of) != sorted(Path(log).name for log in logs):
+        said.append(f"climbed on other logs than these: {', '.join(of)}")
+    seen, kept = climbed.get("manoeuvres"), climbed.get("manoeuvres_locked")
+    if seen and kept:
+        said.append(f"on the {seen} manoeuvres that the search saw; {kept} were locked away")
+    text = ", ".join(said) + "."
+    if climbed.get("rmse_untouched") is not None:
+        text += (
+            f" On those that nothing had touched the last model leaves "
+            f"{climbed['rmse_untouched'] * factor:.3g}, floor there "
+            f"{climbed['floor_untouched'] * factor:.3g}."
+        )
+    return text
+
+
+def _before_and_after(given: AnswerSection, colours: LogColours) -> list[Figure]:
+    """Measured and both models, what each leaves, and the residual's maps; one scale each."""
+    has = ", ".join(effect.id for effect in given.compared.model.effects)
+    models = {f"first model, with {has}" if has else "first model": given.compared}
+    if given.best is not None:
+        models[f"best model, with {', '.join(given.added) or 'the effects'} added"] = given.best
+    named = {name: one.parts[0] if one.parts else one for name, one in models.items()}
+    first = next(iter(named.values()))
+    factor, unit = shown_value(first.observable, first.unit)
+    reach = max(_colour_reach(one.by_speed.residual * factor) for one in named.values())
+    maps = [
+        replace(
+            residual_map(f"answer-map-{i}", f"Left by the {name}", one.by_speed, one, reach),
+            half=len(named) > 1,
+        )
+        for i, (name, one) in enumerate(named.items())
+    ]
+    if first.by_speed.phi_rad.size < 2:
+        return maps
+    return [*_waves(named, factor, unit, colours), *maps]
+
+
+def _waves(
+    named: Mapping[str, Comparison], factor: float, unit: str, colours: LogColours
+) -> list[Figure]:
+    """The waveform on which the models differ most, and what each leaves of it."""
+    every, last = list(named.values()), list(named.values())[-1]
+    labels = [one.waveforms.labels for one in every]
+    common = [label for label in labels[-1] if all(label in known for known in labels)]
+    if not common:
+        return []
+
+    def left(one: Comparison, label: str) -> Any:
+        i = one.waveforms.labels.index(label)
+        return one.waveforms.measured[i] - one.waveforms.predicted[i]
+
+    def parted(label: str) -> float:
+        other = left(last, label) if len(every) > 1 else 0.0
+        return float(np.nanmean((left(every[0], label) - other) ** 2))
+
+    label = max(common, key=parted)
+    i = labels[-1].index(label)
+    phi, floor = np.rad2deg(last.waveforms.phi_rad[i]), 2.0 * factor * last.waveforms.floor[i]
+    measured, colour = last.waveforms.measured[i] * factor, colours(last.waveforms.logs[i])
+    waves = [dots(phi, measured, f"measured, {label}", colour, marker={"size": 5})]
+    rest = [band(phi, -floor, floor, "two noise floors", GREY)]
+    looks = ({"color": GREY, "dash": "dash", "width": 2}, {"color": INK, "width": 2})
+    for (name, one), look in zip(named.items(), looks, strict=False):
+        k = one.waveforms.labels.index(label)
+        angle, predicted = np.rad2deg(one.waveforms.phi_rad[k]), one.waveforms.predicted[k] * factor
+        waves.append(line(angle, predicted, name, INK, line=look))
+        rest.append(line(angle, left(one, label) * factor, f"left by the {name}", INK, line=look))
+    return [
+        figure(
+            "answer-waves",
+            f"Measured, and the {' and '.join(named)}: {label}",
+            "Measured mean of like revolutions (points) and predictions (lines); dashed upright "
+            "lines: the patch's edges.",
+            over_angle(last, f"{last.observable} [{unit}]", waves),
+            half=True,
+            height=330,
+        ),
+        figure(
+            "answer-left",
+            f"The same, measured less predicted: {label}",
+            "What each model leaves of this waveform, with two noise floors as a band about zero.",
+            over_angle(last, f"residual [{unit}]", rest),
+            half=True,
+            height=330,
+        ),
+    ]
+
+
+def _curves(given: AnswerSection, colours: LogColours) -> list[Figure]:
+    """What each effect adds, with its band, beside what the measurement leaves for it."""
+    last = given.best or given.compared
+    one = last.parts[0] if last.parts else last
+    factor, unit = shown_value(one.observable, one.unit)
+    figures: list[Figure] = []
+    for curve in given.curves[:_CURVES]:
+        of_angle = bool(curve.label)
+        x = np.rad2deg(curve.along) if of_angle else curve.along
+        added, error, floor = (
+            factor * part for part in (curve.added, 2.0 * curve.error, 2.0 * curve.floor)
+        )
+        said = f", {curve.label}" if of_angle else ""
+        marks, known = [band(x, added - floor, added + floor, "two noise floors", GREY)], ""
+        if np.isfinite(error).all():
+            marks.append(band(x, added - error, added + error, "two standard errors of it", INK))
+            known = ", two standard errors of its own parameters (dark band)"
+        colour: int | str = colours(curve.log) if of_angle else GREY
+        marks += [
+            dots(x, curve.measured * factor, "measured less all else", colour, marker={"size": 5}),
+            line(x, added, f"{curve.effect} as fitted", INK, line={"width": 2}),
+        ]
+        physics = given.catalogue.get(curve.effect)
+        alt = (
+            f"What {curve.effect} adds to the prediction{said} (line), two noise floors about it "
+            f"(pale band){known}, and what is measured less everything else that the model "
+            "predicts (points)."
+            + (f" {_physics(physics)[:1].upper()}{_physics(physics)[1:]}." if physics else "")
+        )
+        title, y = f"What {curve.effect} adds{said}", f"added {one.observable} [{unit}]"
+        panel = over_angle(one, y, marks) if of_angle else Panel("speed [m/s]", y, marks)
+        figures.append(figure(f"answer-effect-{len(figures)}", title, alt, panel))
+    return figures
 
 
 def comparisons(
@@ -179,15 +528,11 @@ def where(result: Comparison) -> str:
     )
 
 
-def window(half_angle_rad: float) -> list[float]:
-    """The angles [deg] that a figure shows at first."""
-    reach = min(np.rad2deg(_REACH * half_angle_rad), 180.0) if half_angle_rad > 0 else 180.0
-    return [-reach, reach]
-
-
-def edges(half_angle_rad: float) -> list[float]:
-    """The patch's edges [deg]."""
-    return [-np.rad2deg(half_angle_rad), np.rad2deg(half_angle_rad)] if half_angle_rad > 0 else []
+def over_angle(result: Comparison, y: str, marks: Sequence[Mark]) -> Panel:
+    """What stands over the angle [deg], with the patch's edges; far off them it is not shown."""
+    half = result.half_angle_rad
+    reach = min(float(np.rad2deg(_REACH * half)), 180.0) if half > 0 else 180.0
+    return Panel(ANGLE, y, [*marks, *edges(half)], limits=((-reach, reach), None))
 
 
 def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str]]:
@@ -204,12 +549,6 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
     ]
 
 
-def over_angle(result: Comparison, y: str, **more: Any) -> dict[str, Any]:
-    """The layout of what stands over the angle, with the patch's edges."""
-    half = result.half_angle_rad
-    return layout(ANGLE, y, xrange=window(half), lines=edges(half), **more)
-
-
 def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
     """Measured and predicted waveforms, with two noise floors about the prediction."""
     alt = (
@@ -218,37 +557,34 @@ def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
         f"{'; '.join(result.waveforms.labels)}; dashed lines: the "
         "patch's edges."
     )
-    half, factor = result.half_angle_rad, shown_value(result.observable, result.unit)[0]
+    factor = shown_value(result.observable, result.unit)[0]
     marks = wave_marks(result, factor, styles(result.waveforms.logs, colours))
-    panel = Panel(
-        ANGLE,
-        f"{result.observable} [{unit}]",
-        [*marks, *edge_lines(half)],
-        limits=(window(half), None),
-    )
+    panel = over_angle(result, f"{result.observable} [{unit}]", marks)
     return figure("waveforms", "Waveforms", alt, panel, height=520)
 
 
 def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """The same waveforms, measured less predicted, so that the floor's band can be seen."""
-    waves, lines = result.waveforms, []
-    bands: list[dict[str, Any]] = []
-    for i, (said, (colour, dash, _)) in enumerate(
-        zip(waves.labels, styles(waves.logs, colours), strict=True)
-    ):
+    waves, looks = result.waveforms, styles(result.waveforms.logs, colours)
+    bands: list[Mark] = []
+    lines: list[Mark] = []
+    for i, (said, (colour, dash, _)) in enumerate(zip(waves.labels, looks, strict=True)):
         phi, floor = np.rad2deg(waves.phi_rad[i]), 2.0 * factor * waves.floor[i]
-        bands = band(phi, -floor, floor, f"two floors, {said}", colour) + bands
+        bands.insert(0, band(phi, -floor, floor, f"_two floors, {said}", colour))
         left = (waves.measured[i] - waves.predicted[i]) * factor
-        lines.append(line(phi, left, said, colour, line={"dash": dash}))
+        lines.append(line(phi, left, said, colour, dash=dash))
     alt = (
         f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
         "noise floors as bands about zero."
     )
-    title, shape = (
-        "What the model leaves of these waveforms",
-        over_angle(result, f"residual [{unit}]", height=460),
-    )
-    return Figure("differences", title, alt, bands + lines, shape)
+    panel = over_angle(result, f"residual [{unit}]", bands + lines)
+    return figure("differences", "What the model leaves of these waveforms", alt, panel, height=460)
+
+
+def _colour_reach(values: Any) -> float:
+    """Where the colours of a map end: one odd cell does not bleach the rest."""
+    known = np.abs(values[np.isfinite(values)])
+    return float(np.percentile(known, 99.5)) if known.size else 1.0
 
 
 def residual_map(
@@ -259,20 +595,21 @@ def residual_map(
     Colours go to `reach` in the page's unit.
     """
     factor, unit = shown_value(result.observable, result.unit)
-    name = {"speed_m_s": "speed [m/s]", "time_s": "time [s]"}[found.axis_name]
-    phi = np.rad2deg(found.phi_rad)
-    alt = (
-        f"Measured less predicted {result.observable} in {unit} as colour, blue below and red "
-        "above zero, over the wheel angle and "
-        f"{name.split(' [')[0]} from {found.axis.min():.4g} to {found.axis.max():.4g}."
-    )
-    if phi.size < 2:
-        traces = [dots(found.axis, found.residual[:, 0] * factor, "residual", INK)]
+    along = {"speed_m_s": ("speed", "m/s"), "time_s": ("time", "s")}[found.axis_name]
+    name, residual = "{} [{}]".format(*along), found.residual * factor
+    said, label = f"Measured less predicted {result.observable} in {unit}", f"residual [{unit}]"
+    if found.phi_rad.size < 2:
+        marks = [dots(found.axis, residual[:, 0], "residual", INK)]
         ends = None if reach is None else (-1.1 * reach, 1.1 * reach)
-        alt = f"Measured less predicted {result.observable} in {unit} against {name}."
-        return Figure(id, title, alt, traces, layout(name, f"residual [{unit}]", yrange=ends))
-    colours = heat(phi, found.axis, found.residual * factor, f"residual [{unit}]", reach)
-    return Figure(id, title, alt, [colours], over_angle(result, name))
+        panel = Panel(name, label, marks, limits=(None, ends))
+        return figure(id, title, f"{said} against {name}.", panel)
+    alt = (
+        f"{said} as colour, blue below and red above zero, over the wheel angle and {along[0]} "
+        f"from {found.axis.min():.4g} to {found.axis.max():.4g}."
+    )
+    most = _colour_reach(residual) if reach is None else reach
+    colours = heat(np.rad2deg(found.phi_rad), found.axis, residual, label, "signed", 0.0, most)
+    return figure(id, title, alt, over_angle(result, name, [colours]))
 
 
 def diagnosis(result: Diagnosis, command: str) -> Section:
@@ -288,65 +625,50 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         f"{errors[:1].upper()}{errors[1:]}.",
         *(f"{said[:1].upper()}{said[1:]}" for said in result.further_sentences()),
     ]
-    ranked = result.effects
-    figures = [_ranking(ranked, removed_errors(result.found))] if ranked else []
-    tables = [page_table(result.ranking_table())]
-    return Section("diagnosis", "The diagnosis", command, words, figures, tables)
-
-
-def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
-    """Shares of the excess as lying bars, the best on top; the selected in another colour."""
+    tables, ranked = [page_table(result.ranking_table())], result.effects
+    if not ranked:
+        return Section("diagnosis", "The diagnosis", command, words, (), tables)
     best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
     alt = (
         f"Share of the excess that each effect removes alone: {best}. Error bars, one standard "
         "error, where the effect was refitted."
     )
     axis_title = "share of the excess removed alone [%]"
-    panel = replace(ranked_panel(ranked, errors, (INK, PALE)), x=axis_title)
-    height = 140 + 24 * len(ranked)
-    return figure("ranking", "Which effect is missing", alt, panel, height=height)
+    bars = ranked_panel(ranked, removed_errors(result.found), (INK, PALE))
+    panel, height = replace(bars, x=axis_title), 140 + 24 * len(ranked)
+    drawn = figure("ranking", "Which effect is missing", alt, panel, height=height)
+    return Section("diagnosis", "The diagnosis", command, words, [drawn], tables)
 
 
 def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     """The error falling to the floor, from the last ladder that its command kept."""
     factor, unit = shown_value(climbed["observable"], climbed["unit"])
     steps = [step for step in climbed["steps"] if step["outcome"] != "not_added"]
-    names = [step["effect"] for step in steps]
-    held, floor = (
-        [_times(step[name], factor) for step in steps] for name in ("rmse_heldout", "noise_floor")
-    )
-    words = [step["sentence"] for step in climbed["steps"]] + [
-        f"{remark}." for remark in climbed.get("remarks", ())
+    names, floors = [s["effect"] for s in steps], [s["noise_floor"] * factor for s in steps]
+    held = [
+        "none" if s["rmse_heldout"] is None else f"{s['rmse_heldout'] * factor:.3g}" for s in steps
     ]
-    words.insert(0, _fallen(held, floor, unit, names))
+    fallen = f"No effect was added: held-out error {held[0]} {unit}, noise floor {floors[0]:.3g}."
+    if len(names) > 1:
+        fallen = (
+            f"Held-out error {held[0]} → {held[-1]} {unit} by {', '.join(names[1:])}; noise floor "
+            f"of the last model {floors[-1]:.3g}."
+        )
+    words = (
+        [fallen]
+        + [step["sentence"] for step in climbed["steps"]]
+        + [f"{remark}." for remark in climbed.get("remarks", ())]
+    )
     if climbed.get("rmse_untouched") is not None:
         words.append(
             f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} "
             f"{unit}, floor there {climbed['floor_untouched'] * factor:.3g}."
         )
-    said = [
-        f"{n} {h:.3g} {unit}" if h == h else f"{n} none" for n, h in zip(names, held, strict=True)
-    ]
+    said = (n if h == "none" else f"{n} {h} {unit}" for n, h in zip(names, held, strict=True))
     alt = f"Held-out error falling to the floor: {', '.join(said)}"
-    alt += f"; noise floor {floor[-1]:.3g} {unit}."
+    alt += f"; noise floor {floors[-1]:.3g} {unit}."
     panel = climbed_panel(climbed, (factor, unit), (PALE, INK, INK, GREY))
     figures = [figure("ladder-steps", "The error falling to the floor", alt, panel)]
     return Section(
         "ladder", "The ladder", command, words, figures, [page_table(steps_table(climbed))]
     )
-
-
-def _fallen(held: Sequence[float], floor: Sequence[float], unit: str, names: Sequence[str]) -> str:
-    """The ladder in a sentence."""
-    ends = [f"{error:.3g}" if error == error else "none" for error in (held[0], held[-1])]
-    if len(names) == 1:
-        return f"No effect was added: held-out error {ends[0]} {unit}, noise floor {floor[0]:.3g}."
-    return (
-        f"Held-out error {ends[0]} → {ends[1]} {unit} by {', '.join(names[1:])}; noise floor of "
-        f"the last model {floor[-1]:.3g}."
-    )
-
-
-def _times(error: float | None, factor: float) -> float:
-    """An error in the page's unit; not a number if there is none."""
-    return float("nan") if error is None else error * factor

@@ -1,11 +1,12 @@
-"""Sections of what was recorded and driven, and what the sections share.
+"""Sections of what was recorded, of each table, and of a campaign's logs.
 
 Each takes recordings or a table's rows (pandas, the command's own columns) and draws them; nothing
-is estimated here.
+is estimated here. Rows with a quality word are counted, not drawn.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,26 +17,26 @@ import pandas as pd
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.filters import Cutoff
-from tirelog.plots.footprint import WINDOW, passage_panels
-from tirelog.plots.record import upright
+from tirelog.errors import UsageError
+from tirelog.plots.record import Mark, Panel, dots, line, upright
 from tirelog.plots.style import decimated
-from tirelog.report.figures import (
+from tirelog.plots.tables import WINDOW, passage_panels
+from tirelog.report.page import (
     GREY,
     INK,
     SCATTER_POINTS,
     SYMBOLS,
     Figure,
     LogColours,
-    dots,
+    PageTable,
+    Section,
     figure,
-    layout,
-    line,
     thinning,
 )
-from tirelog.report.page import PageTable, Section
 from tirelog.runs.ingest import channel_rows
 from tirelog.strain.footprint.plain_edges import distance_along, find_edges
 from tirelog.strain.footprint.refine import gather_windows
+from tirelog.tables.frame import table_parts
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import good_rows
 
@@ -149,8 +150,7 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     found: list[ChannelRows] = []
     drawn: dict[str, int] = {}
     for (log, channel), rows in table.groupby(["log", "channel"], sort=False, observed=True):
-        number = drawn.setdefault(str(log), 0)
-        drawn[str(log)] += 1
+        number = drawn[str(log)] = drawn.get(str(log), -1) + 1
         name = str(channel)
         if len(logs) > 1:
             name = names[str(log)] if alone else f"{names[str(log)]}: {channel}"
@@ -161,12 +161,11 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     return found
 
 
-def points(found: Sequence[ChannelRows], x: str, y: str, **marker: Any) -> list[dict[str, Any]]:
-    """A column against another, a trace per group."""
-    return [
-        dots(g.rows[x], g.rows[y], g.name, g.colour, marker={"symbol": g.symbol, **marker})
-        for g in found
-    ]
+def shown_number(value: Any) -> str:
+    """A number as a table cell; nothing if there is none."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def ways(
@@ -175,7 +174,7 @@ def ways(
     columns: Mapping[str, str],
     factor: float = 1.0,
     aside: Mapping[str, Any] | None = None,
-) -> list[dict[str, Any]]:
+) -> list[Mark]:
     """Several `columns` (name -> words) that tell one quantity, against another.
 
     Of one group by colour; of several the colour is the group's and the symbol tells them apart.
@@ -191,6 +190,13 @@ def ways(
             colour = i if one else g.colour
             drawn.append(dots(rows[x], rows[column] * factor, name, colour, marker=marker))
     return drawn
+
+
+def points(found: Sequence[ChannelRows], x: str, y: str) -> list[Mark]:
+    """A column against another, by group."""
+    return [
+        dots(g.rows[x], g.rows[y], g.name, g.colour, marker={"symbol": g.symbol}) for g in found
+    ]
 
 
 def drawn_of(table: pd.DataFrame) -> list[str]:
@@ -233,28 +239,19 @@ def drive_section(
 ) -> Section:
     """Speed, acceleration, and the recorded signal over time."""
     named = groups(speed, colours)
-    v, a = (points(named, "time_s", name) for name in ("speed_m_s", "acceleration_m_s2"))
     driven, pushed = reach(speed["speed_m_s"], "m/s"), reach(speed["acceleration_m_s2"], "m/s²")
     figures = [
-        Figure(
-            "speed",
-            "Speed of the wheel centre",
-            f"Speed against time, {driven}.",
-            v,
-            layout("time [s]", "speed [m/s]"),
-        ),
-        Figure(
-            "acceleration",
-            "Acceleration",
-            f"Acceleration against time, {pushed}.",
-            a,
-            layout("time [s]", "acceleration [m/s²]"),
-        ),
-    ]
+        figure(id, title, f"{name} against time, {size}.", Panel("time [s]", label, marks))
+        for id, title, name, label, size, marks in (
+            ("speed", "Speed of the wheel centre", "Speed", "speed [m/s]", driven,
+             points(named, "time_s", "speed_m_s")),
+            ("acceleration", "Acceleration", "Acceleration", "acceleration [m/s²]", pushed,
+             points(named, "time_s", "acceleration_m_s2")),
+        )
+    ]  # fmt: skip
     names = short_names([r.log for r in recordings])
     for number, recording in enumerate(recordings[:DRAWN_LOGS]):
-        own = colours(recording.log)
-        figures += _signals(recording, number, names[recording.log], own)
+        figures += _signals(recording, number, names[recording.log], colours(recording.log))
     words = [
         f"Speed {driven}, acceleration {pushed}, {len(speed)} passages of the patch.",
         *remarks,
@@ -275,28 +272,19 @@ def _signals(recording: Recording, number: int, log: str, colour: int) -> list[F
         (STRAIN_KINDS, "strain [microstrain]", 1e6),
         (ACCELERATION_KINDS, "radial acceleration [m/s²]", 1.0),
     ):
-        channels = recording.of_kind(*kinds)[:DRAWN_CHANNELS]
-        if not channels:
-            continue
-        traces = []
+        channels, marks = recording.of_kind(*kinds)[:DRAWN_CHANNELS], list[Mark]()
         for i, channel in enumerate(channels):
             time, values = decimated(channel)
             own = colour if len(channels) == 1 else i
-            traces.append(line(time, values * factor, channel.name, own, line={"width": 1}))
+            marks.append(line(time, values * factor, channel.name, own, line={"width": 1}))
         name = label.split(" [")[0]
         alt = (
             f"{name} of {', '.join(c.name for c in channels)} over the whole log, the extremes "
             "of each short stretch; drag to zoom."
         )
-        figures.append(
-            Figure(
-                f"signal-{number}-{kinds[0]}",
-                f"Recorded {name}, {log}",
-                alt,
-                traces,
-                layout("time [s]", label),
-            )
-        )
+        if channels:
+            title, panel = f"Recorded {name}, {log}", Panel("time [s]", label, marks)
+            figures.append(figure(f"signal-{number}-{kinds[0]}", title, alt, panel))
     return figures
 
 
@@ -314,8 +302,6 @@ def _signals(recording: Recording, number: int, log: str, colour: int) -> list[F
 # that `strain.footprint.plain_edges.find_edges` sees in what is drawn.
 
 
-#: low-pass of the picture: P2's multiple of the wheel frequency
-CUTOFF = "40x"
 #: what is read beside the window for the low-pass, in its periods
 _BESIDE = 3.0
 _UPSAMPLED = 4
@@ -361,13 +347,13 @@ def _passage(
     speed, length = float(row["speed_m_s"]), float(row["length_m"])
     rate = channel.axis.rate_Hz
     v, a = np.array([speed]), np.array([acceleration])
-    asked = Cutoff.parse(CUTOFF).frequency(v, recording.setup.tire.radius_m, float("nan"))
+    asked = Cutoff.parse("40x").frequency(v, recording.setup.tire.radius_m, float("nan"))  # as P2
     cutoff = np.minimum(asked, 0.49 * rate)
     reach = np.array([0.7 * WINDOW * length / speed * rate + _BESIDE * rate / cutoff[0]])
     index = np.atleast_1d(channel.axis.index(float(row["time_s"])))
     inner = channel.surface == "inner"
-    upward = 1.0 if inner else -1.0
-    window = next(iter(gather_windows(channel, upward, index, reach, np.zeros(1, np.int64))), None)
+    upward, first = 1.0 if inner else -1.0, np.zeros(1, np.int64)
+    window = next(iter(gather_windows(channel, upward, index, reach, first)), None)
     if window is None or not np.isfinite(window.values).any():
         return []
     found = find_edges(
@@ -403,3 +389,241 @@ def _passage(
         )
         for name, title, panel in zip(("strain", "first", "second"), titles, panels, strict=True)
     ]
+
+
+# ---- Sections made of one table each.
+
+
+_METHODS = {
+    "length_m": "best estimate",
+    "length_d2_m": "second derivative",
+    "length_d1_m": "first derivative",
+}
+_DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *_METHODS)
+_DISSIPATION = (
+    *("log", "channel", "time_s", "speed_m_s", "steady"),
+    *("specific_power_m3_s2", "specific_power_mean_m3_s2"),
+    *("dissipation_factor_1_m", "dissipation_factor_mean_1_m"),
+    *("strip_power_W", "strip_rolling_resistance_N"),
+)
+#: marks of what stands beside the best estimate
+_ASIDE = {"size": 6, "opacity": 0.4}
+
+
+def footprint_section(
+    table: pd.DataFrame,
+    command: str,
+    remarks: Sequence[str],
+    colours: LogColours,
+    passage: Sequence[Figure] = (),
+) -> Section:
+    """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
+    good = table.loc[good_rows(table["quality"]), [name for name in _DRAWN if name in table]]
+    best = reach(good["length_m"] * 1e3, "mm")
+    named = groups(good, colours)
+    figures = [
+        figure(
+            f"length-{name}",
+            f"Contact length against {name}",
+            f"Contact length by three methods against {label}; best estimate {best}.",
+            Panel(label, "contact length [mm]", ways(named, x, _METHODS, 1e3, _ASIDE)),
+        )
+        for name, x, label in (
+            ("speed", "speed_m_s", "speed [m/s]"),
+            ("time", "time_s", "time [s]"),
+        )
+    ]
+    figures += passage
+    onset = good[good["slip_onset_m"].notna()] if "slip_onset_m" in good else good.iloc[:0]
+    words = [
+        f"Contact length, best estimate: {best} over {len(good)} passages without a mark.",
+        *remarks,
+        *drawn_of(good),
+    ]
+    if len(onset):
+        marks = ways(groups(onset, colours), "time_s", {"slip_onset_m": "slip onset"}, 1e3)
+        alt = (
+            f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the "
+            "patch centre, entry negative."
+        )
+        panel = Panel("time [s]", "slip onset [mm]", marks)
+        figures.append(figure("slip-onset", "Slip onset", alt, panel))
+    else:
+        words.append("No slip onset was seen.")
+    return Section("footprint", "Footprint", command, words, figures, [quality(table, "footprint")])
+
+
+def dissipation_section(
+    table: pd.DataFrame,
+    command: str,
+    remarks: Sequence[str],
+    colours: LogColours,
+    lines: pd.DataFrame | None = None,
+) -> Section:
+    """The section of a dissipation table, as in P1 Figs. 9 to 11.
+
+    Specific power and factor in time, with their moving averages; averages against speed, with the
+    regressions.
+    """
+    wanted = [name for name in _DISSIPATION if name in table]
+    good = table.loc[good_rows(table["quality"]), wanted]
+    steady = good[good["steady"].astype(bool)]
+    named, averaged = groups(good, colours), groups(steady, colours)
+    figures = []
+    for quantity, column, mean, unit in (
+        ("specific power", "specific_power_m3_s2", "specific_power_mean_m3_s2", "m³/s²"),
+        ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
+    ):
+        title, label = quantity.capitalize(), f"{quantity} [{unit}]"
+        of = "" if len(averaged) == 1 else ", moving average"
+        marks = [
+            _with_marker(m, "", {"size": 4, "opacity": 0.4})
+            for m in ways(named, "time_s", {column: "each revolution"})
+        ] + [
+            _with_marker(m, of, {"size": 7, "opacity": 1.0, "symbol": "square"})
+            for m in ways(averaged, "time_s", {mean: "moving average"})
+        ]
+        alt = (
+            f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
+            "moving averages at constant speed (P1 Figs. 9, 10)."
+        )
+        panel = Panel("time [s]", label, marks)
+        figures.append(figure(f"{column}-time", f"{title} against time", alt, panel))
+        over = points(averaged, "speed_m_s", mean)
+        over += [] if lines is None else _regressions(lines, column, colours)
+        alt = (
+            f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, "
+            f"{len(steady)} passages (P1 Fig. 11). Why a line is doubtful (dashed), the table says."
+        )
+        panel = Panel("speed [m/s]", label, over)
+        figures.append(figure(f"{column}-speed", f"{title} against speed", alt, panel))
+    for column, what, label, unit in (
+        ("strip_power_W", "Power", "power", "W"),
+        ("strip_rolling_resistance_N", "Rolling resistance", "resistance", "N"),
+    ):
+        if column in good and good[column].notna().any():
+            title = f"{what} of the strip under the grating"
+            alt = (
+                f"{title} against speed with the setup's viscosity and section, not the whole "
+                f"tire's: {reach(good[column], unit)}."
+            )
+            marks = ways(named, "speed_m_s", {column: title.lower()})
+            panel = Panel("speed [m/s]", f"{label} of the strip [{unit}]", marks)
+            figures.append(figure(column, title, alt, panel))
+    words = [
+        f"Dissipation factor: {reach(good['dissipation_factor_1_m'], '1/m')} over {len(good)} "
+        f"passages, {len(steady)} of them at constant speed.",
+        *remarks,
+        *drawn_of(good),
+    ]
+    tables = [quality(table, "dissipation")]
+    if lines is not None:
+        heads = {
+            "quantity": "quantity", "channel": "channel", "slope": "slope", "slope_se": "its error",
+            "slope_lower": "95 % from", "slope_upper": "to", "intercept": "value at speed 0",
+            "intercept_se": "its error", "rows": "revolutions", "points": "means",
+            "judgement": "judgement",
+        }  # fmt: skip
+        names = [name for name in heads if name in lines]  # a table of an older run has fewer
+        header = [heads[name] for name in names]
+        cells = [[shown_number(row[name]) for name in names] for _, row in lines.iterrows()]
+        tables.append(PageTable("Regressions on the speed in m/s", header, cells))
+    return Section("dissipation", "Dissipation", command, words, figures, tables)
+
+
+def _with_marker(mark: Mark, name: str, marker: Mapping[str, Any]) -> Mark:
+    """The points with more in their name and another look."""
+    style = {"marker": mark.style["marker"] | marker}
+    return replace(mark, name=mark.name + name, style=style)
+
+
+def _regressions(lines: pd.DataFrame, column: str, colours: LogColours) -> list[Mark]:
+    """The fitted straight lines of a quantity, channel by channel.
+
+    As `dissipation --fit` gives them.
+    """
+    drawn = []
+    names = short_names([str(log) for log in lines["log"].unique()])
+    for i, (_, row) in enumerate(lines[lines["quantity"] == column].iterrows()):
+        who = f"{names[str(row['log'])]}: {row['channel']}" if len(names) > 1 else row["channel"]
+        colour = colours(str(row["log"])) if max(len(names), len(colours)) > 1 else i
+        ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
+        y = float(row["intercept"]) + float(row["slope"]) * ends
+        judged = row.get("judgement")
+        doubtful = isinstance(judged, str) and bool(judged)  # the table says why
+        style = {"width": 2.5, "dash": "dash" if doubtful else "solid"}
+        name = f"{who}, {'doubtful ' if doubtful else ''}fitted line"
+        drawn.append(line(ends, y, name, colour, line=style))
+    return drawn
+
+
+def phase_shift_section(
+    table: pd.DataFrame, command: str, remarks: Sequence[str], colours: LogColours
+) -> Section:
+    """The section of a phase-shift table, as in P4 Figs. 8 to 13.
+
+    Phase shift and patch width in time and against speed, raw and cleaned; forces if there is a
+    map.
+    """
+    good = table[good_rows(table["quality"])]
+    named = groups(good, colours)
+    speed = Panel("time [s]", "speed [m/s]", points(named, "time_s", "speed_m_s"))
+    alt = f"Speed against time: {reach(good['speed_m_s'], 'm/s')}."
+    figures = [figure("phase-speed", "Speed at the passages", alt, speed)]
+    sizes = {}
+    for quantity in ("phase_shift", "patch_width"):
+        words = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
+        named_columns = {f"{quantity}{part}_deg": word for part, word in words.items()}
+        columns = {
+            c: word for c, word in named_columns.items() if c in good and good[c].notna().any()
+        }
+        name, sizes[quantity] = (
+            quantity.replace("_", " "),
+            reach(good[f"{quantity}_deg"], "degrees"),
+        )
+        for x, along, unit in (("time_s", "time", "s"), ("speed_m_s", "speed", "m/s")):
+            title = f"{name.capitalize()} against {along}"
+            alt = (
+                f"{title}, {', '.join(columns.values())}: measured {sizes[quantity]} "
+                "(P4 Figs. 8 to 13)."
+            )
+            panel = Panel(f"{along} [{unit}]", f"{name} [deg]", ways(named, x, columns))
+            figures.append(figure(f"{quantity}-{x}", title, alt, panel))
+    for name in ("vertical", "longitudinal"):
+        column = f"{name}_force_N"
+        if column in good and good[column].notna().any():
+            alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
+            marks = ways(named, "time_s", {column: f"{name} force"})
+            panel = Panel("time [s]", f"{name} force [N]", marks)
+            figures.append(figure(column, f"{name.capitalize()} force", alt, panel))
+    said = (
+        f"Patch width {sizes['patch_width']}, phase shift {sizes['phase_shift']}; negative in "
+        "braking."
+    )
+    tables = [quality(table, "phase shift")]
+    text = [said, *remarks, *drawn_of(good)]
+    return Section("phase-shift", "Phase shift", command, text, figures, tables)
+
+
+def campaign(summary: Path, command: str) -> Section:
+    """A campaign's logs and how each ended, from its summary.  UsageError: it is none."""
+    table = next(table_parts(summary, words=True))
+    header, body = list(table), table.to_numpy().tolist()
+    if "status" not in header:
+        raise UsageError(
+            "is no campaign's summary",
+            allowed="`tirelog campaign run` writes it",
+            do="run it again",
+            file=summary,
+        )
+    status = header.index("status")
+    counts = Counter(row[status] for row in body)
+    words = [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."]
+    return Section(
+        "campaign",
+        "The campaign",
+        command,
+        words,
+        (),
+        [PageTable("Logs of the campaign", header, body)],
+    )
