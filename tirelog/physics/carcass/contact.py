@@ -130,8 +130,7 @@ def _under(spectra: ComplexArray, on: NDArray[np.int64], p: FloatArray) -> Float
     cp, sp = rfft(loads, axis=-1)
     along_cos, along_sin = irfft(np.stack([d * cp + b * sp, a * sp - b * cp]), GRID, axis=-1)
     size = _PHI.size
-    yielded: FloatArray = _COS * along_cos[..., :size] + _SIN * along_sin[..., :size]
-    return yielded
+    return np.asarray(_COS * along_cos[..., :size] + _SIN * along_sin[..., :size])
 
 
 @lru_cache(maxsize=8)
@@ -441,10 +440,9 @@ def _lossy_contact_under(
     a, b, d = spectra
     cp, sp = rfft(loads, axis=-1)
     along_cos, along_sin = irfft(np.stack([d * cp + b * sp, a * sp - b * cp]), GRID, axis=-1)
-    yielded: FloatArray = (
+    return np.asarray(
         np.cos(at * STEP) * along_cos[..., at] + np.sin(at * STEP) * along_sin[..., at]
     )
-    return yielded
 
 
 @lru_cache(maxsize=256)

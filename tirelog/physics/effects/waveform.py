@@ -206,8 +206,7 @@ def standing_wave(
     late = _behind(site, phi_rad, site.half_length_m)
     size = amplitude * (drive.speed_m_s / 20.0) ** speed_exponent
     wave = np.exp(-late / decay_m) * np.sin(2.0 * np.pi * late / wavelength_m)
-    strain: FloatArray = size * wave * _faded(site, late)
-    return strain
+    return np.asarray(size * wave * _faded(site, late))
 
 
 @effect(
@@ -250,5 +249,4 @@ def cavity_resonance(
     frequency = frequency_Hz * np.sqrt(1.0 + np.nan_to_num(drive.temperature_K) / ROOM_K)
     swing = np.exp(-late / decay_s) * np.sin(2.0 * np.pi * frequency * late)
     size = amplitude * (drive.speed_m_s / 20.0)
-    strain: FloatArray = size * swing * _faded(site, along)
-    return strain
+    return np.asarray(size * swing * _faded(site, along))

@@ -139,13 +139,12 @@ class RingMotion:
         """
         n = self.tire.n
         turn = np.exp(1j * np.outer(self.psi_rad + theta_rad, n))
-        reading: FloatArray = (
+        return np.asarray(
             lever_m
             / self.tire.R**2
             * 2.0
             * np.sum(-1j * n * (1.0 - n**2) * self.V * turn, axis=1).real
         )
-        return reading
 
 
 class Stepper:

@@ -172,10 +172,10 @@ class Transient:
             * (1.0 if surface == "inner" else -1.0)
             * self._gain("lever")
         )
-        bent: FloatArray = (2.0 * lever * self._gain("gain")) * np.einsum(
-            "mn,mn->m", self._curvature(when), turns
-        ).real
-        return bent
+        return np.asarray(
+            (2.0 * lever * self._gain("gain"))
+            * np.einsum("mn,mn->m", self._curvature(when), turns).real
+        )
 
     @cached_property
     def _curvature(self) -> CubicSpline:
@@ -202,8 +202,7 @@ class Transient:
     @cached_property
     def _lifted(self) -> ComplexArray:
         """C'' [m/s^2], s + i z, (k,)."""
-        lifted: ComplexArray = np.gradient(self.motion.centre_rate, self.motion.time_s)
-        return lifted
+        return np.gradient(self.motion.centre_rate, self.motion.time_s)
 
     def _handed_on(self, modes: ComplexArray) -> CubicSpline:
         """Modes (k, N - 1) in space after the sensor.
@@ -223,8 +222,7 @@ class Transient:
             for transfer in late.values():
                 belt = self._lagged(belt, np.asarray(transfer(site))[0])
             modes = belt * turned.conj()
-        smooth: Any = CubicSpline(m.time_s, modes)
-        return smooth
+        return CubicSpline(m.time_s, modes)
 
     def _lagged(self, belt: ComplexArray, transfer: ComplexArray) -> ComplexArray:
         """After a sensor's transfer, given at the frequencies n Omega, (k, N - 1)."""
@@ -235,10 +233,7 @@ class Transient:
         )  # twice: no reading comes round to the other end
         smooth = CubicSpline(turns, transfer)(np.minimum(np.abs(frequency), turns[-1]))
         answer = np.where(frequency < 0.0, smooth.conj(), smooth)
-        lagged: ComplexArray = np.fft.ifft(
-            np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0
-        )[:size]
-        return lagged
+        return np.fft.ifft(np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0)[:size]
 
     def _gain(self, hook: str) -> float:
         """Product of what effects multiply by this hook, `gain` or `lever`."""

@@ -99,8 +99,7 @@ class RolledWorld(World):
         for step in steps:
             share = np.clip((time_s - step.time_s) / step.rise_s, 0.0, 1.0)
             ordered = ordered + (step.load_N - ordered) * (0.5 - 0.5 * np.cos(np.pi * share))
-        stepped: FloatArray = load * ordered / self.scenario.conditions.load_N
-        return stepped
+        return np.asarray(load * ordered / self.scenario.conditions.load_N)
 
     def distance(self, time_s: FloatArray) -> FloatArray:
         """The hub's way forward from the log's start [m]."""

@@ -69,10 +69,9 @@ def tread_angle(world: World, sensor: Sensor, time_s: FloatArray) -> FloatArray:
 
     Zero, and every whole turn, at the patch centre.
     """
-    angle: FloatArray = (
+    return np.asarray(
         world.drive.angle_at(time_s) - np.radians(sensor.angle_deg) - phase_shift(world, time_s)
     )
-    return angle
 
 
 def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
@@ -102,8 +101,7 @@ def pitch_table(world: World, sensor: Sensor) -> FloatArray:
     )
     error = error + 0.35 * random.standard_normal(sensor.steps)
     error -= error.mean()
-    scaled: FloatArray = error * (largest / max(np.abs(error).max(), 1e-12))
-    return scaled
+    return np.asarray(error * (largest / max(np.abs(error).max(), 1e-12)))
 
 
 def encoder_signal(

@@ -118,8 +118,7 @@ def _derivatives(ring: Ring, at: Instants) -> Sequence[ComplexArray]:
 
 def _warmed(value: float, per_K: float, at: Instants) -> FloatArray:
     """A stiffness at the tire's temperature, (b, 1)."""
-    warm: FloatArray = value * (1.0 + per_K * at.temperature_K[:, None])
-    return warm
+    return value * (1.0 + per_K * at.temperature_K[:, None])
 
 
 def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) -> ComplexArray:

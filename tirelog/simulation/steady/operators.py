@@ -82,8 +82,7 @@ class Ring:
 
     def kernel(self, values: FloatArray) -> ComplexArray:
         """Transform of a smoothing: even `values` at xi_m, scaled to sum to one."""
-        smoothing: ComplexArray = fft.rfft(np.fft.ifftshift(values / values.sum()))
-        return smoothing
+        return np.asarray(fft.rfft(np.fft.ifftshift(values / values.sum())))
 
     @cached_property
     def quarter_turn(self) -> ComplexArray:
@@ -97,13 +96,11 @@ class Ring:
 
     def transform(self, values: FloatArray) -> ComplexArray:
         """Discrete Fourier transform along the last axis."""
-        spectrum: ComplexArray = fft.rfft(values, axis=-1)
-        return spectrum
+        return np.asarray(fft.rfft(values, axis=-1))
 
     def inverse(self, spectrum: ComplexArray) -> FloatArray:
         """Values on the grid from a transform, along the last axis."""
-        values: FloatArray = fft.irfft(spectrum, n=self.points, axis=-1)
-        return values
+        return np.asarray(fft.irfft(spectrum, n=self.points, axis=-1))
 
     @cached_property
     def borders_m(self) -> FloatArray:

@@ -54,8 +54,7 @@ def _splice(effect: Planted, ring: Ring, behind_rad: float) -> FloatArray:
     """
     place = np.radians(effect["angle_deg"]) - behind_rad
     off = np.angle(np.exp(1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - place)))
-    bump: FloatArray = np.exp(-0.5 * (off / np.radians(effect["width_deg"])) ** 2)[None, :]
-    return bump
+    return np.asarray(np.exp(-0.5 * (off / np.radians(effect["width_deg"])) ** 2)[None, :])
 
 
 def _torsion(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:

@@ -218,8 +218,7 @@ class World:
             self.scenario.nuisances.warming.pressure_per_K,
             self.scenario.conditions.inflation_pressure_Pa,
         )
-        pressure: FloatArray = cold * (1.0 + per_K * self.temperature(time_s))
-        return pressure
+        return cold * (1.0 + per_K * self.temperature(time_s))
 
     def _crept_pressure(self, time_s: FloatArray) -> FloatArray:
         """The inflation pressure as cords that creep have followed it, CREEP_S late [Pa]."""
@@ -231,10 +230,7 @@ class World:
             warm - late
         )
         per_K = self.scenario.nuisances.warming.pressure_per_K
-        crept: FloatArray = conditions.inflation_pressure_Pa * (
-            1.0 + per_K * conditions.warm_up_K * course
-        )
-        return crept
+        return conditions.inflation_pressure_Pa * (1.0 + per_K * conditions.warm_up_K * course)
 
     def half_length(self, load: FloatArray, time_s: FloatArray | float = 0.0) -> FloatArray:
         """Prescribed half length of the patch [m] at a load and the tire's temperature.
@@ -427,8 +423,7 @@ class World:
         if effect is None:
             return None
         course = (speed / 20.0) ** 2 if effect.apart else np.ones_like(speed)
-        tilt: FloatArray = effect["tilt_rad"] * course
-        return tilt
+        return effect["tilt_rad"] * course
 
     def _sensor_effects(
         self, sensor: Sensor
