@@ -14,9 +14,17 @@ from tests.physics.coupled_tire import TIRE
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import parse_road
 from tirelog.physics import Model
-from tirelog.physics.moving.motion import HubMotion, RingMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.road import FlatRoad, cleat, road_of
-from tirelog.physics.moving.transient import Course, Schedule, driven
+from tirelog.physics.moving.transient import (
+    Course,
+    HubMotion,
+    RingMotion,
+    Schedule,
+    State,
+    Stepper,
+    driven,
+    stepped_motion,
+)
 
 LOAD, SPEED = 1000.0, 20.0
 

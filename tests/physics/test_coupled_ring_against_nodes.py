@@ -12,8 +12,8 @@ import pytest
 
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tests.physics.node_ring import NodeRing
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.road import FlatRoad, cleat
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, c_x=0.0)
 LOAD, SPEED, DURATION = 100.0, 20.0, 0.04

@@ -9,9 +9,9 @@ import pytest
 
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tirelog.errors import ModelError
-from tirelog.physics.moving.modes import natural_modes
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
+from tirelog.physics.moving.ring import natural_modes
 from tirelog.physics.moving.road import MeasuredRoad, SineRoad, cleat, load_road, step
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, modes=30)
 

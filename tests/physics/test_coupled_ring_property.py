@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.physics.coupled_tire import TIRE
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, SineRoad, cleat, step
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 LOAD, SPEED, CLEAT = 1000.0, 20.0, cleat(0.5, 0.01, 0.03)
 

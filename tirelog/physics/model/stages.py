@@ -16,7 +16,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.carcass import contact_modes, structures
+from tirelog.physics.carcass import contact, structures
 from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.carcass.structures import hardened_load
 from tirelog.physics.effects import BY_ID
@@ -223,8 +223,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
         state, found = _contact_state(task, F), None
         if task.near is not None:
             near = _contact_state(task.near, loads(task.near))
-            found = contact_modes.pressure_modes_near(near, state, tilted=tilted)
-        half, modes, tilt = found or contact_modes.pressure_modes(state, tilted=tilted)
+            found = contact.pressure_modes_near(near, state, tilted=tilted)
+        half, modes, tilt = found or contact.pressure_modes(state, tilted=tilted)
         return Site(F, half, R), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
@@ -240,14 +240,14 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     return Site(F, half, R), even, tilted_parabola(F, half, R) if tilted else None
 
 
-def _contact_state(task: Task, load_N: FloatArray) -> contact_modes.ContactState:
+def _contact_state(task: Task, load_N: FloatArray) -> contact.ContactState:
     """What the contact with a flat road is solved for."""
     s = structure(task)
     pb = _inflation_pb(task) + s.tension / task.base["radius_m"]
     lost = np.concatenate(np.broadcast_arrays(*ring_losses(task, s)), axis=1)
     stiffer = np.atleast_2d(np.asarray(1.0 + s.stiffening, np.float64))
     _positive_foundation(stiffer)
-    return contact_modes.ContactState(ring_carcass(task), load_N, pb, lost, stiffer)
+    return contact.ContactState(ring_carcass(task), load_N, pb, lost, stiffer)
 
 
 def ring_losses(task: Task, s: Structure) -> list[FloatArray]:

@@ -18,9 +18,8 @@ from scipy.signal import lfilter
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, force_of_road
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.steady import waveforms
-from tirelog.simulation.steady.knots import LOAD_STEP, chunks
 from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S
-from tirelog.simulation.steady.waveforms import World, family
+from tirelog.simulation.steady.waveforms import LOAD_STEP, World, chunks, family
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 

@@ -20,8 +20,7 @@ from scipy.linalg import lu_factor, lu_solve
 
 from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import Planted, Scenario, Warming
-from tirelog.simulation.steady.loads import Instants
-from tirelog.simulation.steady.operators import ComplexArray, Ring
+from tirelog.simulation.steady.loads import ComplexArray, Instants, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
 #: EJ of a scenario that gives none, by its truth [N m^2]
