@@ -50,6 +50,8 @@ _TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
 #: change nothing that converges. It begins with those up to so many [rad], which changes no digit.
 _MOST_STEPS = 100
 _BEGIN = 0.15
+#: the waves of the grid
+_WAVES = np.arange(GRID // 2 + 1, dtype=np.float64)
 #: What a contact moves with: these constants of the carcass, p0 b and the load.
 STIFFNESSES = ("EI", "k_w", "k_v", "k_t")
 BY = len(STIFFNESSES) + 2
@@ -125,21 +127,14 @@ def _under(spectra: ComplexArray, on: NDArray[np.int64], p: FloatArray) -> Float
 
     By `spectra` (3, ..., GRID / 2 + 1) as of `_Yield`.
     """
-    loads = np.zeros((2, GRID))
-    loads[0, on], loads[1, on] = _COS[on] * p, _SIN[on] * p
-    loads[0, -on], loads[1, -on] = loads[0, on], -loads[1, on]
-    a, b, d = spectra
-    cp, sp = rfft(loads, axis=-1)
-    along_cos, along_sin = irfft(np.stack([d * cp + b * sp, a * sp - b * cp]), GRID, axis=-1)
-    size = _PHI.size
-    return np.asarray(_COS * along_cos[..., :size] + _SIN * along_sin[..., :size])
+    whole = np.concatenate([-on, on])  # an angle zero stands twice, and is set twice
+    return _yields_at(spectra, whole, np.concatenate([p, p]), np.arange(_PHI.size))
 
 
 @lru_cache(maxsize=8)
 def _yield(carcass: RingCarcass) -> _Yield:
-    n = np.arange(GRID // 2 + 1, dtype=np.float64)
-    inverse = 1.0 / modal_impedance(n, carcass).real
-    spectra = np.stack([inverse + 0j, 1j * n * inverse, n**2 * inverse + 0j])
+    inverse = 1.0 / modal_impedance(_WAVES, carcass).real
+    spectra = _spectra(inverse)
     a, b, d = irfft(spectra, GRID, axis=-1)[:, : _LAG.size]
     cos, sin = np.cos(_LAG), np.sin(_LAG)
     by_lag = np.stack([0.5 * (d + a) * cos - b * sin, 0.5 * (d - a), cos])
@@ -307,10 +302,10 @@ def _moved(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> tuple[FloatA
 
     From (A + 1 / k_t) p = delta - shape and sum p h = F at the angles that touch.
     """
-    R, k_t, count, n = carcass.R, carcass.k_t, p.size, np.arange(GRID // 2 + 1, dtype=np.float64)
+    R, k_t, count = carcass.R, carcass.k_t, p.size
     on, twice = np.arange(count), _TWICE[:count]
-    inverse = -by_stiffness(n, R) / modal_impedance(n, carcass).real ** 2
-    spectra = np.stack([inverse + 0j, 1j * n * inverse, n**2 * inverse + 0j])
+    inverse = -by_stiffness(_WAVES, R) / modal_impedance(_WAVES, carcass).real ** 2
+    spectra = _spectra(inverse)
     yields = np.zeros((BY, count + 1))
     EI, k_w, k_v, pb = _under(spectra, on, p)[:, : count + 1]
     yields[:3], yields[3, :count], yields[4] = (EI, k_w, k_v), -p / k_t**2, pb
@@ -358,10 +353,6 @@ NONE = (0.0,) * len(LOSSES)
 #: angles beyond those that touch without losses, as a share of these and at least so many, among
 #: which an edge is looked for; twice as many take twice as long, and it is asked beyond them too
 _MARGIN, _LEAST_MARGIN = 0.25, 12
-#: steps of the search for the angles that touch; it takes some three. Twice as many change nothing
-#: that converges
-_lossy_contact_MOST_STEPS = 50
-_WAVES = np.arange(GRID // 2 + 1, dtype=np.float64)
 
 
 def loss_shapes(n: FloatArray, R: float) -> FloatArray:
@@ -393,10 +384,11 @@ class LossyContact:
         By EI, k_w, k_v, k_t, p0 b and the load, as of `contact`, and by each of the losses.
         """
         carcass, p, on = self.carcass, self.pressure_N_m, self.on
-        changes = np.concatenate([by_stiffness(_WAVES, carcass.R) + 0j, _imaginary(carcass.R)])
+        lossy = 1j * loss_shapes(_WAVES, carcass.R)
+        changes = np.concatenate([by_stiffness(_WAVES, carcass.R) + 0j, lossy])
         inverse = -changes / _impedance(carcass, self.losses) ** 2
         outer = np.array([on[0] - 1, on[-1] + 1])
-        yields = _lossy_contact_under(_spectra(inverse), on, p, np.append(on, outer))
+        yields = _yields_at(_spectra(inverse), on, p, np.append(on, outer))
         EI, k_w, k_v, pb = yields[:4]
         none = np.zeros_like(EI)
         by_tread = none.copy()
@@ -424,16 +416,12 @@ def _impedance(carcass: RingCarcass, losses: tuple[float, ...]) -> ComplexArray:
     return np.asarray(modal_impedance(_WAVES, carcass).real + 1j * lost, dtype=np.complex128)
 
 
-def _imaginary(R: float) -> ComplexArray:
-    return np.asarray(1j * loss_shapes(_WAVES, R), dtype=np.complex128)
-
-
 def _spectra(inverse: ComplexArray) -> ComplexArray:
     """1 / Z_n, i n / Z_n and n^2 / Z_n (3, ..., K), by which the ring yields."""
-    return np.stack([inverse, 1j * _WAVES * inverse, _WAVES**2 * inverse])
+    return np.stack([inverse + 0j, 1j * _WAVES * inverse, _WAVES**2 * inverse + 0j])
 
 
-def _lossy_contact_under(
+def _yields_at(
     spectra: ComplexArray, on: NDArray[np.int64], p: FloatArray, at: NDArray[np.int64]
 ) -> FloatArray:
     """How far the angles `at` yield upwards [m] under p (k,) at the angles `on`, (..., j)."""
@@ -460,7 +448,7 @@ def solve_lossy(carcass: RingCarcass, losses: tuple[float, ...], load_N: float) 
     farthest = last + max(_LEAST_MARGIN, int(_MARGIN * last))
     while True:
         farthest = min(farthest, NODES)
-        found = _lossy_contact_balance(carcass, losses, load_N, spectra, kernels, last, farthest)
+        found = _lossy_balance(carcass, losses, load_N, spectra, kernels, last, farthest)
         if found is not None:
             return found
         if farthest == NODES:
@@ -473,7 +461,7 @@ def solve_lossy(carcass: RingCarcass, losses: tuple[float, ...], load_N: float) 
         farthest *= 2
 
 
-def _lossy_contact_balance(
+def _lossy_balance(
     carcass: RingCarcass,
     losses: tuple[float, ...],
     load_N: float,
@@ -486,24 +474,10 @@ def _lossy_contact_balance(
     nodes = np.arange(-farthest, farthest + 1)
     yields, shape = _among(kernels, nodes), carcass.R * (1.0 - np.cos(nodes * STEP))
     h, active = carcass.R * STEP, np.abs(nodes) <= last
-    for _ in range(_lossy_contact_MOST_STEPS):
-        on = np.flatnonzero(active)
-        system = np.zeros((on.size + 1, on.size + 1))
-        system[:-1, :-1] = yields[np.ix_(on, on)]
-        system[np.arange(on.size), np.arange(on.size)] += 1.0 / carcass.k_t
-        system[:-1, -1], system[-1, :-1] = -1.0, h
-        factors = lu_factor(system, overwrite_a=True, check_finite=False)
-        solution = lu_solve(factors, np.append(-shape[on], load_N), check_finite=False)
-        p, drop = solution[:-1], float(solution[-1])
-        depth = drop - shape - yields[:, on] @ p
-        pressing = depth > 0.0
-        if pressing[0] or pressing[-1] or not pressing.any():
-            return None
-        if np.array_equal(pressing, active):
-            break
-        active = pressing
-    else:
+    found = balance(yields, shape, h, carcass.k_t, load_N, active)
+    if found is None:
         return None
+    on, p, drop, depth, factors = found
     if on[-1] - on[0] + 1 != on.size or _touches_beyond(carcass, spectra, nodes[on], p, drop):
         return None
     edges = tuple(
@@ -513,6 +487,42 @@ def _lossy_contact_balance(
     beyond = sum(inner / (inner - outer) for inner, outer, _ in edges)
     half = 0.5 * h * (on.size - 1 + beyond)
     return LossyContact(carcass, losses, nodes[on], p, half, factors, edges)
+
+
+#: the factors of `lu_factor`
+_Factors = tuple[FloatArray, NDArray[np.int32]]
+
+
+def balance(
+    yields: FloatArray,
+    shape: FloatArray,
+    pitch_m: float,
+    k_t: float,
+    load_N: float,
+    active: NDArray[np.bool_],
+) -> tuple[NDArray[np.int64], FloatArray, float, FloatArray, _Factors] | None:
+    """(Angles that touch, pressure there, drop, depth of all angles, factors), or None.
+
+    By active sets from those that are `active` (j,). `yields` (j, j) [m per N/m], `shape` (j,) how
+    high the road's tangent is below each angle. None too if the first or last angle touches.
+    """
+    for _ in range(_MOST_STEPS):
+        on = np.flatnonzero(active)
+        system = np.zeros((on.size + 1, on.size + 1))
+        system[:-1, :-1] = yields[np.ix_(on, on)]
+        system[np.arange(on.size), np.arange(on.size)] += 1.0 / k_t
+        system[:-1, -1], system[-1, :-1] = -1.0, pitch_m
+        factors = lu_factor(system, overwrite_a=True, check_finite=False)
+        solution = lu_solve(factors, np.append(-shape[on], load_N), check_finite=False)
+        p, drop = solution[:-1], float(solution[-1])
+        depth = drop - shape - yields[:, on] @ p
+        pressing = depth > 0.0
+        if np.array_equal(pressing, active):
+            return on, p, drop, depth, factors
+        if pressing[0] or pressing[-1] or not pressing.any():
+            return None
+        active = pressing
+    return None
 
 
 def _among(kernels: FloatArray, nodes: NDArray[np.int64]) -> FloatArray:
@@ -536,7 +546,7 @@ def _touches_beyond(
     """Would an angle within reach that does not press lie below the road?"""
     everywhere = np.arange(-NODES, NODES + 1)
     depth = drop - carcass.R * (1.0 - np.cos(everywhere * STEP))
-    depth = depth - _lossy_contact_under(spectra, on, p, everywhere)
+    depth = depth - _yields_at(spectra, on, p, everywhere)
     depth[on + NODES] = 0.0
     return bool(depth.max() > 1e-12)
 

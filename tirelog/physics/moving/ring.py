@@ -63,7 +63,7 @@ know second order (k_w against k_v under wind-up).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -79,7 +79,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 
 @dataclass(frozen=True)
-class CoupledRing:
+class CoupledRing(RingCarcass):
     """A tire on its hub: constants of ring, belt mass, hub, tread and brush.
 
     The ring's constants as in `ring.RingCarcass`, rho A [kg/m], hub m_h [kg] and J_h [kg m^2].
@@ -89,15 +89,7 @@ class CoupledRing:
     that keeps its height. ModelError for what cannot move.
     """
 
-    EI: float
-    k_w: float
-    k_v: float
-    c_w: float
-    c_v: float
-    pb: float
-    R: float
-    k_t: float
-    rho_A: float
+    rho_A: float = field(kw_only=True)
     m_h: float = 20.0
     J_h: float = 0.8
     c_x: float = 1.9e6
@@ -110,12 +102,12 @@ class CoupledRing:
     c_h: float = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            may_vanish = field.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c", "c_h")
+        for own in fields(self):
+            value = getattr(self, own.name)
+            may_vanish = own.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c", "c_h")
             if not (np.isfinite(value) and (value > 0.0 or (may_vanish and value == 0.0))):
                 raise ModelError(
-                    f"coupled ring with {field.name} = {value:g}",
+                    f"coupled ring with {own.name} = {value:g}",
                     allowed=f"a finite number {'of at least' if may_vanish else 'above'} zero is "
                     "allowed",
                     do="correct it",

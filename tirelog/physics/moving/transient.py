@@ -32,7 +32,7 @@ from tirelog.errors import ModelError, UsageError
 from tirelog.physics.model.stages import Task, loaded_site, loads, structure
 from tirelog.physics.moving.contact import RoadForces, Tread, steady_rolling
 from tirelog.physics.moving.ring import CoupledRing, of_model
-from tirelog.physics.moving.road import FlatRoad, RoadProfile, check_climbable, road_of
+from tirelog.physics.moving.road import RoadProfile, road_of
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -596,11 +596,11 @@ class Stepper:
         nodes: int = 1536,
     ) -> None:
         self.tire, self.state, self.drive, self.step_s = tire, state, drive, step_s
-        self.tread = Tread(tire, road or FlatRoad(), nodes)
+        self.tread = Tread(tire, road or RoadProfile(), nodes)
         self.time_s = 0.0
         speed = abs(state.omega) * tire.R
         tire.check_speed(speed)
-        check_climbable(self.tread.road, tire.R)
+        self.tread.road.check_climbable(tire.R)
         if not 0.0 < step_s <= tire.largest_step_s(speed):
             raise ModelError(
                 f"step of {step_s:g} s is not stable for this tire",

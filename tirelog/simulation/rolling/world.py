@@ -27,7 +27,6 @@ from tirelog.errors import UsageError
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.rolling.tire import (
-    BeltReading,
     RollingTire,
     TireMotion,
     begins,
@@ -168,7 +167,7 @@ class RolledWorld(World):
         steps = int((before + scenario.duration_s + behind) / step / every + 1) * every
         block = _BLOCK // every * every or every
         moments = np.empty(steps // every, MOMENT)
-        read = np.empty((moments.size, sum(rider.rows.shape[0] for rider in riders)))
+        read = np.empty((moments.size, sum(rider.shape[0] for rider in riders)))
         for first in range(0, steps, block):
             last = min(first + block, steps)
             moment = -before + step * np.arange(float(first), last)
@@ -198,7 +197,7 @@ class RolledWorld(World):
             tire.run(self._orders(np.asarray(start_s + step * part, float)), every=part.size)
         tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
 
-    def _rider(self, sensor: Sensor, angle_rad: float) -> BeltReading:
+    def _rider(self, sensor: Sensor, angle_rad: float) -> FloatArray:
         """What reads the belt at one place.
 
         v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle).
@@ -208,14 +207,12 @@ class RolledWorld(World):
         length = gauge if isinstance(gauge, float) else gauge["length_m"]
         bent = -self.lever(sensor) / radius**2 if sensor.kind != "radial_acceleration" else 0.0
         strain = splines.functional(angle_rad, {1: bent, 3: bent}, length / radius)
-        return BeltReading(
-            np.stack(
-                [
-                    splines.functional(angle_rad, {0: 1.0}),
-                    splines.functional(angle_rad, {1: -1.0}),
-                    strain,
-                ]
-            )
+        return np.stack(
+            [
+                splines.functional(angle_rad, {0: 1.0}),
+                splines.functional(angle_rad, {1: -1.0}),
+                strain,
+            ]
         )
 
     def _place(self, motion: TireMotion, first: int, angle_rad: float) -> RoadTrace:
