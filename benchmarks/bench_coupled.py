@@ -14,9 +14,17 @@ from tests.physics.coupled_tire import TIRE
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import parse_road
 from tirelog.physics import Model
-from tirelog.physics.moving.motion import HubMotion, RingMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.road import FlatRoad, cleat, road_of
-from tirelog.physics.moving.transient import Course, Schedule, driven
+from tirelog.physics.moving.road import RoadProfile, cleat, road_of
+from tirelog.physics.moving.transient import (
+    Course,
+    HubMotion,
+    RingMotion,
+    Schedule,
+    State,
+    Stepper,
+    driven,
+    stepped_motion,
+)
 
 LOAD, SPEED = 1000.0, 20.0
 
@@ -60,7 +68,7 @@ def energy(lift_m: float, step_s: float) -> tuple[float, float]:
     start, calm = State.rolling(tire, LOAD, SPEED), State.rolling(tire, LOAD, SPEED)
     start.hub, start.centre = start.hub + 1j * lift_m, start.centre + 1j * lift_m
     steppers = [
-        Stepper(tire, state, HubMotion(lambda time_s: LOAD), FlatRoad(), step_s=step_s)
+        Stepper(tire, state, HubMotion(lambda time_s: LOAD), RoadProfile(), step_s=step_s)
         for state in (start, calm)
     ]
     begun, rest = (s.energy() + LOAD * s.state.hub.imag for s in steppers)

@@ -33,9 +33,8 @@ from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import PLANTABLE, Plantable, Planted, Scenario
-from tirelog.simulation.steady import strains
-from tirelog.simulation.steady.loads import Instants
-from tirelog.simulation.steady.operators import Ring
+from tirelog.simulation.steady import loads
+from tirelog.simulation.steady.loads import Instants, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
 #: excess of a planted effect that is drawn [squared floors]
@@ -244,7 +243,7 @@ def forms_of(seed: int) -> Mapping[str, Unknown]:
 def plant(name: str, unknown: Unknown) -> str:
     """The name under which the simulator knows a form from now on."""
     own = f"unknown_{name}"
-    strains._EXTRA[own] = _planted(unknown)
+    loads._EXTRA[own] = _planted(unknown)
     PLANTABLE[own] = Plantable(
         {"amplitude": _TRIAL, "speed_exponent": 0.0}, False, "", "", "", ("exact",)
     )

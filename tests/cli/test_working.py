@@ -90,7 +90,7 @@ class Begun(TirelogError):
         ("tirelog.report.build.build", "report log.csv -o r.html"),
         ("tirelog.api.logs.simulated_log", "simulate s.toml -o s.csv"),
         ("tirelog.api.logs.write_run", "ingest log.csv -o r.h5"),
-        ("tirelog.physics.moving.modes.modes_of_model", "model modes m.toml"),
+        ("tirelog.physics.moving.ring.modes_of_model", "model modes m.toml"),
         ("tirelog.campaign.models.run_models", "campaign run c.toml"),
     ],
 )

@@ -17,7 +17,7 @@ from tirelog.inference.scatter import load_derivative
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import solve_contact
 from tirelog.physics.model.presets import preset_model
-from tirelog.physics.moving.modes import natural_modes, of_model
+from tirelog.physics.moving.ring import natural_modes, of_model
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns
 

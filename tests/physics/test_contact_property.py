@@ -10,11 +10,11 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.carcass.contact import solve_contact
-from tirelog.physics.carcass.contact_modes import (
+from tirelog.physics.carcass.contact import (
     ContactState,
     pressure_modes,
     pressure_modes_near,
+    solve_contact,
 )
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 

@@ -12,14 +12,14 @@ import pytest
 
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tests.physics.node_ring import NodeRing
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.road import FlatRoad, cleat
+from tirelog.physics.moving.road import RoadProfile, cleat
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, c_x=0.0)
 LOAD, SPEED, DURATION = 100.0, 20.0, 0.04
 
 
-@pytest.mark.parametrize("road", [FlatRoad(), cleat(0.48, 3e-4, 0.06)], ids=["flat", "cleat"])
+@pytest.mark.parametrize("road", [RoadProfile(), cleat(0.48, 3e-4, 0.06)], ids=["flat", "cleat"])
 def test_a_rolling_tire_that_is_dropped(road):
     tire = replace(TIRE, k_v=3.0e5)
     start = State.rolling(tire, LOAD, SPEED)
@@ -46,7 +46,7 @@ def test_a_turning_belt_that_was_bent_rings_alike():
     start.V = np.zeros_like(start.V)
     start.V[1] = 1e-4
     nodes = NodeRing(
-        TIRE, 0.0, SPEED, FlatRoad(), nodes=300, step_s=3e-6, stretch_N=1e7, height_m=1.0
+        TIRE, 0.0, SPEED, RoadProfile(), nodes=300, step_s=3e-6, stretch_N=1e7, height_m=1.0
     )
     phi = np.angle(nodes.rest * 1j)
     nodes.at = (

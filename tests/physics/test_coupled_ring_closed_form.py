@@ -12,9 +12,8 @@ from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.carcass import contact
 from tirelog.physics.carcass.structures import modal_impedance
-from tirelog.physics.moving.modes import matrices
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.ring import CoupledRing
+from tirelog.physics.moving.ring import CoupledRing, matrices
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 TIRE = CoupledRing(
     EI=2.0,

@@ -9,9 +9,9 @@ import pytest
 
 from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tirelog.errors import ModelError
-from tirelog.physics.moving.modes import natural_modes
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.road import MeasuredRoad, SineRoad, cleat, load_road, step
+from tirelog.physics.moving.ring import natural_modes
+from tirelog.physics.moving.road import RoadProfile, cleat, load_road, step
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 TIRE = replace(PASSENGER_TIRE, modes=30)
 
@@ -64,7 +64,11 @@ def test_no_range_of_frequencies():
 
 
 def test_an_obstacle_larger_than_the_tire_takes():
-    for road in (step(1.0, 0.4, 0.3), cleat(1.0, 0.1, 0.3, 0.1), SineRoad(0.05, 0.7)):
+    for road in (
+        step(1.0, 0.4, 0.3),
+        cleat(1.0, 0.1, 0.3, 0.1),
+        RoadProfile(amplitude_m=0.05, wavelength_m=0.7),
+    ):
         with pytest.raises(
             ModelError, match=r"rises .* m within one tire diameter; up to .*; give a lower"
         ):
@@ -89,7 +93,7 @@ def test_a_wall():
 )
 def test_profiles_that_are_none(points, said):
     with pytest.raises(ModelError, match=said):
-        MeasuredRoad(*points)
+        RoadProfile(*points)
 
 
 def test_profile_files(tmp_path):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.physics.coupled_tire import TIRE
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.road import FlatRoad, SineRoad, cleat, step
+from tirelog.physics.moving.road import RoadProfile, cleat, step
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 LOAD, SPEED, CLEAT = 1000.0, 20.0, cleat(0.5, 0.01, 0.03)
 
@@ -93,7 +93,7 @@ def test_friction_stays_within_its_limit():
     drive = HubMotion(
         lambda time: LOAD, lambda time: SPEED, lambda time: -600.0 * min(time / 0.05, 1.0)
     )
-    stepper = Stepper(TIRE, State.rolling(TIRE, LOAD, SPEED), drive, FlatRoad(), step_s=1e-4)
+    stepper = Stepper(TIRE, State.rolling(TIRE, LOAD, SPEED), drive, RoadProfile(), step_s=1e-4)
     motion = stepped_motion(stepper, 0.2)
     assert np.all(np.abs(motion.force_s_N) <= TIRE.mu * motion.force_z_N * (1.0 + 1e-9))
     assert motion.force_s_N[-10:] == pytest.approx(TIRE.mu * motion.force_z_N[-10:], rel=1e-2)
@@ -101,13 +101,13 @@ def test_friction_stays_within_its_limit():
 
 
 def test_a_long_wave_is_followed():
-    motion = passage(1e-4, SineRoad(0.01, 8.0), 0.4)
+    motion = passage(1e-4, RoadProfile(amplitude_m=0.01, wavelength_m=8.0), 0.4)
     assert np.ptp(motion.hub_z_m) == pytest.approx(0.02, rel=0.15)
 
 
 def test_strain_of_a_resting_belt_follows_the_errata():
     """eps = -(y / R^2) (w + w'') with y outward: by finite differences of w."""
-    motion = passage(1e-4, FlatRoad(), 0.01)
+    motion = passage(1e-4, RoadProfile(), 0.01)
     theta = np.linspace(-0.5, 0.5, 4001)
     phi = theta + motion.psi_rad[-1]
     n = TIRE.n

@@ -10,7 +10,7 @@ from tirelog.data.setup import RoadSetup, parse_road
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.moving.contact import steady_rolling
-from tirelog.physics.moving.road import FlatRoad, PlacedRoad, road_of
+from tirelog.physics.moving.road import RoadProfile, road_of
 from tirelog.physics.moving.transient import Course, Schedule, driven
 
 SPEED, LOAD = 20.0, 3434.0
@@ -26,7 +26,7 @@ def course(road=None, duration=0.12, speed=SPEED, load=LOAD):
         value if isinstance(value, Schedule) else Schedule.constant(value)
         for value in (speed, load)
     )
-    return Course(*schedules, road or FlatRoad(), duration)
+    return Course(*schedules, road or RoadProfile(), duration)
 
 
 def steady_at(transient, model, theta, observable):
@@ -199,7 +199,7 @@ def test_courses_that_cannot_be_driven():
 
 def test_a_drum_brings_the_cleat_again():
     road = road_of(parse_road("cleat,height_m=0.008,length_m=0.04,spacing_m=2.0"), 0.5)
-    assert isinstance(road, PlacedRoad)
+    assert isinstance(road, RoadProfile)
     height, _ = road.profile(np.array([-1.5, -1.48, 0.49, 0.52, 1.0, 2.52, 4.52]))
     assert height == pytest.approx([0.0, 0.0, 0.0, 0.008, 0.0, 0.008, 0.008])
     with pytest.raises(ModelError, match="longer spacing is allowed"):

@@ -29,10 +29,9 @@ from tests.simulation.rolls import (
     rolling,
     strain_rider,
 )
-from tirelog.physics.moving.modes import natural_modes
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.road import FlatRoad, cleat
+from tirelog.physics.moving.ring import CoupledRing, natural_modes
+from tirelog.physics.moving.road import RoadProfile, cleat
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 from tirelog.simulation.rolling.tire import TrueProfile
 
 pytestmark = pytest.mark.xdist_group("coupled truth")  # one worker makes what these tests share
@@ -76,7 +75,7 @@ def truth(what: str, seconds: float):
 @cache
 def model(what: str, seconds: float):
     of = tire()
-    road = cleat(BEGIN, HEIGHT, LENGTH) if what == "cleat" else FlatRoad()
+    road = cleat(BEGIN, HEIGHT, LENGTH) if what == "cleat" else RoadProfile()
     load = loads if what == "load step" else lambda time: LOAD
     stepper = Stepper(
         of,

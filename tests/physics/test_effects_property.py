@@ -11,7 +11,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import BY_ID, CATALOGUE, Model, ModelEffect, Parameter
-from tirelog.physics.effects import definition
+from tirelog.physics.effects import base
 from tirelog.physics.effects.base import ACTS_ON, Effect, Structure
 from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 from tirelog.vocabulary.conditions import CONDITIONS
@@ -134,15 +134,15 @@ def _stiffer(drive, *, softer, law):
     return Structure(stiffening=-softer if law == "down" else softer)
 
 
-@definition.effect(
+@base.effect(
     "baseline",
     follows=(("speed_m_s", 1),),
     tried=False,
     options={"law": ("up", "down")},
     structure=_stiffer,
-    per_speed=definition.number(0.0, -1.0, 1.0, "s/m", "a in a v", probe=1e-6),
-    softer=definition.number(0.0, -0.5, 0.5, "1", "b", probe=0.1),
-    typical=definition.number(20.0, 1.0, 50.0, "m/s", "v0", free=False),
+    per_speed=base.number(0.0, -1.0, 1.0, "s/m", "a in a v", probe=1e-6),
+    softer=base.number(0.0, -0.5, 0.5, "1", "b", probe=0.1),
+    typical=base.number(20.0, 1.0, 50.0, "m/s", "v0", free=False),
 )
 def decorated(drive, *, per_speed, typical):
     """Baseline that follows
@@ -194,7 +194,7 @@ def test_a_decorated_function_is_the_effect_that_its_fields_describe():
 
 @pytest.mark.parametrize("names", ["", "ab"])
 def test_a_function_that_does_not_read_the_effect_s_numbers_is_refused(names):
-    numbers = {name: definition.number(0.0, -1.0, 1.0, "1", name, probe=0.1) for name in names}
+    numbers = {name: base.number(0.0, -1.0, 1.0, "1", name, probe=0.1) for name in names}
 
     def mine(drive, *, a):
         return a * drive.speed_m_s
@@ -202,7 +202,7 @@ def test_a_function_that_does_not_read_the_effect_s_numbers_is_refused(names):
     with pytest.raises(
         ModelError, match="effect mine: its functions read a, its numbers and options"
     ):
-        definition.effect("baseline", **numbers)(mine)
+        base.effect("baseline", **numbers)(mine)
 
 
 def text_effect(follows, **more):

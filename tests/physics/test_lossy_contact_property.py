@@ -9,11 +9,14 @@ import pytest
 
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.physics.carcass.contact import LOSSES, NONE, solve_contact, solve_lossy
-from tirelog.physics.carcass.contact_modes import (
+from tirelog.physics.carcass.contact import (
+    LOSSES,
+    NONE,
     ContactState,
     pressure_modes,
     pressure_modes_near,
+    solve_contact,
+    solve_lossy,
 )
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 

@@ -9,9 +9,8 @@ import pytest
 from scipy.linalg import expm
 
 from tirelog.physics import Model
-from tirelog.physics.moving.modes import first_order, natural_modes, of_model
-from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.ring import CoupledRing
+from tirelog.physics.moving.ring import CoupledRing, first_order, natural_modes, of_model
+from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
 
 TIRE = CoupledRing(
     EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7,

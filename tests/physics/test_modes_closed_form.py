@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tirelog.physics.carcass import contact
-from tirelog.physics.moving.modes import natural_modes
-from tirelog.physics.moving.ring import CoupledRing
+from tirelog.physics.moving.ring import CoupledRing, natural_modes
 
 TIRE = CoupledRing(
     EI=2.0,

@@ -11,7 +11,6 @@ from tirelog.simulation.rolling.belt import HALF, Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
 from tirelog.simulation.rolling.tire import (
     POINTS,
-    BeltReading,
     RollingTire,
     TireAtRest,
     TireMotion,
@@ -71,9 +70,9 @@ def moved(tire: RollingTire, ran: tuple[np.ndarray, np.ndarray], every: int = 1)
     return TireMotion.of(tire.step_s * every * np.arange(ran[0].size), *ran)
 
 
-def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> BeltReading:
+def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> np.ndarray:
     bent = -lever_m / RADIUS**2
-    return BeltReading(of.splines.functional(angle_rad, {1: bent, 3: bent})[None])
+    return of.splines.functional(angle_rad, {1: bent, 3: bent})[None]
 
 
 def energy_J(tire: RollingTire) -> float:

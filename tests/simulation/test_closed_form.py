@@ -9,8 +9,7 @@ import pytest
 
 from tirelog.simulation.scenario.schema import Planted, Sensor
 from tirelog.simulation.steady.carcass import FlatRoadContact, carcass, curvature_operator
-from tirelog.simulation.steady.loads import friction, true_parabola
-from tirelog.simulation.steady.operators import Ring, central_weights
+from tirelog.simulation.steady.loads import Ring, central_weights, friction, true_parabola
 
 from .worlds import instants, scenario, world
 

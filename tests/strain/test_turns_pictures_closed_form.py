@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests.cli.conftest import Command, folder, tirelog
-from tirelog.physics.moving.modes import Mode
+from tirelog.physics.moving.ring import Mode
 from tirelog.plots.style import draw_panel, picture
 from tirelog.plots.turns import (
     KINDS,

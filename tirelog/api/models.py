@@ -20,12 +20,13 @@ from tirelog.physics.model import file
 from tirelog.physics.model.file import refuse_another, save_model
 from tirelog.physics.model.forces import StripSection, carcass_facts, force_columns, worn_model
 from tirelog.physics.model.from_setup import (
+    check_conditions,
+    check_model,
     known_conditions,
     known_surface,
     new_model,
     with_gauge_length,
 )
-from tirelog.physics.model.limits import check_conditions, check_model
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.nuisances import BY_NAME as NUISANCES
 from tirelog.physics.model.presets import PRESETS
@@ -369,7 +370,7 @@ def modes(model: Model, *, speed_m_s: float = 0.0, **asked: Any) -> dict[str, li
 
     `asked` as `modes_of_model`. ModelError as that.
     """
-    from tirelog.physics.moving.modes import modes_of_model
+    from tirelog.physics.moving.ring import modes_of_model
     from tirelog.vocabulary.columns import TABLES
 
     rows = [

@@ -110,8 +110,7 @@ def bell(
     """height exp(-((xi - centre) / width)^2 / 2)."""
     q = np.arange(MODES) / radius_m
     size = height * width_m * (np.sqrt(2.0 * np.pi) / (2.0 * np.pi * radius_m))
-    bell: ComplexArray = (size * np.exp(-0.5 * (q * width_m) ** 2)) * powers(-centre_m / radius_m)
-    return bell
+    return np.asarray((size * np.exp(-0.5 * (q * width_m) ** 2)) * powers(-centre_m / radius_m))
 
 
 def wedge(

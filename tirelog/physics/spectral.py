@@ -149,20 +149,17 @@ def powers(angle: FloatArray) -> ComplexArray:
     """
     fine = np.exp(1j * angle * np.arange(_BLOCK))
     coarse = np.exp(1j * angle * (_BLOCK * np.arange(MODES // _BLOCK)))
-    phases: ComplexArray = (coarse[:, :, None] * fine[:, None, :]).reshape(angle.shape[0], MODES)
-    return phases
+    return np.asarray((coarse[:, :, None] * fine[:, None, :]).reshape(angle.shape[0], MODES))
 
 
 def to_grid(coefficients: ComplexArray) -> FloatArray:
     """Values on the grid, (..., K) to (..., GRID)."""
-    values: FloatArray = irfft(coefficients, GRID, axis=-1, norm="forward")
-    return values
+    return np.asarray(irfft(coefficients, GRID, axis=-1, norm="forward"))
 
 
 def to_modes(values: FloatArray) -> ComplexArray:
     """Coefficients from values on the grid, (..., GRID) to (..., K)."""
-    coefficients: ComplexArray = rfft(values, axis=-1, norm="forward")[..., :MODES]
-    return coefficients
+    return np.asarray(rfft(values, axis=-1, norm="forward")[..., :MODES])
 
 
 class Angles:
@@ -241,5 +238,4 @@ class Angles:
 
 def _gather(grid: FloatArray, index: NDArray[np.int64]) -> FloatArray:
     """grid (n or 1, GRID) at index (n or 1, m), either of which is one row -> (n, m)."""
-    taken: FloatArray = grid[0][index] if grid.shape[0] == 1 else grid[:, index[0]]
-    return taken
+    return grid[0][index] if grid.shape[0] == 1 else grid[:, index[0]]

@@ -17,7 +17,7 @@ import numpy as np
 from tirelog.data.recording import Recording
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.physics.model.model import Model
-from tirelog.physics.moving.modes import Mode, natural_modes, of_model
+from tirelog.physics.moving.ring import Mode, natural_modes, of_model
 from tirelog.plots.record import (
     Mark,
     Page,

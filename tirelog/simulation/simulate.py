@@ -56,8 +56,10 @@ class Simulated:
     def truth(self) -> dict[str, Any]:
         """What is known of the log, ready for JSON."""
         if self.scenario.truth == "coupled_ring":
-            from tirelog.simulation.rolling.truth import truth_of_rolled
-            from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
+            from tirelog.simulation.rolling.world import (
+                RolledWorld,  # brings the compiler
+                truth_of_rolled,
+            )
 
             if isinstance(self.world, RolledWorld):
                 return truth_of_rolled(self.world, self.pitch_rad)

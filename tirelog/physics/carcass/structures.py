@@ -121,8 +121,7 @@ class Slope:
         """The inverse times modes (n, all)."""
         parts = np.hstack([modes[:, :_COUPLED].real, modes[:, :_COUPLED].imag]) @ self.coupled.T
         long = parts[:, :_COUPLED] + 1j * parts[:, _COUPLED:]
-        solved: ComplexArray = np.hstack([long, modes[:, _COUPLED:] * self.short])
-        return solved
+        return np.hstack([long, modes[:, _COUPLED:] * self.short])
 
 
 @dataclass(frozen=True)
@@ -194,8 +193,7 @@ def _soft(modes: ComplexArray, H: ComplexArray, s: FloatArray) -> ComplexArray:
     g = np.ones_like(b)
     for _ in range(_SIZINGS):
         g = g - (g + b * g**3 - 1.0) / (1.0 + 3.0 * b * g**2)
-    sized: ComplexArray = g * modes
-    return sized
+    return np.asarray(g * modes)
 
 
 def _slopes(w: FloatArray, H: ComplexArray, s: FloatArray, ratio: float) -> tuple[Slope, ...]:

@@ -1,6 +1,6 @@
 """The catalogue of effects, in chapters by the stage that they enter.
 
-An effect is a function with `@effect` in one of them (`definition`).
+An effect is a function with `@effect` in one of them (`base.effect`).
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ import copyreg
 import pickle
 from typing import Any
 
-from tirelog.physics.effects import contact, form, regressors, structure, waveform
+from tirelog.physics.effects import contact, form, structure, waveform
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure
 
 #: Every effect of the catalogue, in the contract's order: that of the chapters and of their lines.
 CATALOGUE: tuple[Effect, ...] = tuple(
     found
-    for chapter in (structure, contact, waveform, regressors, form)
+    for chapter in (structure, contact, waveform, form)
     for found in vars(chapter).values()
     if isinstance(found, Effect)
 )

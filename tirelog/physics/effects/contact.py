@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Site
-from tirelog.physics.effects.definition import effect, number
+from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Site, effect, number
 from tirelog.physics.pressure import (
     SLIDING_FRICTION,
     STATIC_FRICTION,

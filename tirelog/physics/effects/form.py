@@ -25,8 +25,7 @@ from tirelog.data.setup import (
     FORM_WAVES,
     share_of_degree,
 )
-from tirelog.physics.effects.base import Drive, Site, Structure
-from tirelog.physics.effects.definition import effect, number
+from tirelog.physics.effects.base import Drive, Site, Structure, effect, number
 from tirelog.physics.spectral import MODES, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 

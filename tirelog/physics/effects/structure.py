@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.effects.base import ROOM_K, Drive, Structure
-from tirelog.physics.effects.definition import effect, number
+from tirelog.physics.effects.base import ROOM_K, Drive, Structure, effect, number
 from tirelog.vocabulary.arrays import FloatArray
 
 #: pressure of the air [Pa], which a gauge reads as zero

@@ -11,6 +11,7 @@ Powers of ten are not looked at: km and mm are lengths.
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -63,6 +64,8 @@ _BINARY: Mapping[type, Callable[..., Any]] = {
     ast.Mod: np.mod,
     ast.BitAnd: np.logical_and,
     ast.BitOr: np.logical_or,
+    ast.And: np.logical_and,
+    ast.Or: np.logical_or,
 }
 _UNARY: Mapping[type, Callable[..., Any]] = {
     ast.USub: np.negative,
@@ -78,7 +81,6 @@ _COMPARE: Mapping[type, Callable[..., Any]] = {
     ast.Eq: np.equal,
     ast.NotEq: np.not_equal,
 }
-_BOOLEAN: Mapping[type, Callable[..., Any]] = {ast.And: np.logical_and, ast.Or: np.logical_or}
 
 
 @dataclass(frozen=True)
@@ -198,27 +200,16 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
         return values[node.id] if node.id in values else CONSTANTS[node.id]
     if isinstance(node, ast.BinOp):
         left, right = _compute(node.left, values), _compute(node.right, values)
-        return (
-            _BINARY[type(node.op)](_float(left), _float(right))
-            if not _logical(node.op)
-            else _BINARY[type(node.op)](left, right)
-        )
+        return _BINARY[type(node.op)](_float(left), _float(right))
     if isinstance(node, ast.UnaryOp):
-        operand = _compute(node.operand, values)
-        return _UNARY[type(node.op)](
-            _float(operand) if isinstance(node.op, ast.USub | ast.UAdd) else operand
-        )
+        return _UNARY[type(node.op)](_float(_compute(node.operand, values)))
     if isinstance(node, ast.BoolOp):
-        result = _compute(node.values[0], values)
-        for part in node.values[1:]:
-            result = _BOOLEAN[type(node.op)](result, _compute(part, values))
-        return result
+        parts = (_compute(part, values) for part in node.values)
+        return functools.reduce(_BINARY[type(node.op)], parts)
     if isinstance(node, ast.Compare):
         terms = [_compute(part, values) for part in (node.left, *node.comparators)]
-        result = np.True_
-        for op, left, right in zip(node.ops, terms, terms[1:]):
-            result = np.logical_and(result, _COMPARE[type(op)](left, right))
-        return result
+        pairs = zip(node.ops, terms, terms[1:])
+        return functools.reduce(np.logical_and, (_COMPARE[type(op)](a, b) for op, a, b in pairs))
     if isinstance(node, ast.IfExp):
         return np.where(
             _compute(node.test, values), _compute(node.body, values), _compute(node.orelse, values)
@@ -233,10 +224,6 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
             allowed=f"as many as numpy's {call.func.id} takes are allowed",
             do="correct the expression",
         ) from None
-
-
-def _logical(op: ast.operator) -> bool:
-    return isinstance(op, ast.BitAnd | ast.BitOr)
 
 
 def _float(value: Any) -> Any:

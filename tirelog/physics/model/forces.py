@@ -212,10 +212,9 @@ def _carcass_moment(task: Task) -> FloatArray:
     else:
         inward = load_on_carcass(task) * response(task).displacement
     work = (np.conj(inward) * load_on_carcass(task)).imag
-    moment: FloatArray = (4.0 * np.pi * task.base["radius_m"]) * (_N * work).sum(
-        axis=1, keepdims=True
+    return np.asarray(
+        (4.0 * np.pi * task.base["radius_m"]) * (_N * work).sum(axis=1, keepdims=True)
     )
-    return moment
 
 
 def _hub_moment(task: Task) -> FloatArray:
@@ -225,10 +224,9 @@ def _hub_moment(task: Task) -> FloatArray:
     if task.carcass == "ring":
         inward = to_grid(hardened(task) * response(task).displacement)
         x = (R - inward) * np.sin(phi) + to_grid(tangential(task)) * np.cos(phi)
-    moment: FloatArray = (-R * STEP) * (to_grid(pressure(task).pressure) * x).sum(
-        axis=1, keepdims=True
+    return np.asarray(
+        (-R * STEP) * (to_grid(pressure(task).pressure) * x).sum(axis=1, keepdims=True)
     )
-    return moment
 
 
 def _deflections(task: Task) -> tuple[FloatArray, FloatArray]:

@@ -186,8 +186,7 @@ def dissipation_factor(task: Task, lever_m: float) -> FloatArray:
     modes, _ = waveform(task, "strain", lever_m)
     R = task.base["radius_m"]
     slopes = (np.arange(MODES) / R) ** 2 * (modes.real**2 + modes.imag**2)
-    integral: FloatArray = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
-    return integral
+    return np.asarray(4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True))
 
 
 #: observable of one number per revolution -> its law: (task, signed lever arm [m]) -> column

@@ -367,8 +367,7 @@ class Predicting:
         """
         at_rest = replace(conditions.take(slice(0, 1)), speed_m_s=np.full(1, 1e-3))
         _, task = next(self._tasks(at_rest, self.values))
-        found: FloatArray = np.real(impedance(task, structure(task)))[0]
-        return found
+        return np.asarray(np.real(impedance(task, structure(task)))[0])
 
     def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
         """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.
@@ -443,8 +442,7 @@ def _of_rows(level: FloatArray | float, shares: FloatArray | None) -> FloatArray
     """What a task of few speeds adds (k or 1, 1), of each row (n or 1, 1)."""
     if shares is None or np.ndim(level) == 0 or np.shape(level)[0] == 1:
         return level
-    of_rows: FloatArray = shares @ level
-    return of_rows
+    return shares @ level
 
 
 def _added(task: Task, observable: str, angles: Angles) -> FloatArray | float:

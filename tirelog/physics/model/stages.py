@@ -16,7 +16,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.carcass import contact_modes, structures
+from tirelog.physics.carcass import contact, structures
 from tirelog.physics.carcass.numbers import FASTEST_HZ
 from tirelog.physics.carcass.structures import hardened_load
 from tirelog.physics.effects import BY_ID
@@ -223,12 +223,14 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
         state, found = _contact_state(task, F), None
         if task.near is not None:
             near = _contact_state(task.near, loads(task.near))
-            found = contact_modes.pressure_modes_near(near, state, tilted=tilted)
-        half, modes, tilt = found or contact_modes.pressure_modes(state, tilted=tilted)
+            found = contact.pressure_modes_near(near, state, tilted=tilted)
+        half, modes, tilt = found or contact.pressure_modes(state, tilted=tilted)
         return Site(F, half, R, b.get("reference_load_N", b["load_N"])), modes, tilt
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if b["patch_pressure_exponent"]:
-        half = half * _pressure_ratio(task) ** -b["patch_pressure_exponent"]
+        p = task.drive.inflation_pressure_Pa
+        ratio = np.where(np.isfinite(p), p / b["reference_pressure_Pa"], 1.0)
+        half = half * ratio ** -b["patch_pressure_exponent"]
     if np.any(half >= np.pi * R):
         raise ModelError(
             f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference "
@@ -241,14 +243,14 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     return site, even, tilted_parabola(F, half, R) if tilted else None
 
 
-def _contact_state(task: Task, load_N: FloatArray) -> contact_modes.ContactState:
+def _contact_state(task: Task, load_N: FloatArray) -> contact.ContactState:
     """What the contact with a flat road is solved for."""
     s = structure(task)
     pb = _inflation_pb(task) + s.tension / task.base["radius_m"]
     lost = np.concatenate(np.broadcast_arrays(*ring_losses(task, s)), axis=1)
     stiffer = np.atleast_2d(np.asarray(1.0 + s.stiffening, np.float64))
     _positive_foundation(stiffer)
-    return contact_modes.ContactState(ring_carcass(task), load_N, pb, lost, stiffer)
+    return contact.ContactState(ring_carcass(task), load_N, pb, lost, stiffer)
 
 
 def ring_losses(task: Task, s: Structure) -> list[FloatArray]:
@@ -277,12 +279,6 @@ def leans(task: Task) -> bool:
     """
     lost = ring_losses(task, structure(task))
     return bool(task.having("tilt", "pressure")) or any(np.any(x) for x in lost)
-
-
-def _pressure_ratio(task: Task) -> FloatArray:
-    """The inflation pressure over the model's reference, 1 if it is not known, (n or 1, 1)."""
-    p = task.drive.inflation_pressure_Pa
-    return np.where(np.isfinite(p), p / task.base["reference_pressure_Pa"], 1.0)
 
 
 def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
@@ -397,13 +393,15 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         Z: FloatArray | ComplexArray = structures.impedance(
             q, EI, k, hoop, 2.0 * mu * c * s.damping_rate
         )
-        if np.any(s.shear):
-            Z = _yielding(Z, EI * q**4, s.shear * q**2)
+        if np.any(s.shear):  # EJ q^4 / (1 + l^2 q^2) in place of EJ q^4
+            sheared = s.shear * q**2
+            Z = _holding(Z - EI * q**4 * (sheared / (1.0 + sheared)))
         if np.any(s.by_waves):
             Z = _holding(Z + np.expm1(s.by_waves) * (EI * q**4 + s.tension * q**2 + k))
         if np.any(s.retardation):  # (1 + tau c d/dxi), P1 (22)
             Z = Z + 1j * (s.retardation * c * q) * (EI * q**4)
-        return Z + _loss(k, s.loss) if np.any(s.loss) else Z
+        # the mean deflection (n = 0) is not cycled
+        return Z + 1j * s.loss * k * (np.arange(MODES) > 0) if np.any(s.loss) else Z
     n = np.arange(MODES, dtype=np.float64)
     n[0] = 1.0  # the mode that an inextensible belt does not have; its load is zero
     k_w = b["radial_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
@@ -423,13 +421,6 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     return Z + 1j * (turning + radial * (np.arange(MODES) > 0))
 
 
-def _yielding(
-    Z: FloatArray | ComplexArray, bent: FloatArray, shear: FloatArray
-) -> FloatArray | ComplexArray:
-    """Z of a beam that yields in shear: EJ q^4 / (1 + l^2 q^2) in place of EJ q^4."""
-    return _holding(Z - bent * (shear / (1.0 + shear)))
-
-
 def _holding(Z: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
     """Z itself; ModelError if a wave runs as fast as the tire rolls."""
     if not np.all(Z.real > 0.0):
@@ -439,11 +430,6 @@ def _holding(Z: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
             do="lower belt_shear.length_m or the speed, or take stiffer numbers of form",
         )
     return Z
-
-
-def _loss(k: FloatArray | float, loss: FloatArray | float) -> ComplexArray:
-    """What a foundation's loss adds to Z, i eta k; the mean deflection (n = 0) is not cycled."""
-    return np.asarray(1j * loss * k * (np.arange(MODES) > 0), np.complex128)
 
 
 def _positive_foundation(k: FloatArray | float) -> None:

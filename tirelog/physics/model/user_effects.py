@@ -25,7 +25,7 @@ from dataclasses import dataclass, fields, replace
 from errno import ENOENT
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -115,7 +115,6 @@ def _list() -> Path:
     return folder / "tirelog" / "let_run"
 
 
-ENTRY_POINTS = "tirelog.effects"
 #: name in an expression -> field of the conditions
 CONDITIONS = {c.symbol: c.field for c in conditions.CONDITIONS.values() if c.in_expressions}
 PLACES = ("xi", "phi", "L", "R", "load")
@@ -150,18 +149,8 @@ def effect_by_expression(
     return effect_by_formula(name, acts_on, formula, parameters)
 
 
-class Formula(Protocol):
-    """What a user's effect computes: its words, the names that it reads, and its values."""
-
-    @property
-    def text(self) -> str: ...
-    @property
-    def names(self) -> frozenset[str]: ...
-    def __call__(self, values: Mapping[str, Any]) -> FloatArray: ...
-
-
 def effect_by_formula(
-    name: str, acts_on: str, formula: Formula, parameters: tuple[Parameter, ...]
+    name: str, acts_on: str, formula: Expression | Shape, parameters: tuple[Parameter, ...]
 ) -> Effect:
     """The effect that acts on a place as a formula says.
 
@@ -180,7 +169,7 @@ def effect_by_formula(
         id=name,
         mechanism=f"by expression: {formula.text}",
         follows=tuple((CONDITIONS[n], 1.0) for n in sorted(formula.names & set(CONDITIONS))),
-        acts_on=(_STAGE.get(acts_on, acts_on),),
+        acts_on=("structure" if acts_on == "foundation_stiffness" else acts_on,),
         parameters=parameters,
         strength=_strength(formula, parameters),
         source="the model file",
@@ -192,10 +181,7 @@ def effect_by_formula(
     ).checked()
 
 
-_STAGE = {"foundation_stiffness": "structure"}
-
-
-def _hook(acts_on: str, formula: Formula) -> dict[str, Any]:
+def _hook(acts_on: str, formula: Expression | Shape) -> dict[str, Any]:
     def column(v: Values, drive: Drive) -> FloatArray:
         return np.atleast_2d(formula(_names(v, drive)))
 
@@ -253,7 +239,7 @@ def _names(
     return values
 
 
-def _strength(formula: Formula, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+def _strength(formula: Expression | Shape, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
     """The parameter that switches the formula off at zero; all of them if none does so alone."""
     rng = np.random.default_rng(0)
     size = 64
@@ -375,7 +361,7 @@ def installed_effects() -> dict[str, Effect]:
     Entry points of the group "tirelog.effects", each an Effect or a list of them.
     """
     found: dict[str, Effect] = {}
-    for point in entry_points(group=ENTRY_POINTS):
+    for point in entry_points(group="tirelog.effects"):
         value = point.load()
         found |= _collected(
             list(value) if isinstance(value, list | tuple) else [value], point.value

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve
 from scipy.optimize import brentq
 
 from tirelog.errors import ModelError
@@ -327,7 +326,16 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
     omega = speed_m_s / tire.R
     for _ in range(2 if speed_m_s else 1):
         unit, gives = _compliance(tire, omega)
-        on, p, drop = _balance(tire, load_N, gives)
+        shape, begin = tire.R * (1.0 - np.cos(_PHI)), np.abs(_PHI) <= 0.15
+        found = contact.balance(gives, shape, tire.R * STEP, tire.k_t, load_N, begin)
+        if found is None:
+            raise ModelError(
+                f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or "
+                "finds no balance",
+                allowed="a shorter one is allowed",
+                do="give a stiffer foundation or a lower load",
+            )
+        on, p, drop, *_ = found
         V = unit[:, on] @ p
         # the road's force i F stands on the sidewall: k_s a + c_s (0 - i Omega a) = i F, Omega x a
         # = i Omega a in the complex plane
@@ -348,35 +356,6 @@ def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArr
     unit = load / modal_impedance(tire.n, tire.carcass, omega)[:, None]
     lift = 2.0 * np.exp(1j * n * _PHI) * (sin + 1j * n * cos)
     return unit, (lift.T @ unit).real
-
-
-def _balance(
-    tire: CoupledRing, load_N: float, lifts: FloatArray
-) -> tuple[np.ndarray, FloatArray, float]:
-    """(nodes that press, their pressure [N/m], drop [m] of the ring).
-
-    The drop is that of the ring's centre below its height unloaded.
-    """
-    shape, h = tire.R * (1.0 - np.cos(_PHI)), tire.R * STEP
-    active = np.abs(_PHI) <= 0.15
-    for _ in range(100):
-        on = np.flatnonzero(active)
-        system = np.zeros((on.size + 1, on.size + 1))
-        system[:-1, :-1] = lifts[np.ix_(on, on)] + np.eye(on.size) / tire.k_t
-        system[:-1, -1], system[-1, :-1] = -1.0, h
-        answer = solve(system, np.append(-shape[on], load_N))
-        pressing = answer[-1] - shape - lifts[:, on] @ answer[:-1] > 0.0
-        if np.array_equal(pressing, active):
-            return on, answer[:-1], float(answer[-1])
-        active = pressing
-        if active[0] or active[-1]:
-            break
-    raise ModelError(
-        f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or finds "
-        "no balance",
-        allowed="a shorter one is allowed",
-        do="give a stiffer foundation or a lower load",
-    )
 
 
 def _free_spin(

@@ -62,19 +62,24 @@ know second order (k_w against k_v under wind-up).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from tirelog.errors import ModelError
+from tirelog.physics.carcass import contact
+from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
-from tirelog.physics.spectral import ComplexArray
+from tirelog.physics.model.model import Model
+from tirelog.physics.spectral import STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
 
 @dataclass(frozen=True)
-class CoupledRing:
+class CoupledRing(RingCarcass):
     """A tire on its hub: constants of ring, belt mass, hub, tread and brush.
 
     The ring's constants as in `ring.RingCarcass`, rho A [kg/m], hub m_h [kg] and J_h [kg m^2].
@@ -84,15 +89,7 @@ class CoupledRing:
     that keeps its height. ModelError for what cannot move.
     """
 
-    EI: float
-    k_w: float
-    k_v: float
-    c_w: float
-    c_v: float
-    pb: float
-    R: float
-    k_t: float
-    rho_A: float
+    rho_A: float = field(kw_only=True)
     m_h: float = 20.0
     J_h: float = 0.8
     c_x: float = 1.9e6
@@ -105,12 +102,12 @@ class CoupledRing:
     c_h: float = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            may_vanish = field.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c", "c_h")
+        for own in fields(self):
+            value = getattr(self, own.name)
+            may_vanish = own.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c", "c_h")
             if not (np.isfinite(value) and (value > 0.0 or (may_vanish and value == 0.0))):
                 raise ModelError(
-                    f"coupled ring with {field.name} = {value:g}",
+                    f"coupled ring with {own.name} = {value:g}",
                     allowed=f"a finite number {'of at least' if may_vanish else 'above'} zero is "
                     "allowed",
                     do="correct it",
@@ -235,3 +232,326 @@ class CoupledRing:
             * self.R
             * float(np.vdot(rate, carried).imag - omega * np.vdot(self.n * V, carried).real)
         )
+
+
+# ---- How a tire rings: natural frequencies, damping and shapes of the coupled ring.
+#
+# Free in the air, or on a flat road.
+#
+# The equations of `ring`, linear about the tire that turns at Omega (second-order terms left out),
+# in the frame that does not turn:
+#
+#     M q'' + (C + G) q' + (K + D) q = 0,
+#     q = (H_s, H_z, C_s, C_z, psi_h, psi, Re V_2, Im V_2, ... Re V_N, Im V_N)
+#
+# G is the gyroscopic part 4 pi R 2 gamma_n Omega (skew), D what the turning dampers push sideways
+# (circulatory). On the road the tread's springs under the standing patch are added to K, sum k_t h
+# g g' with g the gradient of a node's height; and the bristles, which cling (they are far from
+# sliding in free rolling), as states of their own that pass through the patch with the belt:
+#
+#     u_t + Omega u_phi = a . q' + Omega b . q,  u = 0 at the entry,    force on q:  - sum c_x h a u
+#
+# a the gradient of a node's place along the road, b of (w' - v) sin phi. A ring model without
+# bristles stands on a road free of friction: its rotation does not feel the road. Frequencies are
+# those that an observer beside the tire hears; on the belt itself a wave of n lobes is n Omega / 2
+# pi away.
+
+#: A coupled ring model's names for what a ring model does not have.
+_OWN = {
+    "m_h": "hub_mass_kg",
+    "J_h": "hub_inertia_kg_m2",
+    "c_h": "suspension_damping_N_s_m",
+    "m_a": "added_mass_kg",
+    "a_s": "sidewall_stiffness_ratio",
+    "a_theta": "wind_up_stiffness_ratio",
+    "a_c": "sidewall_damping_ratio",
+    "c_x": "bristle_stiffness_N_m2",
+    "mu": "friction",
+}
+#: coordinates that stand before the belt's: two places each of hub and ring, and their angles
+_RINGS = 6
+#: Cells of bristles between entry and exit of the patch. Twice as many resolve shorter waves of
+#: the tread's deflection, and make the matrix as much larger.
+_CELLS = 48
+#: Slower than this [Hz] is no vibration but a tire that rolls away. Twice as much is still slower
+#: than any mode of a tire.
+_SLOWEST = 0.05
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One natural vibration: frequency [Hz], damping ratio and shape.
+
+    The shape comes in words, with lobes n (0 rotational, 1 rigid) and the share of n in its energy.
+
+    direction: `with` or `against` the rotation for a travelling wave, `standing` else.
+    """
+
+    frequency_Hz: float
+    damping_ratio: float
+    shape: str
+    lobes: int
+    direction: str
+    share: float
+
+
+def natural_modes(
+    tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | None = None, to_Hz: float = 300.0
+) -> list[Mode]:
+    """The natural modes up to `to_Hz`, lowest first.
+
+    Free in the air without `load_N`, else on the road under it.
+
+    ModelError for a speed at or beyond the critical one, a load that does not press, or a range
+    that is none.
+    """
+    if not to_Hz > 0.0:
+        raise ModelError(
+            f"modes up to {to_Hz:g} Hz",
+            allowed="above zero is allowed",
+            do="give the highest frequency",
+        )
+    tire.check_speed(speed_m_s)
+    tire = enough_modes(tire, to_Hz, speed_m_s)
+    system, M = first_order(tire, speed_m_s / tire.R, load_N)
+    size = M.size
+    values, vectors = np.linalg.eig(system)
+    heard = (values.imag > 2.0 * np.pi * _SLOWEST) & (values.imag <= 2.0 * np.pi * to_Hz)
+    found = [
+        _mode(value, vector[:size], M, turning=speed_m_s != 0.0)
+        for value, vector in zip(values[heard], vectors[:, heard].T)
+    ]
+    return sorted(found, key=lambda mode: (mode.frequency_Hz, mode.lobes))
+
+
+def modes_of_model(
+    model: Model,
+    *,
+    speed_m_s: float = 0.0,
+    load_N: float | None = None,
+    hub_mass_kg: float | None = None,
+    hub_inertia_kg_m2: float | None = None,
+    to_Hz: float = 300.0,
+) -> list[tuple[str, Mode]]:
+    """(support, mode) of a ring model in the air, and on the road if its tread can stand there.
+
+    load_N      on the road; None: the model's
+    ModelError  a beam, which has no modes here, or a load for a tire that cannot stand
+    """
+    if steady_carcass(model.carcass) != "ring":
+        raise ModelError(
+            f"a {model.carcass} has no natural modes here",
+            allowed='carcass = "ring" or "coupled_ring" is allowed',
+            do="make one with --carcass ring",
+            file=model.path,
+        )
+    tire = of_model(model.values, hub_mass_kg=hub_mass_kg, hub_inertia_kg_m2=hub_inertia_kg_m2)
+    supports: dict[str, float | None] = {"air": None}
+    if model.contact == "flat_road":
+        supports["road"] = model.values["load_N"] if load_N is None else load_N
+    elif load_N is not None:
+        raise ModelError(
+            "--load needs a tread to stand on",
+            allowed='contact = "flat_road" is allowed',
+            do="leave it out, or make such a model",
+            file=model.path,
+        )
+    return [
+        (support, mode)
+        for support, stands in supports.items()
+        for mode in natural_modes(tire, speed_m_s=speed_m_s, load_N=stands, to_Hz=to_Hz)
+    ]
+
+
+def of_model(
+    values: Mapping[str, float],
+    *,
+    hub_mass_kg: float | None = None,
+    hub_inertia_kg_m2: float | None = None,
+) -> CoupledRing:
+    """The coupled ring with a ring or coupled ring model's numbers by name.
+
+    The names are those of the contract ("Model file"). ModelError if it could not move with them.
+
+    A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; and no bristles. A model
+    without a tread has one that does not matter in the air.
+    """
+    own: dict[str, Any] = {"c_x": 0.0} | {
+        name: values[key] for name, key in _OWN.items() if key in values
+    }
+    own |= {
+        name: given
+        for name, given in (("m_h", hub_mass_kg), ("J_h", hub_inertia_kg_m2))
+        if given is not None
+    }
+    return CoupledRing(
+        EI=values["flexural_stiffness_N_m2"],
+        k_w=values["radial_stiffness_N_m2"],
+        k_v=values["tangential_stiffness_N_m2"],
+        c_w=values["radial_damping_N_s_m2"],
+        c_v=values["tangential_damping_N_s_m2"],
+        pb=values["inflation_pressure_Pa"] * values["width_m"],
+        R=values["radius_m"],
+        k_t=values.get("tread_stiffness_N_m2", 1e8),
+        rho_A=values["line_mass_kg_m"],
+        **own,
+    )
+
+
+def enough_modes(tire: CoupledRing, to_Hz: float, speed_m_s: float) -> CoupledRing:
+    """The tire with the belt modes that a spectrum up to `to_Hz` needs, 12 to 60.
+
+    As many as ring up to there (seen beside a tire at that speed), and as many again for the patch.
+    """
+    n = np.arange(2.0, 61.0)
+    wide = replace(tire, modes=60)
+    slow = np.sqrt(wide.Z_n / wide.m_n) - n * abs(speed_m_s) / tire.R
+    below = n[slow < 2.0 * np.pi * to_Hz]
+    return replace(
+        tire, modes=int(np.clip(2.0 * (below[-1] if below.size else 0.0) + 4.0, 12.0, 60.0))
+    )
+
+
+def first_order(
+    tire: CoupledRing, omega_rad_s: float, load_N: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """(A of y' = A y, diagonal of M), y = (q, q', and on the road the bristles' deflections u)."""
+    M, damping, stiffness = matrices(tire, omega_rad_s, load_N)
+    size = M.size
+    system = np.zeros((2 * size, 2 * size))
+    system[:size, size:] = np.eye(size)
+    system[size:] = np.hstack([-stiffness, -damping]) / M[:, None]
+    if load_N is not None and tire.c_x > 0.0 and tire.mu > 0.0:
+        system = _with_bristles(tire, system, M, omega_rad_s, load_N)
+    return system, M
+
+
+def matrices(
+    tire: CoupledRing, omega_rad_s: float, load_N: float | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(diagonal of M, C + G, K + D), (k,), (k, k), (k, k) in SI, q as above."""
+    scale = 4.0 * np.pi * tire.R
+    M = np.concatenate(
+        [
+            [tire.m_h, tire.m_h, tire.m_r, tire.m_r, tire.J_h, tire.J_r],
+            np.repeat(scale * tire.m_n, 2),
+        ],
+    )
+    damping, stiffness = np.zeros((M.size, M.size)), np.zeros((M.size, M.size))
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    pair = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    damping[:4, :4] = tire.c_s * np.kron(pair, np.eye(2))
+    stiffness[:4, :4] = tire.k_s * np.kron(pair, np.eye(2)) - tire.c_s * omega_rad_s * np.kron(
+        pair, turn
+    )
+    damping[1, 1] += tire.c_h
+    damping[4:6, 4:6], stiffness[4:6, 4:6] = tire.c_theta * pair, tire.k_theta * pair
+    for i, (n, c, gamma, Z) in enumerate(zip(tire.n, tire.c_n, tire.gamma_n, tire.Z_n)):
+        at = slice(_RINGS + 2 * i, _RINGS + 2 * i + 2)
+        damping[at, at] = scale * (c * np.eye(2) + 2.0 * gamma * omega_rad_s * turn)
+        stiffness[at, at] = scale * (Z * np.eye(2) + n * omega_rad_s * c * turn)
+    if load_N is not None:
+        stiffness += _road(tire, load_N)
+    return M, damping, stiffness
+
+
+def _road(tire: CoupledRing, load_N: float) -> FloatArray:
+    """Stiffness of the tread's springs that press at this load, (k, k)."""
+    phi = contact.solve_contact(tire.carcass, load_N).phi_rad
+    turns = np.outer(tire.n, phi)
+    cos, sin = 2.0 * np.cos(turns), 2.0 * np.sin(turns)
+    n = tire.n[:, None]
+    gradient = np.zeros((_RINGS + 2 * tire.n.size, phi.size))
+    gradient[3] = 1.0
+    # a node's height is C_z - w cos phi + v sin phi;  v = 2 Re V e, w = 2 Re (-i n V e)
+    gradient[_RINGS::2] = -n * sin * np.cos(phi) + cos * np.sin(phi)
+    gradient[_RINGS + 1 :: 2] = -n * cos * np.cos(phi) - sin * np.sin(phi)
+    return (tire.k_t * tire.R * STEP) * gradient @ gradient.T
+
+
+def _with_bristles(
+    tire: CoupledRing, system: FloatArray, M: FloatArray, omega: float, load_N: float
+) -> FloatArray:
+    """The system with the bristles' deflections u (_CELLS,) as further states.
+
+    They stand in upwind cells from entry to exit.
+    """
+    pressed = contact.solve_contact(tire.carcass, load_N)
+    half = pressed.half_length_m / tire.R
+    width = 2.0 * half / _CELLS
+    phi = -half + width * (np.arange(_CELLS) + 0.5)
+    turns, n, size = np.outer(tire.n, phi), tire.n[:, None], M.size
+    cos, sin = 2.0 * np.cos(turns), 2.0 * np.sin(turns)
+    along, turned = np.zeros((2, size, _CELLS))
+    along[2], along[5] = 1.0, tire.R
+    # s = C_s + w sin phi + v cos phi + R psi;  w' - v = (n^2 - 1) v
+    along[_RINGS::2], along[_RINGS + 1 :: 2] = (
+        n * sin * np.sin(phi) + cos * np.cos(phi),
+        n * cos * np.sin(phi) - sin * np.cos(phi),
+    )
+    turned[_RINGS::2], turned[_RINGS + 1 :: 2] = (
+        (n**2 - 1.0) * cos * np.sin(phi),
+        -(n**2 - 1.0) * sin * np.sin(phi),
+    )
+    whole = np.zeros((system.shape[0] + _CELLS,) * 2)
+    whole[: 2 * size, : 2 * size] = system
+    whole[size : 2 * size, 2 * size :] = -tire.c_x * tire.R * width * along / M[:, None]
+    whole[2 * size :, :size], whole[2 * size :, size : 2 * size] = omega * turned.T, along.T
+    whole[2 * size :, 2 * size :] = (
+        -abs(omega) / width * (np.eye(_CELLS) - np.eye(_CELLS, k=-1 if omega >= 0.0 else 1))
+    )
+    return whole
+
+
+def _mode(value: complex, q: ComplexArray, M: FloatArray, *, turning: bool) -> Mode:
+    energy = M * np.abs(q) ** 2
+    energy /= energy.sum()
+    lobes = energy[_RINGS:].reshape(-1, 2).sum(axis=1)
+    # the hub moves along with the ring: its part counts to the ring's
+    rigid, rotational = energy[:4].sum(), energy[4:6].sum()
+    groups = np.concatenate([[rotational, rigid], lobes])
+    main = int(np.argmax(groups))
+    # rounded: what is not damped is 0, not the eigenvalue solver's noise
+    frequency, damping = (
+        float(value.imag) / (2.0 * np.pi),
+        round(-float(value.real) / abs(value), 12) + 0.0,
+    )
+    share = float(groups[main])
+    if main == 0:
+        return Mode(frequency, damping, "rotational", 0, "standing", share)
+    if main == 1:
+        upright = (energy[1] + energy[3]) / rigid
+        word = (
+            "rigid vertical"
+            if upright > 0.75
+            else "rigid longitudinal"
+            if upright < 0.25
+            else "rigid whirl"
+        )
+        x, y = (q[2], q[3]) if energy[2:4].sum() > energy[:2].sum() else (q[0], q[1])
+        # s + i z turning with the rotation goes as exp(+ i omega t)
+        return Mode(
+            frequency,
+            damping,
+            word,
+            1,
+            _direction(abs(x + 1j * y), abs(x - 1j * y), turning),
+            share,
+        )
+    x, y = q[_RINGS + 2 * (main - 2) :][:2]
+    # V exp(i n phi): with the rotation, V goes as exp(- i omega t)
+    return Mode(
+        frequency,
+        damping,
+        f"{main}-lobe",
+        main,
+        _direction(abs(x - 1j * y), abs(x + 1j * y), turning),
+        share,
+    )
+
+
+def _direction(along: float, against: float, turning: bool) -> str:
+    # at rest a pair of equal frequencies may come out as any mixture
+    if not turning or min(along, against) > 0.5 * max(along, against):
+        return "standing"
+    return "with" if along > against else "against"

@@ -1,6 +1,6 @@
 """The road under a moving tire: height and slope over the distance driven.
 
-    `setup.RoadSetup` (a log's [road], or words of a command) --`road_of`--> Road
+    `setup.RoadSetup` (a log's [road], or words of a command) --`road_of`--> RoadProfile
 
 Heights stand over `x` [m], the distance in the direction of driving, shapes as asked. Every profile
 is continuous: a step and a cleat have a ramp, since tread that presses along the road's normal has
@@ -10,11 +10,11 @@ is higher than the tire can climb.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 
@@ -35,65 +35,26 @@ HIGHEST = 0.2
 RAMP = 0.01
 
 
-class RoadProfile(Protocol):
-    """What the contact asks of a road."""
-
-    def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Height [m] and slope [m/m] at `x_m`, each of its shape."""
-        ...
-
-
 @dataclass(frozen=True)
-class FlatRoad:
-    """Height 0 everywhere."""
+class RoadProfile:
+    """Height over the distance driven; without any numbers it is flat.
 
-    def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return np.zeros_like(x_m), np.zeros_like(x_m)
-
-
-@dataclass(frozen=True)
-class SineRoad:
-    """A sine road: amplitude (1 - cos(2 pi x / wavelength)) from x = 0 on.
-
-    It begins level and rises to twice the amplitude.
+    Heights [m] at growing distances [m], straight between them and level outside; a sine, amplitude
+    (1 - cos(2 pi x / wavelength)) from x = 0 on, which begins level and rises to twice the
+    amplitude. It begins at `at_m`, and comes again every `spacing_m` if that is above zero.
     """
 
-    amplitude_m: float
-    wavelength_m: float
+    distance_m: tuple[float, ...] = ()
+    height_m: tuple[float, ...] = ()
+    amplitude_m: float = 0.0
+    wavelength_m: float | None = None
+    at_m: float = 0.0
+    spacing_m: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.wavelength_m > 0.0 and np.isfinite(self.amplitude_m)):
-            raise ModelError(
-                f"sine road of wavelength {self.wavelength_m:g} m",
-                allowed="above zero is allowed",
-                do="correct wavelength_m",
-            )
-        _climbable(abs(self.amplitude_m) * 2.0 * np.pi / self.wavelength_m)
-
-    def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        q = 2.0 * np.pi / self.wavelength_m
-        x = np.maximum(x_m, 0.0)
-        return self.amplitude_m * (1.0 - np.cos(q * x)), self.amplitude_m * q * np.sin(q * x)
-
-
-@dataclass(frozen=True)
-class MeasuredRoad:
-    """A measured road: heights [m] at growing distances [m], at least two points.
-
-    Straight between the points and level outside of them.
-    """
-
-    distance_m: tuple[float, ...]
-    height_m: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        x, h = np.asarray(self.distance_m, float), np.asarray(self.height_m, float)
-        if (
-            x.ndim != 1
-            or x.shape != h.shape
-            or x.size < 2
-            or not (np.isfinite(x).all() and np.isfinite(h).all())
-        ):
+        x, h, wave = np.array(self.distance_m), np.array(self.height_m), self.wavelength_m
+        points = x.ndim == 1 and x.shape == h.shape and x.size != 1
+        if not (points and np.isfinite(x).all() and np.isfinite(h).all()):
             raise ModelError(
                 "road profile without two columns of finite numbers",
                 allowed="two points or more are allowed",
@@ -105,7 +66,21 @@ class MeasuredRoad:
                 allowed="growing distances are allowed",
                 do="sort the rows, one height each",
             )
-        _climbable(float(np.max(np.abs(self._slopes))))
+        if wave is not None and not (wave > 0.0 and np.isfinite(self.amplitude_m)):
+            raise ModelError(
+                f"sine road of wavelength {wave:g} m",
+                allowed="above zero is allowed",
+                do="correct wavelength_m",
+            )
+        waving = abs(self.amplitude_m) * 2.0 * np.pi / (wave or np.inf)
+        slope = max(waving, np.abs(self._slopes).max())
+        if slope > STEEPEST:
+            raise ModelError(
+                f"road with a slope of {slope:.3g}",
+                allowed=f"up to {STEEPEST:g} is allowed (the tread presses along the road's "
+                "normal)",
+                do="give the step a longer ramp",
+            )
 
     @cached_property
     def _slopes(self) -> FloatArray:
@@ -114,25 +89,32 @@ class MeasuredRoad:
         return np.concatenate([[0.0], slopes, [0.0]])
 
     def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return np.interp(x_m, self.distance_m, self.height_m), self._slopes[
-            np.searchsorted(self.distance_m, x_m, side="right")
-        ]
-
-
-@dataclass(frozen=True)
-class PlacedRoad:
-    """A road that begins at `at_m`, and comes again every `spacing_m` if that is above zero."""
-
-    road: RoadProfile
-    at_m: float
-    spacing_m: float = 0.0
-
-    def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Height [m] and slope [m/m] at `x_m`, each of its shape."""
         x = x_m - self.at_m
-        # a turn ahead of the first obstacle there is none
-        return self.road.profile(
-            np.where(x > 0.0, np.mod(x, self.spacing_m), x) if self.spacing_m > 0.0 else x
-        )
+        if self.wavelength_m is not None:
+            q, x = 2.0 * np.pi / self.wavelength_m, np.maximum(x, 0.0)
+            return self.amplitude_m * (1.0 - np.cos(q * x)), self.amplitude_m * q * np.sin(q * x)
+        if not self.distance_m:
+            return np.zeros_like(x), np.zeros_like(x)
+        if self.spacing_m > 0.0:  # a turn ahead of the first obstacle there is none
+            x = np.where(x > 0.0, np.mod(x, self.spacing_m), x)
+        place = np.searchsorted(self.distance_m, x, side="right")
+        return np.interp(x, self.distance_m, self.height_m), self._slopes[place]
+
+    def check_climbable(self, radius_m: float) -> None:
+        """ModelError if it rises by more than the tire can take within one of its diameters."""
+        x, h = np.array(self.distance_m), np.array(self.height_m)
+        wide, wave = 2.0 * radius_m, self.wavelength_m
+        rises = [float(np.ptp(h[(x >= begin) & (x <= begin + wide)])) for begin in x]
+        rises += [2.0 * abs(self.amplitude_m)] * (wave is not None and wave < 2.0 * wide)
+        rise = next((rise for rise in rises if rise > HIGHEST * radius_m), None)
+        if rise is not None:
+            raise ModelError(
+                f"road that rises {rise:.3g} m within one tire diameter",
+                allowed=f"up to {HIGHEST * radius_m:.3g} m is allowed for a radius of "
+                f"{radius_m:.3g} m (small displacements of the ring)",
+                do="give a lower obstacle",
+            )
 
 
 def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) -> RoadProfile:
@@ -142,7 +124,7 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
     `folder`, unless its path is absolute.
     """
     if words.kind == "flat":
-        return FlatRoad()
+        return RoadProfile()
     if words.kind == "profile":
         if words.file is None:
             raise ModelError(
@@ -151,18 +133,18 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
                 do="name it",
             )
         road = load_road((folder or Path()) / words.file)
-        return PlacedRoad(road, at_m, _spaced(words, road.distance_m[-1]))
+        return replace(road, at_m=at_m, spacing_m=_spaced(words, road.distance_m[-1]))
     if words.kind == "sine":
         amplitude, wavelength = _needed(words, "amplitude_m", "wavelength_m")
-        return PlacedRoad(SineRoad(amplitude, wavelength), at_m)
+        return RoadProfile(amplitude_m=amplitude, wavelength_m=wavelength, at_m=at_m)
     if words.kind == "step":
         (height,) = _needed(words, "height_m")
-        return PlacedRoad(
-            step(0.0, height, words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)), at_m
-        )
+        ramp = words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)
+        return replace(step(0.0, height, ramp), at_m=at_m)
     height, length = _needed(words, "height_m", "length_m")
     ramp = words.ramp_m or min(max(RAMP, 1.01 * abs(height) / STEEPEST), 0.49 * length)
-    return PlacedRoad(cleat(0.0, height, length, ramp), at_m, _spaced(words, length))
+    spacing_m = _spaced(words, length)
+    return replace(cleat(0.0, height, length, ramp), at_m=at_m, spacing_m=spacing_m)
 
 
 def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
@@ -188,12 +170,12 @@ def _spaced(words: RoadSetup, length_m: float) -> float:
     return spacing
 
 
-def step(at_m: float, height_m: float, ramp_m: float = 0.01) -> MeasuredRoad:
+def step(at_m: float, height_m: float, ramp_m: float = 0.01) -> RoadProfile:
     """A change of level that begins at `at_m`."""
-    return MeasuredRoad((at_m, at_m + ramp_m), (0.0, height_m))
+    return RoadProfile((at_m, at_m + ramp_m), (0.0, height_m))
 
 
-def cleat(at_m: float, height_m: float, width_m: float, ramp_m: float = 0.01) -> MeasuredRoad:
+def cleat(at_m: float, height_m: float, width_m: float, ramp_m: float = 0.01) -> RoadProfile:
     """A bar that begins at `at_m`: `width_m` at its foot, a ramp on either side."""
     if not 0.0 < ramp_m < 0.5 * width_m:
         raise ModelError(
@@ -201,13 +183,13 @@ def cleat(at_m: float, height_m: float, width_m: float, ramp_m: float = 0.01) ->
             allowed="above zero and below half of its width is allowed",
             do="correct ramp_m",
         )
-    return MeasuredRoad(
+    return RoadProfile(
         (at_m, at_m + ramp_m, at_m + width_m - ramp_m, at_m + width_m),
         (0.0, height_m, height_m, 0.0),
     )
 
 
-def load_road(path: str | Path) -> MeasuredRoad:
+def load_road(path: str | Path) -> RoadProfile:
     """A road profile from a text file.
 
     Two columns, distance [m] and height [m], comma or blanks between; `#` begins a remark.
@@ -239,47 +221,7 @@ def load_road(path: str | Path) -> MeasuredRoad:
             file=path,
         ) from None
     try:
-        return MeasuredRoad(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
+        # a file of no points is no flat road
+        return RoadProfile(*zip(*rows, strict=True)) if rows else RoadProfile((0.0,), (0.0,))
     except ModelError as problem:
         raise problem.at(path) from None
-
-
-def check_climbable(road: RoadProfile, radius_m: float) -> None:
-    """ModelError if a measured profile is too steep for the tire.
-
-    It may not rise by more than the tire can take within one of its diameters.
-    """
-    if isinstance(road, PlacedRoad):
-        road = road.road
-    if not isinstance(road, MeasuredRoad):
-        if (
-            isinstance(road, SineRoad)
-            and 2.0 * abs(road.amplitude_m) > HIGHEST * radius_m
-            and road.wavelength_m < 4.0 * radius_m
-        ):
-            _too_high(2.0 * abs(road.amplitude_m), radius_m)
-        return
-    x, h = np.asarray(road.distance_m), np.asarray(road.height_m)
-    for i in range(x.size):
-        near = (x >= x[i]) & (x <= x[i] + 2.0 * radius_m)
-        rise = float(np.ptp(h[near]))
-        if rise > HIGHEST * radius_m:
-            _too_high(rise, radius_m)
-
-
-def _too_high(rise_m: float, radius_m: float) -> None:
-    raise ModelError(
-        f"road that rises {rise_m:.3g} m within one tire diameter",
-        allowed=f"up to {HIGHEST * radius_m:.3g} m is allowed for a radius of {radius_m:.3g} m "
-        "(small displacements of the ring)",
-        do="give a lower obstacle",
-    )
-
-
-def _climbable(slope: float) -> None:
-    if slope > STEEPEST:
-        raise ModelError(
-            f"road with a slope of {slope:.3g}",
-            allowed=f"up to {STEEPEST:g} is allowed (the tread presses along the road's normal)",
-            do="give the step a longer ramp",
-        )

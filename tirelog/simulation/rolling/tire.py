@@ -244,13 +244,6 @@ _LARGEST_ITERATIONS = 60
 
 
 @dataclass(frozen=True)
-class BeltReading:
-    """Linear readings of the belt at one place: rows (k, N), see `splines.Splines.functional`."""
-
-    rows: FloatArray
-
-
-@dataclass(frozen=True)
 class TireMotion:
     """The tire's motion as columns over time (k,).
 
@@ -458,18 +451,14 @@ class RollingTire:
         self.constants["damper_N_s_m"] = belt.held[1] + more
 
     def run(
-        self, drive: Records, *, every: int = 1, riders: tuple[BeltReading, ...] = ()
+        self, drive: Records, *, every: int = 1, riders: tuple[FloatArray, ...] = ()
     ) -> tuple[Records, FloatArray]:
         """Kept moments, of the steps' begins: (k,) of MOMENT, readings (k, r); k = ceil(n/every).
 
         One step per order of `drive` (n,) of DRIVE. UsageError if the belt leaves what small
         displacements can say.
         """
-        rows = (
-            np.concatenate([rider.rows for rider in riders])
-            if riders
-            else np.zeros((0, self.v.size))
-        )
+        rows = np.concatenate(riders) if riders else np.zeros((0, self.v.size))
         weights, begin = _packed(rows)
         moments = np.empty(-(-drive.size // every), MOMENT)
         read = np.empty((moments.size, rows.shape[0]))

@@ -112,12 +112,10 @@ class TrueDrive:
 
     def speed_at(self, time_s: FloatArray) -> FloatArray:
         """Speed of the tread through the patch [m/s], never negative."""
-        speed: FloatArray = np.maximum(self.speed(np.clip(time_s, 0.0, self.time_s[-1])), 0.0)
-        return speed
+        return np.asarray(np.maximum(self.speed(np.clip(time_s, 0.0, self.time_s[-1])), 0.0))
 
     def acceleration_at(self, time_s: FloatArray) -> FloatArray:
-        acceleration: FloatArray = self.speed(np.clip(time_s, 0.0, self.time_s[-1]), 1)
-        return acceleration
+        return np.asarray(self.speed(np.clip(time_s, 0.0, self.time_s[-1]), 1))
 
     def angle_at(self, time_s: FloatArray) -> FloatArray:
         """Wheel angle [rad], growing in the direction of rolling.
@@ -128,8 +126,7 @@ class TrueDrive:
         inside = np.clip(time_s, 0.0, end)
         over = np.asarray(time_s) - inside
         speed = self.speed_at(inside)
-        angle: FloatArray = self.angle(inside) + over * speed / self.radius_at(speed)
-        return angle
+        return np.asarray(self.angle(inside) + over * speed / self.radius_at(speed))
 
     def load_factor_at(self, time_s: FloatArray) -> FloatArray:
         return np.interp(time_s, self.time_s, self.load_factor)
@@ -138,21 +135,18 @@ class TrueDrive:
     def pitch_acceleration(self) -> FloatArray:
         """The acceleration behind the body's pitch: a first-order lag [m/s^2], on the grid."""
         share = STEP_S / (PITCH_S + STEP_S)
-        lagged: FloatArray = lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s))
-        return lagged
+        return np.asarray(lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s)))
 
     def distance_at(self, time_s: FloatArray) -> FloatArray:
         """Way of the tread through the patch since the log's start [m]."""
         if not self.grows.growth:
             return self.angle_at(time_s) * self.radius_m
         inside = np.clip(time_s, 0.0, self.time_s[-1])
-        way: FloatArray = self._way(inside) + (time_s - inside) * self.speed_at(inside)
-        return way
+        return np.asarray(self._way(inside) + (time_s - inside) * self.speed_at(inside))
 
     @cached_property
     def _way(self) -> CubicSpline:
-        way: CubicSpline = self.speed.antiderivative()
-        return way
+        return self.speed.antiderivative()
 
     def times_of_angle(self, angle_rad: FloatArray) -> FloatArray:
         """Times [s] at which the wheel angle is `angle_rad` (within the log), to 1e-9 s."""
@@ -208,8 +202,7 @@ def force_of_road(scenario: Scenario, drive: TrueDrive, time_s: FloatArray) -> F
 
 def stretch_of(grows: RollingRadius, speed_m_s: FloatArray) -> FloatArray:
     """1 + growth (v/v_ref)^2: how much longer the belt is at a speed than at rest."""
-    stretch: FloatArray = 1.0 + grows.growth * (speed_m_s / grows.at_speed_m_s) ** 2
-    return stretch
+    return 1.0 + grows.growth * (speed_m_s / grows.at_speed_m_s) ** 2
 
 
 @dataclass(frozen=True)
@@ -225,8 +218,7 @@ class Wander:
         """Relative wandering at times [s]; at the log's ends it stays."""
         if self.curve is None:
             return np.zeros_like(time_s)
-        values: FloatArray = self.curve(np.clip(time_s, 0.0, self.curve.x[-1]))
-        return values
+        return np.asarray(self.curve(np.clip(time_s, 0.0, self.curve.x[-1])))
 
 
 def wander_of(scenario: Scenario, random: np.random.Generator) -> Wander:

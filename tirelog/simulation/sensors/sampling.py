@@ -18,9 +18,8 @@ from scipy.signal import lfilter
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, force_of_road
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.steady import waveforms
-from tirelog.simulation.steady.knots import LOAD_STEP, chunks
 from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S
-from tirelog.simulation.steady.waveforms import World, family
+from tirelog.simulation.steady.waveforms import LOAD_STEP, World, chunks, family
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
@@ -69,10 +68,9 @@ def tread_angle(world: World, sensor: Sensor, time_s: FloatArray) -> FloatArray:
 
     Zero, and every whole turn, at the patch centre.
     """
-    angle: FloatArray = (
+    return np.asarray(
         world.drive.angle_at(time_s) - np.radians(sensor.angle_deg) - phase_shift(world, time_s)
     )
-    return angle
 
 
 def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
@@ -102,8 +100,7 @@ def pitch_table(world: World, sensor: Sensor) -> FloatArray:
     )
     error = error + 0.35 * random.standard_normal(sensor.steps)
     error -= error.mean()
-    scaled: FloatArray = error * (largest / max(np.abs(error).max(), 1e-12))
-    return scaled
+    return np.asarray(error * (largest / max(np.abs(error).max(), 1e-12)))
 
 
 def encoder_signal(

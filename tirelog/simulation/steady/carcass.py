@@ -20,8 +20,7 @@ from scipy.linalg import lu_factor, lu_solve
 
 from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import Planted, Scenario, Warming
-from tirelog.simulation.steady.loads import Instants
-from tirelog.simulation.steady.operators import ComplexArray, Ring
+from tirelog.simulation.steady.loads import ComplexArray, Instants, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
 #: EJ of a scenario that gives none, by its truth [N m^2]
@@ -118,8 +117,7 @@ def _derivatives(ring: Ring, at: Instants) -> Sequence[ComplexArray]:
 
 def _warmed(value: float, per_K: float, at: Instants) -> FloatArray:
     """A stiffness at the tire's temperature, (b, 1)."""
-    warm: FloatArray = value * (1.0 + per_K * at.temperature_K[:, None])
-    return warm
+    return value * (1.0 + per_K * at.temperature_K[:, None])
 
 
 def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) -> ComplexArray:

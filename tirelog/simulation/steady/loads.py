@@ -11,13 +11,16 @@ road pushes the tread inwards.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
 
-from tirelog.simulation.scenario.schema import Planted
-from tirelog.simulation.steady.operators import Ring
+from tirelog.simulation.scenario.schema import Planted, Scenario
 from tirelog.vocabulary.arrays import FloatArray
 
 #: speed [m/s] at which what grows with speed has the size that is planted
@@ -333,3 +336,334 @@ def _onset(
     pressed = (1.0 - share) * p[rows, first - 1] + share * p[rows, first]
     found = over.any(axis=1) & (np.abs(at.slip) > 1e-6)
     return np.where(found, onset, np.nan), np.where(found, pressed, 0.0)
+
+
+# ---- Difference operators on a closed grid: the truth's derivatives.
+#
+# A grid has N points xi_j = (j - N/2) h around one loaded rolling circumference, the patch centre
+# at index N/2. A linear operator that is the same at every point is a circulant matrix; it is kept
+# as the discrete Fourier transform of its stencil, shape (N/2 + 1,), so that sums of stencils are
+# sums of arrays and the solution of a circulant system is a division. The stencils are finite
+# differences of order eight, not the derivatives' own symbols.
+
+ComplexArray = NDArray[np.complex128]
+
+#: points on either side of the central stencils: order eight up to the fourth derivative
+HALF_WIDTH = 5
+
+
+def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray:
+    """Weights of the central difference of unit step, shape (2 half_width + 1,).
+
+    From the moment conditions sum_j w_j j^m = m! [m = derivative].
+    """
+    offsets = np.arange(-half_width, half_width + 1)
+    moments = np.vander(offsets.astype(float), increasing=True).T
+    wanted = np.zeros(offsets.size)
+    wanted[derivative] = math.factorial(derivative)
+    weights = np.linalg.solve(moments, wanted)
+    # even or odd to the last bit: what rounding leaves is multiplied by step^-derivative
+    return np.asarray(0.5 * (weights + (-1) ** derivative * weights[::-1]), float)
+
+
+@dataclass(frozen=True)
+class Ring:
+    """The closed grid of `points` points (even) around `circumference_m`.
+
+    With its operators as transforms of stencils.
+    """
+
+    points: int
+    circumference_m: float
+
+    @property
+    def step_m(self) -> float:
+        return self.circumference_m / self.points
+
+    @cached_property
+    def xi_m(self) -> FloatArray:
+        """Positions [m], shape (points,): -circumference/2 .. +circumference/2.
+
+        The patch centre is at index points/2.
+        """
+        return np.asarray((np.arange(self.points) - self.points // 2) * self.step_m, float)
+
+    @cached_property
+    def derivatives(self) -> tuple[ComplexArray, ...]:
+        """Transforms of the stencils of the 0th to 4th derivative by xi.
+
+        Each of shape (points/2 + 1,).
+        """
+        return tuple(self.stencil(central_weights(m) / self.step_m**m) for m in range(5))
+
+    def stencil(self, weights: FloatArray) -> ComplexArray:
+        """Transform of the operator (A f)_j = sum_i weights_i f_(j + i), i from -half to half."""
+        column = np.zeros(self.points)
+        half = weights.size // 2
+        for offset, weight in zip(range(-half, half + 1), weights, strict=True):
+            column[-offset % self.points] += weight
+        spectrum: ComplexArray = fft.rfft(column)
+        if abs(weights.sum()) < 1e-9 * np.abs(weights).sum():
+            spectrum[0] = 0.0
+        return spectrum
+
+    def kernel(self, values: FloatArray) -> ComplexArray:
+        """Transform of a smoothing: even `values` at xi_m, scaled to sum to one."""
+        return np.asarray(fft.rfft(np.fft.ifftshift(values / values.sum())))
+
+    @cached_property
+    def quarter_turn(self) -> ComplexArray:
+        """The discrete Hilbert operator: every wave e^(i kappa xi), kappa > 0, times i.
+
+        The mean and the shortest wave vanish.
+        """
+        symbol = np.full(self.points // 2 + 1, 1j)
+        symbol[[0, -1]] = 0.0
+        return symbol
+
+    def transform(self, values: FloatArray) -> ComplexArray:
+        """Discrete Fourier transform along the last axis."""
+        return np.asarray(fft.rfft(values, axis=-1))
+
+    def inverse(self, spectrum: ComplexArray) -> FloatArray:
+        """Values on the grid from a transform, along the last axis."""
+        return np.asarray(fft.irfft(spectrum, n=self.points, axis=-1))
+
+    @cached_property
+    def borders_m(self) -> FloatArray:
+        """Borders of the cells around the points [m], shape (points + 1,)."""
+        return np.asarray(
+            (np.arange(self.points + 1) - 0.5 - self.points // 2) * self.step_m, float
+        )
+
+    def window(self, reach_m: float) -> slice:
+        """The points within `reach_m` of the patch centre, and one more on either side."""
+        half = min(int(reach_m / self.step_m) + 2, self.points // 2)
+        return slice(self.points // 2 - half, min(self.points // 2 + half + 1, self.points))
+
+    def point_load(self, position_m: FloatArray, amount: FloatArray) -> FloatArray:
+        """Concentrated loads, shape (..., points).
+
+        `amount` [N] at `position_m`, shared by two points so that force and moment are kept.
+        """
+        place = np.asarray(position_m, float) / self.step_m + self.points // 2
+        left = np.floor(place).astype(int)
+        share = place - left
+        load = np.zeros((*np.shape(place), self.points))
+        for index, weight in ((left, 1.0 - share), (left + 1, share)):
+            np.put_along_axis(
+                load,
+                (index % self.points)[..., None],
+                (weight * amount / self.step_m)[..., None],
+                axis=-1,
+            )
+        return load
+
+
+# ---- Strain that no load on the carcass makes (effects outside the catalogue).
+#
+# And what a sensor does to a waveform.
+#
+# Waveforms and their transforms are (b, points) and (b, points/2 + 1); b instants of the drive.
+
+#: slower than this, time behind the patch counts as at this speed [m/s] (a ring-down at standstill
+#: has no meaning)
+SLOWEST_M_S = 0.2
+#: absolute temperature at which a log begins [K]: the speed of sound goes with its root
+ROOM_K = 293.0
+#: damping of a filter that rings, as a share of the critical one (lag "apart")
+_RINGING = 0.25
+#: diameter of a fibre [m], and the strain with which it is drawn when it is glued at its ends
+_FIBRE_M, _DRAWN = 1.25e-4, 6.0e-4
+
+
+def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
+    """A resonance set off by the exit edge: fixed frequency in time, decaying behind the patch."""
+    late = (
+        (ring.xi_m - exit_m[:, None])
+        % ring.circumference_m
+        / np.maximum(at.speed / at.stretch, SLOWEST_M_S)[:, None]
+    )
+    swing = np.exp(-late / effect["decay_s"]) * np.sin(2.0 * np.pi * effect["frequency_Hz"] * late)
+    return swing * _faded(ring, exit_m)
+
+
+def _faded(ring: Ring, exit_m: FloatArray) -> FloatArray:
+    """One behind the exit, smoothly zero over the last third of the turn.
+
+    At its end the angle starts anew.
+    """
+    share = (ring.xi_m - exit_m[:, None]) % ring.circumference_m / ring.circumference_m
+    return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 0.6) / 0.3, 0.0, 1.0))
+
+
+def _splice(effect: Planted, ring: Ring, behind_rad: float) -> FloatArray:
+    """The carcass's splice, once a turn at a fixed angle from the first sensor.
+
+    A sensor that stands `behind_rad` behind the first sees it so much earlier.
+    """
+    place = np.radians(effect["angle_deg"]) - behind_rad
+    off = np.angle(np.exp(1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - place)))
+    return np.asarray(np.exp(-0.5 * (off / np.radians(effect["width_deg"])) ** 2)[None, :])
+
+
+def _torsion(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
+    """Odd about the patch centre, fixed to the road."""
+    u = ring.xi_m / effect["width_m"]
+    return (u * np.exp(0.5 - 0.5 * u**2))[None, :]
+
+
+def _standing_wave(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
+    """A wave behind the exit, fixed to the road, of a wavelength along the tread.
+
+    apart: one that builds up first, as near the critical speed, where it travels as fast as it is
+    fed, and that begins with its crest.
+    """
+    behind = (ring.xi_m - exit_m[:, None]) % ring.circumference_m
+    if effect.apart:
+        swell = 2.0 * behind / effect["decay_m"]
+        wave = swell * np.exp(1.0 - swell) * np.cos(2.0 * np.pi * behind / effect["wavelength_m"])
+        return wave * _faded(ring, exit_m)
+    wave = np.exp(-behind / effect["decay_m"]) * np.sin(
+        2.0 * np.pi * behind / effect["wavelength_m"]
+    )
+    return wave * _faded(ring, exit_m)
+
+
+def _cavity(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
+    """The tire's air, struck at the entry; apart: two modes, as a turning tire hears them.
+
+    Forwards and backwards around the cavity, f +- Omega / 2 pi.
+    """
+    entry_m = exit_m - 2.0 * at.half_length
+    speed = np.maximum(at.speed / at.stretch, SLOWEST_M_S)
+    late = (ring.xi_m - entry_m[:, None]) % ring.circumference_m / speed[:, None]
+    warm = np.sqrt(1.0 + at.temperature_K / ROOM_K)[:, None]
+    swing = np.exp(-late / effect["decay_s"]) * np.sin(
+        2.0 * np.pi * effect["frequency_Hz"] * warm * late
+    )
+    if effect.apart:
+        swing = swing * np.cos(2.0 * np.pi * speed[:, None] / ring.circumference_m * late)
+    return swing * _faded(ring, entry_m)
+
+
+def _pitch(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
+    """Bending between the blocks, as the parabola of the pressure above; apart: see `World`."""
+    if effect.apart:
+        return np.zeros((1, ring.points))
+    x = ring.xi_m / at.half_length[:, None]
+    pressure = 0.75 * at.load / at.half_length
+    return pressure[:, None] * np.maximum(1.0 - x**2, 0.0)
+
+
+def _even_bulge(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
+    """Even and far: both flanks rise together."""
+    u = np.abs(ring.xi_m) / effect["width_m"]
+    return (u**2 * np.exp(1.0 - u**2))[None, :]
+
+
+#: power of the speed of what has none among its parameters
+_POWERS = {"cavity_resonance": 1.0}
+#: what is fixed to the tire, so that each sensor sees it from its own place
+_OF_TIRE = "splice"
+_EXTRA = {
+    "ring_down": _ring_down,
+    "torsion": _torsion,
+    "standing_wave": _standing_wave,
+    "even_bulge": _even_bulge,
+    "cavity_resonance": _cavity,
+    "tread_pitch": _pitch,
+}
+
+
+def extra_strain(
+    ring: Ring, scenario: Scenario, at: Instants, exit_m: FloatArray, behind_rad: float = 0.0
+) -> FloatArray | None:
+    """The sum of the planted strains (b, points), each its first parameter times (v/20)^n.
+
+    None if none is planted. `behind_rad`: the sensor's place behind the first sensor's.
+    """
+    total: FloatArray | None = None
+    for effect in scenario.effects:
+        if effect.name in _EXTRA or effect.name == _OF_TIRE:
+            power = effect.parameters.get("speed_exponent", _POWERS.get(effect.name, 0.0))
+            size = (
+                effect.parameters[next(iter(effect.parameters))]
+                * (np.maximum(at.speed, 1e-6) / REFERENCE_SPEED_M_S) ** power
+            )
+            form = (
+                _splice(effect, ring, behind_rad)
+                if effect.name == _OF_TIRE
+                else _EXTRA[effect.name](effect, ring, at, exit_m)
+            )
+            shape = size[:, None] * form
+            total = shape if total is None else total + shape
+    return total
+
+
+def seen_by(
+    ring: Ring,
+    spectrum: ComplexArray,
+    speed: FloatArray,
+    gauge: Planted | float | None,
+    lag: Planted | float | None,
+    bandwidth_Hz: float | None,
+) -> ComplexArray:
+    """`spectrum` (b, m) as the sensor passes it on.
+
+    Averaged over the gauge (apart: and slack in compression), late by the lag, within its
+    bandwidth.
+
+    In the road's frame a lag of tau is a length c tau, so that (1 + c tau d/dxi) s = strain: exact
+    at constant speed. The bandwidth is a second-order magnitude without delay (a delay is
+    `delay_s`).
+    """
+    if gauge is not None:
+        spectrum = spectrum * _averaged(ring, gauge)
+        if isinstance(gauge, Planted) and gauge.apart:
+            spectrum = ring.transform(_slack(ring.inverse(spectrum), gauge["length_m"]))
+    first = ring.derivatives[1]
+    if lag is not None:
+        tau = lag["lag_s"] if isinstance(lag, Planted) else lag
+        length = np.maximum(speed, 0.0)[:, None] * tau
+        spectrum = spectrum / delaying(lag, length * first)
+    if bandwidth_Hz is not None:
+        frequency = speed[:, None] * np.abs(first) / (2.0 * np.pi)
+        spectrum = spectrum / np.sqrt(1.0 + (frequency / bandwidth_Hz) ** 4)
+    return spectrum
+
+
+def delaying(lag: Planted | float, late: Any) -> Any:
+    """What a lag divides a wave by, at i omega tau = `late`: 1 + late; other: of two in a row.
+
+    apart: of an underdamped second-order filter, which is as late at low frequencies and rings.
+    """
+    if isinstance(lag, Planted) and lag.other:
+        return (1.0 + 0.5 * late) ** 2
+    if isinstance(lag, Planted) and lag.apart:
+        return 1.0 + late + (late / (2.0 * _RINGING)) ** 2
+    return 1.0 + late
+
+
+def _slack(strain: FloatArray, length_m: float) -> FloatArray:
+    """What a fibre that is glued at its ends alone reads: it buckles under compression.
+
+    Euler's load of a clamped rod, at a strain of (2 pi r / length)^2 with r = d / 4, beyond the
+    strain with which it was drawn.
+    """
+    least = _DRAWN + (0.5 * np.pi * _FIBRE_M / max(length_m, 1e-4)) ** 2
+    return np.maximum(strain, -least)
+
+
+def _averaged(ring: Ring, gauge: Planted | float) -> ComplexArray:
+    """Transform of the mean over the gauge length.
+
+    other: a sensitivity that falls towards the ends, of equal variance.
+    """
+    length = gauge["length_m"] if isinstance(gauge, Planted) else gauge
+    if isinstance(gauge, Planted) and gauge.other:
+        width = max(length / np.sqrt(12.0), 0.3 * ring.step_m)
+        return ring.kernel(np.exp(-0.5 * (ring.xi_m / width) ** 2))
+    # the box's ends fall between the points: exact shares of the cells
+    primitive = np.clip(ring.borders_m, -0.5 * length, 0.5 * length)
+    return ring.kernel(np.diff(primitive))

@@ -17,8 +17,7 @@ import numpy as np
 
 from tirelog.simulation.scenario.schema import PLANTABLE, Nuisances, Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, longitudinal_force, passages, phase_shift
-from tirelog.simulation.steady.knots import CHUNK
-from tirelog.simulation.steady.waveforms import World
+from tirelog.simulation.steady.waveforms import CHUNK, World
 from tirelog.version import __version__
 from tirelog.vocabulary.arrays import FloatArray
 
