@@ -200,15 +200,15 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     """The verdict in one sentence; what is no physics first if conditions may be wrong."""
     verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
     names, one = " and ".join(selected), len(selected) == 1
-    before, floor, manoeuvres = facts["before"], facts["floor"], facts["manoeuvres"]
+    before, floor = facts["before"], facts["floor"]
     if verdict == "nothing_missing":
         said = " and ".join(NUISANCES_SAID[name] for name in facts["beside"])
         beside = f" with {said} beside it" if said else ""
         floors, above = sqrt(max(before, 0.0) / floor) if floor > 0.0 else 0.0, ""
         if floors > QUIET_FLOORS:
             above = (
-                f"; held out it is {floors:.3g} floors, no more than {manoeuvres} manoeuvres leave "
-                "uncertain in its parameters"
+                f"; held out it is {floors:.3g} floors, no more than {facts['manoeuvres']} "
+                "manoeuvres leave uncertain in its parameters"
             )
         return (
             f"Nothing is missing that this data could show: what the model{beside} leaves is the "
@@ -218,7 +218,8 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         return f"{_scatter(facts)} {_first_check(facts)}"
     if verdict == "too_few":
         return (
-            f"Too few manoeuvres for a test ({manoeuvres}): candidates are ranked, none is claimed."
+            f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none "
+            "is claimed."
         )
     if verdict == "unknown":
         excess = max(before - floor, 0.0) / floor if floor > 0 else 0.0
