@@ -17,7 +17,7 @@ from tests.campaign.conftest import MANIFEST, dataset
 from tests.campaign.processes import PATIENCE_S, begun, dying_on_the_first
 from tests.cli.conftest import Command
 from tests.diagnosis.toy import stack
-from tirelog.campaign.folder import folder_at, json_of
+from tirelog.campaign.folder import folder_at, json_table
 from tirelog.campaign.ledger import Entry, Ledger, _entry, pieces_bytes, read_pieces
 from tirelog.campaign.manifest import load_manifest
 from tirelog.campaign.runner import plan_tasks
@@ -346,7 +346,7 @@ def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
     ],
 )
 def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
-    assert json_of(data) == {}
+    assert json_table(data) == {}
 
 
 def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(
