@@ -4,6 +4,7 @@ import gzip
 import os
 import shutil
 from collections.abc import Iterator
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -25,40 +26,25 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
     (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(pulse_rows()) + "\n")
     (folder / "log.toml").write_text(SETUP.replace('"test"', f"'{HOSTILE}'"))
-    for table in ("speed", "footprint", "dissipation"):
-        assert (
-            run([table, str(folder / "log.csv"), "-o", str(folder / f"{table}.csv"), "--quiet"])
-            == 0
-        )
-    assert run(["report", str(folder / "log.csv"), "-o", str(folder / "page.html"), "--quiet"]) == 0
+    outputs = {name: f"{name}.csv" for name in ("speed", "footprint", "dissipation")}
+    for command, output in (outputs | {"report": "page.html"}).items():
+        assert run([command, str(folder / "log.csv"), "-o", str(folder / output), "--quiet"]) == 0
     return folder / "page.html"
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """Headless Chromium; required where CI says so, else skipped with a reason."""
-    path = (
-        shutil.which("chromium")
-        or shutil.which("chromium-browser")
-        or shutil.which("google-chrome")
-    )
+    names = ("chromium", "chromium-browser", "google-chrome")
+    path = next(filter(None, map(shutil.which, names)), None)
     required = bool(os.environ.get("TIRELOG_REQUIRE_BROWSER"))
     if path is None and not required:
         pytest.skip("no Chromium on this machine")
-    sync_api = (
-        pytest.importorskip("playwright.sync_api")
-        if not required
-        else __import__("playwright.sync_api", fromlist=["sync_playwright"])
-    )
+    name = "playwright.sync_api"
+    sync_api = import_module(name) if required else pytest.importorskip(name)
     assert path is not None
-    flags = [
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-quic",
-        "--no-first-run",
-        "--disable-background-networking",
-        "--disable-sync",
-    ]
+    off = ("gpu", "quic", "background-networking", "sync")
+    flags = ["--no-sandbox", "--no-first-run", *(f"--disable-{what}" for what in off)]
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=flags, timeout=240_000)
         yield browser
@@ -83,40 +69,24 @@ def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(SAMPLES / f"{name}.toml", folder)
         _first_lines(SAMPLES / f"{name}.csv.gz", folder)
         logs.append(str(folder / f"{name}.csv.gz"))
-    plain, model, page = (str(folder / name) for name in ("plain.toml", "M.toml", "page.html"))
-    assert (
-        run(
-            [
-                "model",
-                "new",
-                "--carcass",
-                "beam",
-                "--setup",
-                str(folder / "hidden_1.toml"),
-                "-o",
-                plain,
-            ]
-        )
-        == 0
+    plain, model, page, climbed = (
+        str(folder / name) for name in ("plain.toml", "M.toml", "page.html", "M.ladder.json")
     )
-    assert run(["model", "add", plain, "viscous_damping", "-o", model]) == 0
-    assert (
-        run(["ladder", *logs, "--model", model, "-o", str(folder / "ladder.json"), "--quiet"]) == 0
-    )
-    assert (
-        run(
-            [
-                "report",
-                *logs,
-                "--model",
-                model,
-                "--ladder",
-                str(folder / "M.ladder.json"),
-                "-o",
-                page,
-                "--quiet",
-            ]
-        )
-        == 0
-    )
+    with_model = [*logs, "--model", model, "--quiet", "-o"]
+    for words in (
+        [
+            "model",
+            "new",
+            "--carcass",
+            "beam",
+            "--setup",
+            str(folder / "hidden_1.toml"),
+            "-o",
+            plain,
+        ],
+        ["model", "add", plain, "viscous_damping", "-o", model],
+        ["ladder", *with_model, str(folder / "ladder.json")],
+        ["report", *with_model, page, "--ladder", climbed],
+    ):
+        assert run(words) == 0
     return Path(page)

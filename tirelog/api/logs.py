@@ -16,13 +16,20 @@ from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import UsageError
 from tirelog.inference.shared_samples import fingerprint
-from tirelog.runs.ingest import IngestSummary, channel_rows, is_file, open_recording, write_run
+from tirelog.runs.ingest import IngestSummary, is_file, open_recording, write_run
+from tirelog.runs.ingest import channel_rows as channels
 from tirelog.runs.store import changed_columns, is_run, open_run
 from tirelog.storage.remote import address
 from tirelog.storage.whole import refuse_inputs
 
 if TYPE_CHECKING:
     from tirelog.simulation import Scenario
+
+__all__ = [
+    "Logs", "OpenLog", "Path", "as_logs", "as_setup", "changed", "channels", "described",
+    "each_log", "ingest", "open_log", "open_recording", "opened_run", "samples_hash", "simulate",
+    "simulated_log",
+]  # fmt: skip
 
 Path = str | os.PathLike[str]
 #: a log by path or open, or several of them
@@ -57,7 +64,7 @@ class OpenLog(Recording):
         """The channels, for a notebook."""
         from tirelog.tables.writer import document, table
 
-        rows = {name: column for name, column in channel_rows(self).items() if name != "log"}
+        rows = {name: column for name, column in channels(self).items() if name != "log"}
         return document(self.log, [table(list(rows), zip(*rows.values()))], self.remarks)
 
 
@@ -100,16 +107,6 @@ def open_log(path: Path, setup: Path | Setup | None = None) -> OpenLog:
         closing = weakref.finalize(log, resources.pop_all().close)
         object.__setattr__(log, "_closing", closing)  # a Recording's own fields are frozen
     return log
-
-
-def opened(
-    log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False
-) -> AbstractContextManager[Recording]:
-    """A log while it is open, for whoever tells what is lost of it; errors as `open_log`.
-
-    `blocks`: of a raw log only the first so many; `hashed`: with the sha256 of its bytes.
-    """
-    return open_recording(log, setup, blocks=blocks, hashed=hashed)
 
 
 def samples_hash(recording: Recording) -> str:
@@ -159,11 +156,6 @@ def changed(log: Path) -> list[str]:
     """The columns of a run that are not what was written, by their sha256; none of another log."""
     name = os.fspath(log)
     return changed_columns(name) if is_file(name) and is_run(name) else []
-
-
-def channels(log: Recording) -> dict[str, Any]:
-    """Columns of `tirelog info`: a row per channel with unit, rate, duration, gaps and losses."""
-    return channel_rows(log)
 
 
 def as_setup(setup: Path | Setup | None) -> Setup | None:

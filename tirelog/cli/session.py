@@ -526,11 +526,11 @@ class Session:
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None if it cannot be read (which has been said)."""
-        from tirelog.api.logs import opened
+        from tirelog.api.logs import open_recording
 
         try:
             recording = resources.enter_context(
-                opened(log, self.setup(), blocks=blocks, hashed=self._hashed)
+                open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
             )
         except ReadError as problem:
             self._cannot_read(log, problem)

@@ -711,7 +711,13 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
             "means of like revolutions",
             scales=("linear", "log"),
             # below the axes: what is large may lie anywhere in them
-            legend={"fontsize": 8, "loc": "upper center", "bbox_to_anchor": (0.5, -0.2)},
+            legend={
+                "fontsize": 7,
+                "loc": "upper center",
+                "bbox_to_anchor": (0.5, -0.17),
+                "ncols": 3,
+                "columnspacing": 1.0,
+            },
         ),
     ]
 

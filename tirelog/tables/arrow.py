@@ -6,14 +6,18 @@ object, which takes as long as all the rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv as pc
 
 from tirelog.vocabulary.columns import COLUMNS
 
+#: kind of a column that the vocabulary does not have, by numpy's letter; else text
+_KINDS = {"f": "float", "i": "int", "u": "int", "b": "bool"}
 TYPES = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}
 
 
@@ -34,6 +38,31 @@ def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
     if kind == "bool":
         return _plain(pa.bool_(), np.packbits(values.astype(np.bool_), bitorder="little"), known)
     return _plain(pa.int64(), np.ascontiguousarray(values, dtype=np.int64), known)
+
+
+def arrow_table(
+    name: str, columns: Mapping[str, np.ndarray], rounded: bool, schema: pa.Schema | None
+) -> pa.Table:
+    """Rows of the table `name`, each column an array (n,); `schema`: of the rows before them.
+
+    `rounded`: floats as text formats have them.
+    """
+    arrays = []
+    for column, values in columns.items():
+        known = COLUMNS.get(column)
+        kind = _KINDS.get(values.dtype.kind, "text") if known is None else known.kind
+        digits = 12 if known is not None and known.unit == "s" else 9
+        arrays.append(arrow_column(values, kind, digits if rounded else None))
+    of = [arrow_field(c, name, array.type) for c, array in zip(columns, arrays, strict=True)]
+    return pa.Table.from_arrays(arrays, schema=pa.schema(of) if schema is None else schema)
+
+
+def csv_rows(table: pa.Table) -> bytes:
+    """The rows as csv, without a header."""
+    part = io.BytesIO()
+    how = pc.WriteOptions(include_header=False, quoting_style=quoting(table))
+    pc.write_csv(table, part, how)
+    return part.getvalue()
 
 
 def arrow_field(name: str, table: str, type: pa.DataType | None = None) -> pa.Field:

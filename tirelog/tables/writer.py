@@ -14,7 +14,6 @@ tirelog's version and the hashes of the inputs in its metadata.
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -63,24 +62,9 @@ def table_format(output: Path | str | None, format: str | None) -> str:
     return _SUFFIXES[suffix]
 
 
-def _kind(name: str, values: np.ndarray) -> str:
-    """float, int, bool or text: as the vocabulary says, else as the values are."""
-    column = COLUMNS.get(name)
-    return (
-        column.kind
-        if column
-        else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
-    )
-
-
 def _nothing(name: str) -> Any:
     """What stands in a column of which some rows have none."""
     return None if name in COLUMNS and COLUMNS[name].kind == "text" else np.nan
-
-
-def _digits(name: str) -> int:
-    """Significant digits of a number in a text format."""
-    return 12 if name in COLUMNS and COLUMNS[name].unit == "s" else 9
 
 
 class TableWriter(AbstractContextManager["TableWriter"]):
@@ -146,24 +130,11 @@ class TableWriter(AbstractContextManager["TableWriter"]):
 
     def _write(self, columns: Mapping[str, np.ndarray]) -> None:
         """Some rows, each column an array (n,)."""
-        import pyarrow as pa
+        from tirelog.tables.arrow import arrow_table
 
-        from tirelog.tables.arrow import arrow_column, arrow_field
-
-        arrays = [
-            arrow_column(
-                values, _kind(name, values), None if self.format == "parquet" else _digits(name)
-            )
-            for name, values in columns.items()
-        ]
-        schema = pa.schema(
-            [
-                arrow_field(name, self.name, array.type)
-                for name, array in zip(columns, arrays, strict=True)
-            ]
-        )
-        self._begin(tuple(columns), schema)
-        self._rows(pa.Table.from_arrays(arrays, schema=self._schema or schema))
+        table = arrow_table(self.name, columns, self.format != "parquet", self._schema)
+        self._begin(tuple(columns), table.schema)
+        self._rows(table)
 
     def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
         """Writes whatever stands before the first row of a table of these columns.
@@ -193,15 +164,9 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         if self.format == "parquet":
             self._parquet.write_table(table)
         elif self.format == "csv":
-            import pyarrow.csv as pc
+            from tirelog.tables.arrow import csv_rows
 
-            from tirelog.tables.arrow import quoting
-
-            part = io.BytesIO()
-            pc.write_csv(
-                table, part, pc.WriteOptions(include_header=False, quoting_style=quoting(table))
-            )
-            self._stream.write(part.getvalue())
+            self._stream.write(csv_rows(table))
         else:
             lines = [json.dumps(row, ensure_ascii=False) for row in table.to_pylist()]
             text = (
