@@ -416,7 +416,7 @@ def _impedance(carcass: RingCarcass, losses: tuple[float, ...]) -> ComplexArray:
     return np.asarray(modal_impedance(_WAVES, carcass).real + 1j * lost, dtype=np.complex128)
 
 
-def _spectra(inverse: ComplexArray) -> ComplexArray:
+def _spectra(inverse: ComplexArray | FloatArray) -> ComplexArray:
     """1 / Z_n, i n / Z_n and n^2 / Z_n (3, ..., K), by which the ring yields."""
     return np.stack([inverse + 0j, 1j * _WAVES * inverse, _WAVES**2 * inverse + 0j])
 

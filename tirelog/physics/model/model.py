@@ -218,26 +218,31 @@ class Model(Predicting):
         return replace(self, effects=kept)
 
     def _accept(self, added: ModelEffect, beside: Sequence[Effect]) -> None:
-        if added.id in [e.id for e in self.effects]:
-            raise ModelError(
-                f"the model has the effect {added.id!r} already",
-                allowed="each effect once is allowed",
-                do="change its parameters instead",
-            )
-        if not self.acted_on_by(added.effect, beside):
+        already = added.id in [e.id for e in self.effects]
+        if not already and not self.acted_on_by(added.effect, beside):
             raise idle_effect(added.effect, self.observable)
-        if any(n.name == added.id and n.use == "off" for n in self.nuisances):
-            raise ModelError(
+        for wrong, what, allowed, do in (
+            (
+                already,
+                f"the model has the effect {added.id!r} already",
+                "each effect once is allowed",
+                "change its parameters instead",
+            ),
+            (
+                any(n.name == added.id and n.use == "off" for n in self.nuisances),
                 f'[{added.id}] has use = "off" and numbers',
-                allowed='numbers are allowed with "auto" and "on"',
-                do="remove the numbers, or take another use",
-            )
-        if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
-            raise ModelError(
+                'numbers are allowed with "auto" and "on"',
+                "remove the numbers, or take another use",
+            ),
+            (
+                added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring",
                 "the carcass is a ring already",
-                allowed='ring_curvature is for carcass = "beam"',
-                do="leave it out",
-            )
+                'ring_curvature is for carcass = "beam"',
+                "leave it out",
+            ),
+        ):
+            if wrong:
+                raise ModelError(what, allowed=allowed, do=do)
 
     def resolved(self, conditions: Conditions) -> Model:
         """The model with what depends on the whole data (thermal_drift's driver) settled.
