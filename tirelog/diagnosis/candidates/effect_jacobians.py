@@ -23,8 +23,7 @@ from tirelog.inference.cells.joint import embedded, lacking, rows_by_observable
 from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
-from tirelog.physics.model.model import Model, why_idle
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import Model, ModelEffect, why_idle
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OWN_ZERO
 

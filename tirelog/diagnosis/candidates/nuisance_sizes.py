@@ -24,7 +24,7 @@ from tirelog.inference.metric import Offsets, ProjectedOut
 from tirelog.inference.nuisances import FORM, ZERO, frees, shared_effects
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.effects import BY_ID
-from tirelog.physics.model.nuisances import Nuisance
+from tirelog.physics.model.model import Nuisance
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown

@@ -25,7 +25,7 @@ from tirelog.inference.base import Base, change_to
 from tirelog.inference.metric import ProjectedOut, Whitener
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.expression import parse_expression
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import ModelEffect
 from tirelog.physics.model.user_effects import CONDITIONS, PLACES
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -20,7 +20,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import side_by_side
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import ModelEffect
 from tirelog.physics.model.user_effects import FRAMES, effect_by_shape
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -23,8 +23,17 @@ from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_paramet
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import user_effects
 from tirelog.physics.model.expression import BASE, dimension_of, unit_disagreements
-from tirelog.physics.model.model import COUPLED_STANDS, Model, observables_known
-from tirelog.physics.model.nuisances import BY_NAME, FORM, NUISANCES, USES, ModelEffect, Nuisance
+from tirelog.physics.model.model import (
+    BY_NAME,
+    COUPLED_STANDS,
+    FORM,
+    NUISANCES,
+    USES,
+    Model,
+    ModelEffect,
+    Nuisance,
+    observables_known,
+)
 from tirelog.physics.model.user_effects import (
     EXPRESSION_ACTS_ON,
     catalogue_with,

@@ -35,7 +35,7 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
 if TYPE_CHECKING:
-    from tirelog.physics.model.nuisances import ModelEffect
+    from tirelog.physics.model.model import ModelEffect
     from tirelog.physics.spectral import Parameter
 
 

@@ -70,7 +70,7 @@ class RoadProfile:
             ),
             (
                 waves,
-                f"sine road of wavelength {wave} m",
+                f"sine road of wavelength {wave or 0.0:g} m",
                 "above zero is allowed",
                 "correct wavelength_m",
             ),
