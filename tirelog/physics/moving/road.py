@@ -226,7 +226,7 @@ def load_road(path: str | Path) -> RoadProfile:
             file=path,
         ) from None
     try:
-        # a file of no points is no flat road
-        return RoadProfile(*zip(*rows, strict=True)) if rows else RoadProfile((0.0,), (0.0,))
+        points = rows or [(0.0, 0.0)]  # a file of no points is no flat road
+        return RoadProfile(tuple(x for x, _ in points), tuple(h for _, h in points))
     except ModelError as problem:
         raise problem.at(path) from None
