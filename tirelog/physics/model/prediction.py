@@ -30,13 +30,9 @@ from tirelog.physics.model.stages import (
     structure,
     waveform,
 )
-from tirelog.physics.spectral import BLOCK, MODES, Angles, ComplexArray
+from tirelog.physics.spectral import BLOCK, MODES, Angles, ComplexArray, Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
-
-if TYPE_CHECKING:
-    from tirelog.physics.model.model import ModelEffect
-    from tirelog.physics.spectral import Parameter
 
 
 # ---- Waveforms of many rows that differ in speed alone, computed at a few speeds.
@@ -130,7 +126,7 @@ class Predicting:
     carcass: str
     contact: str
     base: tuple[Parameter, ...]
-    effects: tuple[ModelEffect, ...]
+    effects: tuple[Any, ...]  # of `ModelEffect`, which stands beside the model
 
     if TYPE_CHECKING:
 
