@@ -14,6 +14,9 @@ centre; `LossyContact` is the one of a ring that takes power, `pressure_modes` t
 What a user's own effects on the foundation change in the pressure is left out.
 
     carcass, F --solve_contact--> pressure at the angles that touch --moved--> its derivatives
+
+This file is longer than others: contacts without losses and with them, and the modes between them,
+share grid, yields and derivatives.
 """
 
 from __future__ import annotations

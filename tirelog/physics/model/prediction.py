@@ -34,7 +34,6 @@ from tirelog.physics.spectral import BLOCK, MODES, Angles, ComplexArray, Paramet
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
-
 # ---- Waveforms of many rows that differ in speed alone, computed at a few speeds.
 #
 #     Drive of n rows, effects that are on --`few_speeds`--> Drive of k speeds, shares (n, k)
