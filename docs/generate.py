@@ -21,8 +21,7 @@ from tirelog.diagnosis.propose.grammar import FRAMES, LAWS, PROFILES, STAGES
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
 from tirelog.physics.model import presets
-from tirelog.physics.model.model import Model
-from tirelog.physics.model.nuisances import NUISANCES, Nuisance
+from tirelog.physics.model.model import NUISANCES, Model, Nuisance
 from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.user_effects import FRAMES as SHAPE_FRAMES
 from tirelog.simulation.scenario import schema

@@ -9,7 +9,7 @@ from tirelog.data.setup import load_setup
 from tirelog.diagnosis.history import read_history
 from tirelog.errors import ModelError, SetupError, TirelogError, UsageError, printable
 from tirelog.physics.model.file import load_model as read
-from tirelog.simulation.scenario.file import load_scenario
+from tirelog.simulation.scenario.schema import load_scenario
 from tirelog.storage.whole import DEEPEST, json_value, toml_tables
 from tirelog.wheel.calibration_file import read_calibration
 

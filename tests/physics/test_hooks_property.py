@@ -6,7 +6,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.physics.effects import BY_ID, CATALOGUE, Drive, Site
 from tirelog.physics.effects.base import REACH, Structure
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import ModelEffect
 from tirelog.physics.model.stages import Active, Task
 
 CONDITIONS = Conditions.of(

@@ -8,7 +8,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import ModelEffect
 from tirelog.physics.model.user_effects import FRAMES, effect_by_expression, effect_by_shape
 from tirelog.physics.spectral import Parameter
 

@@ -11,7 +11,7 @@ from tirelog.data.recording import Conditions
 from tirelog.physics import Model
 from tirelog.physics.effects import BY_ID, Structure
 from tirelog.physics.model import stages
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import ModelEffect
 
 HERE = {
     "speed_m_s": 15.0, "acceleration_m_s2": 1.0, "time_s": 20.0, "load_N": 3300.0,

@@ -27,8 +27,8 @@ from tirelog.physics.model.from_setup import (
     new_model,
     with_gauge_length,
 )
+from tirelog.physics.model.model import BY_NAME as NUISANCES
 from tirelog.physics.model.model import Model, difference_rows, parameter_rows
-from tirelog.physics.model.nuisances import BY_NAME as NUISANCES
 from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.vocabulary.arrays import FloatArray

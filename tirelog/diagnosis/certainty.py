@@ -52,8 +52,7 @@ from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses_with
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect
-from tirelog.physics.model.model import Model
-from tirelog.physics.model.nuisances import BY_NAME, FORM
+from tirelog.physics.model.model import BY_NAME, FORM, Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import STRAIN
 

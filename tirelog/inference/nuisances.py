@@ -34,9 +34,8 @@ from tirelog.inference.fit.by_observable import fits_apart
 from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID
-from tirelog.physics.model.model import Model
-from tirelog.physics.model.nuisances import BY_NAME, Nuisance
-from tirelog.physics.model.nuisances import FORM as FORM
+from tirelog.physics.model.model import BY_NAME, Model, Nuisance
+from tirelog.physics.model.model import FORM as FORM
 from tirelog.physics.spectral import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS

@@ -52,8 +52,7 @@ papers print, what is right, and how that was checked.
 from __future__ import annotations
 
 from tirelog.physics.effects import BY_ID, CATALOGUE, Effect
-from tirelog.physics.model.model import Model
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import Model, ModelEffect
 from tirelog.physics.spectral import Parameter
 
 __all__ = ["BY_ID", "CATALOGUE", "Effect", "Model", "ModelEffect", "Parameter"]

@@ -15,8 +15,7 @@ Nothing here is shared with `tirelog.physics`, and neither imports the other.  T
 Sensors and drive are sampled from that.  P1 to P4 are the papers of the README.
 """
 
-from tirelog.simulation.scenario.file import load_scenario, scenario_of
-from tirelog.simulation.scenario.schema import Scenario
+from tirelog.simulation.scenario.schema import Scenario, load_scenario, scenario_of
 from tirelog.simulation.sensors.writers import setup_text, to_recording, write_log
 from tirelog.simulation.simulate import Simulated, simulate
 

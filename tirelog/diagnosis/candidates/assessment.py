@@ -36,7 +36,7 @@ from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
 from tirelog.physics.model.model import Model, why_idle
-from tirelog.physics.model.nuisances import ModelEffect
+from tirelog.physics.model.model import ModelEffect
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import OWN_ZERO

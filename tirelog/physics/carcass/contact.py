@@ -14,6 +14,9 @@ centre; `LossyContact` is the one of a ring that takes power, `pressure_modes` t
 What a user's own effects on the foundation change in the pressure is left out.
 
     carcass, F --solve_contact--> pressure at the angles that touch --moved--> its derivatives
+
+This file is longer than others: contacts without losses and with them, and the modes between them,
+share grid, yields and derivatives.
 """
 
 from __future__ import annotations
@@ -416,7 +419,7 @@ def _impedance(carcass: RingCarcass, losses: tuple[float, ...]) -> ComplexArray:
     return np.asarray(modal_impedance(_WAVES, carcass).real + 1j * lost, dtype=np.complex128)
 
 
-def _spectra(inverse: ComplexArray) -> ComplexArray:
+def _spectra(inverse: ComplexArray | FloatArray) -> ComplexArray:
     """1 / Z_n, i n / Z_n and n^2 / Z_n (3, ..., K), by which the ring yields."""
     return np.stack([inverse + 0j, 1j * _WAVES * inverse, _WAVES**2 * inverse + 0j])
 

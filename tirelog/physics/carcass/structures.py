@@ -90,19 +90,10 @@ _COUPLED = 32
 #: steps at most (then ModelError), and steps with the same slopes; twice as many steps only take
 #: longer to fail, twice as many with the same slopes take longer if rows lie far apart
 _STEPS = 80
-_SAME_SLOPES = 8
 #: rows share a slope if theirs are within this ratio, and within its root each time that slopes
 #: are made anew: with 2 rows are off by 1.4 at most, and a step leaves at most 0.4 of the error;
 #: doubling it takes half as many slopes and more steps
 _ALIKE = 2.0
-#: a change above so many of the soft foundation's largest mode leads nowhere; twice as many only
-#: take longer to fail
-_FARTHEST = 1e3
-#: a change below this share of the largest mode is the last; twice as much is as far below what a
-#: log tells
-_TOLERANCE = 1e-11
-#: Newton's steps for the size of the first w; it need not be exact, twice as many change nothing
-_SIZINGS = 8
 
 
 @dataclass(frozen=True)
@@ -157,7 +148,7 @@ def hardened_load(
     ratio = _ALIKE
     for step in range(_STEPS):
         w = irfft(modes, _GRID, axis=1, norm="forward")
-        if not slopes or (step and step % _SAME_SLOPES == 0):
+        if not slopes or (step and step % 8 == 0):
             _refuse_giving_way(w, H, s)
             slopes, ratio = _slopes(w, H, s, ratio), np.sqrt(ratio)
         reaction = s * rfft(w * w * w, axis=1, norm="forward")[:, :_MODES]
@@ -166,12 +157,16 @@ def hardened_load(
         for slope in slopes:
             change[slope.rows] = slope(missed[slope.rows])
         modes, farthest = modes + change, np.max(np.abs(change))
-        if farthest < _TOLERANCE * np.max(np.abs(modes)):
+        # a change below this share of the largest mode is the last; twice as much is as far below
+        # what a log tells
+        if farthest < 1e-11 * np.max(np.abs(modes)):
             _refuse_giving_way(w, H, s)
             hardened = np.array(p, dtype=np.complex128)
             hardened[:, :_MODES] -= reaction
             return hardened, Balance(modes, slopes)
-        if not farthest < _FARTHEST * np.max(np.abs(P * H)):
+        # a change above so many of the soft foundation's largest mode leads nowhere; twice as many
+        # only take longer to fail
+        if not farthest < 1e3 * np.max(np.abs(P * H)):
             break
     raise ModelError(
         "the hardened foundation found no balance",
@@ -191,7 +186,8 @@ def _soft(modes: ComplexArray, H: ComplexArray, s: FloatArray) -> ComplexArray:
     b = s * np.sum((np.conj(modes) * cubed).real, axis=1, keepdims=True) / size
     b = np.maximum(b, 0.0)
     g = np.ones_like(b)
-    for _ in range(_SIZINGS):
+    # Newton's steps for the size of the first w; it need not be exact, twice as many change nothing
+    for _ in range(8):
         g = g - (g + b * g**3 - 1.0) / (1.0 + 3.0 * b * g**2)
     return np.asarray(g * modes)
 

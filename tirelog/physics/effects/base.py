@@ -314,25 +314,21 @@ class Effect:
     def checked(self) -> Effect:
         """Itself; ModelError if its description contradicts itself."""
         names = [parameter.name for parameter in self.parameters]
-        if (
-            len(set(names)) != len(names)
-            or not set(self.strength) <= set(names)
-            or not set(self.acts_on) <= set(ACTS_ON)
-        ):
-            raise ModelError(
-                f"effect {self.id}: parameters {names}, strength {list(self.strength)}, acts on "
-                f"{list(self.acts_on)}",
-                allowed="allowed are distinct parameters, a strength among them, and "
-                f"{', '.join(ACTS_ON)}",
-                do="correct the effect",
-            )
         stages = dict.fromkeys(stage for _, stage in ENTERS.values())
-        if not set(self.reads) <= set(stages):
-            raise ModelError(
-                f"effect {self.id}: reads {', '.join(map(str, self.reads))}",
-                allowed=f"allowed are {', '.join(stages)}",
-                do="correct the effect",
-            )
+        self._refuse(
+            (
+                len(set(names)) != len(names)
+                or not set(self.strength) <= set(names)
+                or not set(self.acts_on) <= set(ACTS_ON),
+                f"parameters {names}, strength {list(self.strength)}, acts on {list(self.acts_on)}",
+                f"allowed are distinct parameters, a strength among them, and {', '.join(ACTS_ON)}",
+            ),
+            (
+                not set(self.reads) <= set(stages),
+                f"reads {', '.join(map(str, self.reads))}",
+                f"allowed are {', '.join(stages)}",
+            ),
+        )
         for parameter in self.parameters:
             parameter.checked(f"{self.id}.{parameter.name}")
         self._refuse_unknown_conditions(names)
@@ -364,19 +360,28 @@ class Effect:
                     do="correct the effect",
                     error=ModelError,
                 )
-        if not np.isfinite(list(followed.values())).all():
-            raise ModelError(
-                f"effect {self.id}: follows {self.follows!r}",
-                allowed="allowed are finite powers",
-                do="correct the effect",
-            )
-        for name, (low, high) in ranges.items():
-            if not low <= high:
-                raise ModelError(
-                    f"effect {self.id}: valid_range of {name} is from {low:g} to {high:g}",
-                    allowed="allowed is (lowest, highest)",
-                    do="correct the effect",
+        self._refuse(
+            (
+                not np.isfinite(list(followed.values())).all(),
+                f"follows {self.follows!r}",
+                "allowed are finite powers",
+            ),
+            *(
+                (
+                    not low <= high,
+                    f"valid_range of {name} is from {low:g} to {high:g}",
+                    "allowed is (lowest, highest)",
                 )
+                for name, (low, high) in ranges.items()
+            ),
+        )
+
+    def _refuse(self, *checks: tuple[object, str, str]) -> None:
+        """ModelError of the first check (wrong, what, allowed) that is wrong."""
+        for wrong, what, allowed in checks:
+            if wrong:
+                do = "correct the effect"
+                raise ModelError(f"effect {self.id}: {what}", allowed=allowed, do=do)
 
 
 def _named_in(text: str) -> Follows:

@@ -10,14 +10,6 @@ import numpy as np
 from tirelog.physics.effects.base import ROOM_K, Drive, Structure, effect, number
 from tirelog.vocabulary.arrays import FloatArray
 
-#: pressure of the air [Pa], which a gauge reads as zero
-AIR_PA = 1.013e5
-#: inflation pressure [Pa] at which T0 of the belt's tension holds; if a log does not know its own,
-#: it is taken to be this
-TENSION_PRESSURE_PA = 2.2e5
-#: inflation pressure [Pa] at which the model's own stiffnesses hold (P4: 2.0 bar nominal)
-SIDEWALL_PRESSURE_PA = 2.0e5
-
 
 @effect(
     "structure",
@@ -150,7 +142,8 @@ def belt_extension(
     the log's own offset.
     """
     if driver == "temperature":
-        change = (reference_pressure_Pa + AIR_PA) * drive.temperature_K / ROOM_K
+        # pressure of the air [Pa], which a gauge reads as zero
+        change = (reference_pressure_Pa + 1.013e5) * drive.temperature_K / ROOM_K
     else:
         change = drive.inflation_pressure_Pa - reference_pressure_Pa
     return strain_1_Pa * change
@@ -189,7 +182,9 @@ def belt_tension(drive: Drive, *, tension_N: float, tension_mass_kg_m: float) ->
     T0 grows with the inflation pressure, as p0 b R does; the rotation's share does not.
     """
     pressure = drive.inflation_pressure_Pa
-    inflated = np.where(np.isfinite(pressure), pressure / TENSION_PRESSURE_PA, 1.0)
+    # inflation pressure [Pa] at which T0 of the belt's tension holds; if a log does not know its
+    # own, it is taken to be this
+    inflated = np.where(np.isfinite(pressure), pressure / 2.2e5, 1.0)
     return Structure(tension=tension_N * inflated + tension_mass_kg_m * drive.speed_m_s**2)
 
 
@@ -215,7 +210,8 @@ def inflated_sidewalls(drive: Drive, *, exponent: float) -> Structure:
     Valid: logs of several pressures; the belt's tension follows the pressure anyway
     Source: P3, K_w and K_v of sidewalls under pressure; P4 V (1.6 and 2.0 bar)
     """
-    ratio = drive.inflation_pressure_Pa / SIDEWALL_PRESSURE_PA
+    # inflation pressure [Pa] at which the model's own stiffnesses hold (P4: 2.0 bar nominal)
+    ratio = drive.inflation_pressure_Pa / 2.0e5
     return Structure(stiffening=ratio**exponent - 1.0)
 
 

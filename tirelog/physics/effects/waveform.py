@@ -20,9 +20,6 @@ from tirelog.physics.spectral import MODES, ComplexArray, Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import computed_from
 
-#: slower than this the time since the entry counts as at this speed [m/s]
-_SLOWEST_M_S = 0.2
-
 
 def warmth(drive: Drive, time_constant_s: float, driver: str) -> FloatArray:
     """T - T_0 [K] if the option `driver` is temperature, else 1 - exp(-t / tau)."""
@@ -252,7 +249,8 @@ def cavity_resonance(
     `diagnose` describes and `propose` writes down.
     """
     along = _behind(site, phi_rad, -site.half_length_m)
-    late = along / np.maximum(drive.speed_m_s, _SLOWEST_M_S)
+    # slower than this the time since the entry counts as at this speed [m/s]
+    late = along / np.maximum(drive.speed_m_s, 0.2)
     # the speed of sound goes with the root of the absolute temperature
     frequency = frequency_Hz * np.sqrt(1.0 + np.nan_to_num(drive.temperature_K) / ROOM_K)
     swing = np.exp(-late / decay_s) * np.sin(2.0 * np.pi * frequency * late)

@@ -23,8 +23,17 @@ from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_paramet
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import user_effects
 from tirelog.physics.model.expression import BASE, dimension_of, unit_disagreements
-from tirelog.physics.model.model import COUPLED_STANDS, Model, observables_known
-from tirelog.physics.model.nuisances import BY_NAME, FORM, NUISANCES, USES, ModelEffect, Nuisance
+from tirelog.physics.model.model import (
+    BY_NAME,
+    COUPLED_STANDS,
+    FORM,
+    NUISANCES,
+    USES,
+    Model,
+    ModelEffect,
+    Nuisance,
+    observables_known,
+)
 from tirelog.physics.model.user_effects import (
     EXPRESSION_ACTS_ON,
     catalogue_with,
@@ -224,7 +233,7 @@ def parse_model(
     own: Path | None = None,
 ) -> Model:
     """The model that the TOML text describes; `own` is the file with the user's own effects."""
-    document = _document(text, path)
+    document = Document(text, ModelError, "a model", path or "model")
     data, place = document.read(_FILE), FilePlace(document)
     try:
         tomlkit.parse(text)  # which writes the model later, and refuses more than tomllib
@@ -253,7 +262,8 @@ def parse_model(
         beside=tuple(beside),
     )
     if catalogue is None:
-        asked, own = own is not None, own or _effects_file(head, path)
+        asked, folder = own is not None, path.parent if path is not None else Path()
+        own = own or (folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None)
         catalogue = _catalogue(own, place / "model" / EFFECTS_FILE, asked=asked)
         model = replace(model, effects_file=own if own is not None and own.is_file() else None)
     entries = [(_effect(table, catalogue, at), at) for table, at in _effect_tables(data, place)]
@@ -263,16 +273,6 @@ def parse_model(
         except ModelError as problem:
             raise (at / "name").moved(problem) from None
     return model
-
-
-def _document(text: str, path: Path | None) -> Document:
-    return Document(text, ModelError, "a model", path or "model")
-
-
-def _effects_file(head: Mapping[str, Any], path: Path | None) -> Path | None:
-    """The Python file with effects that the model names, None if none."""
-    folder = path.parent if path is not None else Path()
-    return folder / head[EFFECTS_FILE] if EFFECTS_FILE in head else None
 
 
 def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[str, Effect]:
@@ -426,7 +426,7 @@ def _by_shape(table: Mapping[str, Any], place: FilePlace) -> ModelEffect:
 
 def unit_remarks(model: Model) -> list[str]:
     """Sentences on the user's own formulas whose units do not agree, with file and line."""
-    document = _document(model.document or "", model.path)
+    document = Document(model.document or "", ModelError, "a model", model.path or "model")
     named = [table["name"] for table in document.tables.get("effects", ())]
     remarks = []
     for name, wrong in unit_disagreements(model).items():
@@ -456,24 +456,18 @@ def save_model(model: Model, path: str | Path) -> None:
 
 def refuse_another(path: Path) -> None:
     """ModelError: what stands at the path is no model, and is not to be written over."""
-    if not _may_be_replaced(path):
-        raise ModelError(
-            "is there and is no model file",
-            allowed="a model takes a new name, or the place of a model",
-            do="give another -o",
-            file=path,
-        )
-
-
-def _may_be_replaced(path: Path) -> bool:
-    """False if a file is there that holds something else than a model."""
     if not path.is_file() or not path.stat().st_size:
-        return True
-    try:
+        return
+    with suppress(OSError, UnicodeDecodeError, ModelError):
         text = path.read_text(encoding="utf-8-sig") if path.stat().st_size <= LARGEST_BYTES else ""
-        return "model" in toml_tables(text, ModelError, file=path)
-    except (OSError, UnicodeDecodeError, ModelError):
-        return False
+        if "model" in toml_tables(text, ModelError, file=path):
+            return
+    raise ModelError(
+        "is there and is no model file",
+        allowed="a model takes a new name, or the place of a model",
+        do="give another -o",
+        file=path,
+    )
 
 
 def as_toml(model: Model, folder: Path | None = None) -> str:

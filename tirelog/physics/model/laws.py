@@ -23,10 +23,6 @@ from tirelog.physics.model.stages import (
 from tirelog.physics.spectral import GRID, MODES, STEP, powers, to_grid
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: speed [m/s] of the stretch in which a phase shift is zero, by convention (P4: about 10).  Twice
-#: as much moves the level of all by what damping does at 10 m/s, which the free level takes
-_ZERO_SPEED_M_S = 10.0
-
 #: from where to where beyond a front the level beside the patch is taken, as of a measured passage
 #: (`wheel.fronts`); twice the first or half the second move the front by half a degree
 BESIDE_RAD = (np.radians(25.0), np.radians(130.0))
@@ -125,9 +121,12 @@ def _at_zero(task: Task) -> tuple[Task, IntArray]:
 
     def found() -> tuple[Drive, IntArray]:
         drive, one = task.drive, np.ones((1, 1))
+        # speed [m/s] of the stretch in which a phase shift is zero, by convention (P4: about 10).
+        # Twice as much moves the level of all by what damping does at 10 m/s, which the free level
+        # takes
         still = replace(
             drive,
-            speed_m_s=_ZERO_SPEED_M_S * one,
+            speed_m_s=10.0 * one,
             acceleration_m_s2=0.0 * one,
             slip=np.where(np.isfinite(drive.slip[:1]), 0.0, np.nan),
             time_s=drive.time_s[:1],

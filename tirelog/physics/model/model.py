@@ -1,17 +1,20 @@
 """A tire model as a list that a person can read.
 
-A carcass with its numbers, and effects with theirs.
+A carcass with its numbers, effects with theirs, and nuisances, which stand beside the tire.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tirelog.data.recording import Conditions
+from tirelog.data.setup import FORM_PRESSURE, FORM_STIFFNESS
 from tirelog.errors import ModelError, nearest, refuse_unknown
 from tirelog.physics.carcass.numbers import (
     CARCASSES,
@@ -21,7 +24,6 @@ from tirelog.physics.carcass.numbers import (
 )
 from tirelog.physics.effects import BY_ID, Effect, readers, serves
 from tirelog.physics.effects.base import acting_on
-from tirelog.physics.model.nuisances import NUISANCES, USES, ModelEffect, Nuisance
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.spectral import Parameter
 from tirelog.tables.writer import document, table
@@ -32,6 +34,147 @@ from tirelog.vocabulary.observables import (
     at_odds,
     together,
 )
+
+# ---- An effect as it stands in a model, with its own numbers and options.
+
+
+@dataclass(frozen=True)
+class ModelEffect:
+    """An effect as it stands in a model, with its numbers and options.
+
+    `source` keeps a user's own words (expression, acts_on).
+    """
+
+    effect: Effect
+    parameters: tuple[Parameter, ...]
+    options: Mapping[str, str] = field(default_factory=dict)
+    source: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def id(self) -> str:
+        return self.effect.id
+
+    @classmethod
+    def of(cls, effect: Effect) -> ModelEffect:
+        """The effect with its start values."""
+        return cls(
+            effect, effect.parameters, {name: words[0] for name, words in effect.options.items()}
+        )
+
+    def values(self, flat: Mapping[str, float]) -> dict[str, float]:
+        """Its own values out of the model's, with its options as `option:word` switches."""
+        own = {p.name: flat[f"{self.id}.{p.name}"] for p in self.parameters}
+        for name, words in self.effect.options.items():
+            own |= {f"{name}:{word}": float(self.options[name] == word) for word in words}
+        return own
+
+    def resolved(self, conditions: Conditions) -> ModelEffect:
+        """The entry with `driver = "auto"` settled.
+
+        The driver is temperature if every revolution knows it and it varies, else time.
+        """
+        if self.options.get("driver") != "auto":
+            return self
+        varies = (
+            conditions.known("temperature_K")
+            and len(conditions) > 0
+            and np.ptp(conditions.temperature_K) > 0.0
+        )
+        return replace(
+            self, options={**self.options, "driver": "temperature" if varies else "time"}
+        )
+
+
+# ---- What a wheel, its road and the day do beside the tire's physics: words and sizes.
+#
+# A model file's [nuisances] says of each whether it stands beside the model ("on"), never does
+# ("off"), or does if it earns its place ("auto", the default), and how large it ordinarily is. A
+# size is the standard deviation of an amplitude before anything is measured, not a bound. The
+# tire's form has a table of its own, [form], with its numbers once they are fitted.
+
+
+#: what a model file may say of a nuisance
+USES = ("auto", "on", "off")
+#: the nuisance that puts an effect of its name into the model
+FORM = "form"
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One nuisance as it stands in a model: its use, one of USES, and its sizes."""
+
+    name: str
+    description: str
+    sizes: tuple[Parameter, ...]
+    use: str = "auto"
+
+    def size(self, name: str) -> float:
+        """The value of one of its sizes."""
+        return next(size.value for size in self.sizes if size.name == name)
+
+    def used(self, use: str) -> Nuisance:
+        """The same nuisance with another use."""
+        return replace(self, use=use)
+
+
+def _size(name: str, unit: str, description: str, value: float, high: float) -> Parameter:
+    return Parameter(name, unit, description, value, 1e-9, high, probe=value, free=False)
+
+
+#: every nuisance with its ordinary sizes.  The force variation is 50 to 100 N peak to peak of a
+#: passenger tire; 20 K warm a closed tire's gas by 7 %; a rolling radius is known to 1 or 2 %.
+#: A size twice as large gives a nuisance more of what it shares with an effect, and costs power
+NUISANCES = (
+    Nuisance(
+        "wheel",
+        "run-out and force variation at harmonics 1 to 3 of the wheel",
+        (
+            _size("run_out", "strain", "strain at one harmonic", 3e-5, 1e-2),
+            _size("force", "1", "force variation at one harmonic over the load", 0.01, 0.5),
+        ),
+    ),
+    Nuisance(
+        "drift",
+        "patch length, stiffnesses and baseline move along a log",
+        (
+            _size("relative", "1", "change of a length or stiffness along a log", 0.03, 1.0),
+            _size("baseline", "1", "change of the baseline over the waveform's rms", 0.1, 10.0),
+        ),
+    ),
+    Nuisance(
+        "rolling",
+        "the rolling radius is not the setup's, and follows speed and load",
+        (_size("radius", "1", "relative error; its change up to 25 m/s", 0.02, 0.5),),
+    ),
+    Nuisance(
+        "patch_law",
+        "the patch grows with another power of the load",
+        (_size("exponent", "1", "error of the exponent", 0.2, 2.0),),
+    ),
+    Nuisance(
+        "pressure_law",
+        "the patch shrinks with another power of the inflation pressure",
+        (_size("exponent", "1", "error of the exponent", 0.3, 2.0),),
+    ),
+    Nuisance(
+        FORM,
+        "contact pressure and stiffness of the tire that no formula describes",
+        (
+            _size(
+                "pressure",
+                "1",
+                "a shape of the pressure over the mean pressure",
+                FORM_PRESSURE,
+                3.0,
+            ),
+            _size("stiffness", "1", "change of the stiffness at a wavelength", FORM_STIFFNESS, 2.0),
+        ),
+    ),
+)
+BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}
+
+
+# ---- The model itself.
 
 COUPLED_STANDS = (
     'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
@@ -218,26 +361,31 @@ class Model(Predicting):
         return replace(self, effects=kept)
 
     def _accept(self, added: ModelEffect, beside: Sequence[Effect]) -> None:
-        if added.id in [e.id for e in self.effects]:
-            raise ModelError(
-                f"the model has the effect {added.id!r} already",
-                allowed="each effect once is allowed",
-                do="change its parameters instead",
-            )
-        if not self.acted_on_by(added.effect, beside):
+        already = added.id in [e.id for e in self.effects]
+        if not already and not self.acted_on_by(added.effect, beside):
             raise idle_effect(added.effect, self.observable)
-        if any(n.name == added.id and n.use == "off" for n in self.nuisances):
-            raise ModelError(
+        for wrong, what, allowed, do in (
+            (
+                already,
+                f"the model has the effect {added.id!r} already",
+                "each effect once is allowed",
+                "change its parameters instead",
+            ),
+            (
+                any(n.name == added.id and n.use == "off" for n in self.nuisances),
                 f'[{added.id}] has use = "off" and numbers',
-                allowed='numbers are allowed with "auto" and "on"',
-                do="remove the numbers, or take another use",
-            )
-        if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
-            raise ModelError(
+                'numbers are allowed with "auto" and "on"',
+                "remove the numbers, or take another use",
+            ),
+            (
+                added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring",
                 "the carcass is a ring already",
-                allowed='ring_curvature is for carcass = "beam"',
-                do="leave it out",
-            )
+                'ring_curvature is for carcass = "beam"',
+                "leave it out",
+            ),
+        ):
+            if wrong:
+                raise ModelError(what, allowed=allowed, do=do)
 
     def resolved(self, conditions: Conditions) -> Model:
         """The model with what depends on the whole data (thermal_drift's driver) settled.

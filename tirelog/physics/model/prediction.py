@@ -30,14 +30,9 @@ from tirelog.physics.model.stages import (
     structure,
     waveform,
 )
-from tirelog.physics.spectral import BLOCK, MODES, Angles, ComplexArray
+from tirelog.physics.spectral import BLOCK, MODES, Angles, ComplexArray, Parameter
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
-
-if TYPE_CHECKING:
-    from tirelog.physics.model.nuisances import ModelEffect
-    from tirelog.physics.spectral import Parameter
-
 
 # ---- Waveforms of many rows that differ in speed alone, computed at a few speeds.
 #
@@ -52,9 +47,6 @@ if TYPE_CHECKING:
 #: numbers of speeds that are tried; the next where one does not tell what lies between, and each
 #: for twice as many rows at least; twice as many take twice as long
 COUNTS = (17, 33)
-#: the last two of a polynomial's terms are below this share of the largest: so far it is off.
-#: Twice as much is as far below what a log tells
-_OFF = 1e-9
 
 
 def few_speeds(
@@ -98,7 +90,9 @@ def told_by(modes: ComplexArray) -> bool:
     weight[[0, -1]] = 0.5
     highest = np.cos(np.pi * np.outer([k - 1, k - 2], np.arange(k)) / (k - 1)) * weight
     last = np.abs(highest @ modes).max() * 2.0 / (k - 1)
-    return bool(last <= _OFF * np.abs(modes).max())
+    # the last two of a polynomial's terms are below this share of the largest: so far it is off.
+    # Twice as much is as far below what a log tells
+    return bool(last <= 1e-9 * np.abs(modes).max())
 
 
 def _shares(x: FloatArray, at: FloatArray) -> FloatArray:
@@ -131,7 +125,7 @@ class Predicting:
     carcass: str
     contact: str
     base: tuple[Parameter, ...]
-    effects: tuple[ModelEffect, ...]
+    effects: tuple[Any, ...]  # of `ModelEffect`, which stands beside the model
 
     if TYPE_CHECKING:
 

@@ -290,7 +290,7 @@ class Tread:
 #: The spin is sought within this share of v / R. Twice as wide finds spins of tires that slip by a
 #: tenth.
 _SPIN_RANGE = 0.05
-_PHI = np.arange(-int(contact.REACH / STEP), int(contact.REACH / STEP) + 1) * STEP
+_PHI = np.arange(-contact.NODES, contact.NODES + 1, dtype=np.float64) * STEP
 
 
 @dataclass(frozen=True)

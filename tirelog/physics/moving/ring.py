@@ -273,9 +273,6 @@ _RINGS = 6
 #: Cells of bristles between entry and exit of the patch. Twice as many resolve shorter waves of
 #: the tread's deflection, and make the matrix as much larger.
 _CELLS = 48
-#: Slower than this [Hz] is no vibration but a tire that rolls away. Twice as much is still slower
-#: than any mode of a tire.
-_SLOWEST = 0.05
 
 
 @dataclass(frozen=True)
@@ -316,7 +313,9 @@ def natural_modes(
     system, M = first_order(tire, speed_m_s / tire.R, load_N)
     size = M.size
     values, vectors = np.linalg.eig(system)
-    heard = (values.imag > 2.0 * np.pi * _SLOWEST) & (values.imag <= 2.0 * np.pi * to_Hz)
+    # Slower than this [Hz] is no vibration but a tire that rolls away. Twice as much is still
+    # slower than any mode of a tire.
+    heard = (values.imag > 2.0 * np.pi * 0.05) & (values.imag <= 2.0 * np.pi * to_Hz)
     found = [
         _mode(value, vector[:size], M, turning=speed_m_s != 0.0)
         for value, vector in zip(values[heard], vectors[:, heard].T)

@@ -54,24 +54,29 @@ class RoadProfile:
     def __post_init__(self) -> None:
         x, h, wave = np.array(self.distance_m), np.array(self.height_m), self.wavelength_m
         points = x.ndim == 1 and x.shape == h.shape and x.size != 1
-        if not (points and np.isfinite(x).all() and np.isfinite(h).all()):
-            raise ModelError(
+        waves = wave is None or (wave > 0.0 and np.isfinite(self.amplitude_m))
+        for right, what, allowed, do in (
+            (
+                points and np.isfinite(x).all() and np.isfinite(h).all(),
                 "road profile without two columns of finite numbers",
-                allowed="two points or more are allowed",
-                do="give distance and height",
-            )
-        if np.any(np.diff(x) <= 0.0):
-            raise ModelError(
+                "two points or more are allowed",
+                "give distance and height",
+            ),
+            (
+                not np.any(np.diff(x) <= 0.0),
                 "road profile whose distance does not grow",
-                allowed="growing distances are allowed",
-                do="sort the rows, one height each",
-            )
-        if wave is not None and not (wave > 0.0 and np.isfinite(self.amplitude_m)):
-            raise ModelError(
-                f"sine road of wavelength {wave:g} m",
-                allowed="above zero is allowed",
-                do="correct wavelength_m",
-            )
+                "growing distances are allowed",
+                "sort the rows, one height each",
+            ),
+            (
+                waves,
+                f"sine road of wavelength {wave or 0.0:g} m",
+                "above zero is allowed",
+                "correct wavelength_m",
+            ),
+        ):
+            if not right:
+                raise ModelError(what, allowed=allowed, do=do)
         waving = abs(self.amplitude_m) * 2.0 * np.pi / (wave or np.inf)
         slope = max(waving, np.abs(self._slopes).max())
         if slope > STEEPEST:
@@ -221,7 +226,7 @@ def load_road(path: str | Path) -> RoadProfile:
             file=path,
         ) from None
     try:
-        # a file of no points is no flat road
-        return RoadProfile(*zip(*rows, strict=True)) if rows else RoadProfile((0.0,), (0.0,))
+        points = rows or [(0.0, 0.0)]  # a file of no points is no flat road
+        return RoadProfile(tuple(x for x, _ in points), tuple(h for _, h in points))
     except ModelError as problem:
         raise problem.at(path) from None

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 #: Belt modes and tread nodes of a motion, its longest step [s] and the grid on which it is kept
 #: [s].
 MODES, NODES = 40, 2304
-LONGEST_STEP_S = 1e-4
 KEEP_S = 1e-4
 #: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls
 #: on a flat road. Twice as much would ask for a longer way to an obstacle.
@@ -275,7 +274,7 @@ def driven(
     start = State.rolling(tire, load, conditions.speed_m_s[0])
     steady = start.V
     step = (
-        min(LONGEST_STEP_S, 0.9 * tire.largest_step_s(max(course.speed_m_s.value)))
+        min(1e-4, 0.9 * tire.largest_step_s(max(course.speed_m_s.value)))
         if step_s is None
         else step_s
     )
@@ -352,15 +351,6 @@ def _begins_level(road: RoadProfile, radius_m: float) -> None:
 # --`passage_columns`--> a row per sensor and time
 
 
-#: Where an obstacle begins that names no place [m], and how long is driven after it [s]. Twice as
-#: much drives that much longer.
-_AHEAD_M = 0.5
-_AFTER_S = 0.5
-#: a step of the load takes so long [s]: far less than a step of the motion; twice as long is still
-#: a hundredth of it at most
-_STEP_S = 1e-6
-
-
 def course_of(
     road: RoadSetup,
     folder: Path | None,
@@ -378,13 +368,15 @@ def course_of(
     duration_s  None: half a second past the last event
     UsageError  nothing to drive, or more than 100 s
     """
-    at = _AHEAD_M if road.position_m is None else road.position_m
+    # Where an obstacle begins that names no place [m], and how long is driven after it [s]. Twice
+    # as much drives that much longer.
+    at = 0.5 if road.position_m is None else road.position_m
     if road.time_s is not None:
         at = road.time_s * speed_m_s
     load, speed = _stepped(load_N, loads), _ramped(speed_m_s, ramps)
     if duration_s is None:
         reached = at / speed_m_s if road.kind != "flat" and speed_m_s > 0.0 else 0.0
-        duration_s = max(reached, load.time_s[-1], speed.time_s[-1]) + _AFTER_S
+        duration_s = max(reached, load.time_s[-1], speed.time_s[-1]) + 0.5
     if not 0.0 < duration_s <= 100.0:
         raise UsageError(
             f"{duration_s:g} s to drive",
@@ -397,7 +389,9 @@ def course_of(
 def _stepped(load_N: float, loads: Sequence[tuple[float, float]]) -> Schedule:
     times, values = [0.0], [load_N]
     for time, value in loads:
-        times += [time, time + _STEP_S]
+        # a step of the load takes so long [s]: far less than a step of the motion; twice as long is
+        # still a hundredth of it at most
+        times += [time, time + 1e-6]
         values += [values[-1], value]
     return Schedule(tuple(times), tuple(values))
 
@@ -466,9 +460,6 @@ def passage_columns(transient: Transient, sensors_deg: list[float], surface: str
 # of the vibration alone a few percent come and go at h = 1e-4 and one at 5e-5, since nodes that
 # touch and leave give the force a kink which no order of the step smooths.
 
-#: Spin [rad/s] by which the belt's exact step may be out of date. Twice as much renews it half as
-#: often, and leaves up to twice the error of its phase.
-_STALE = 1e-3
 _COLUMNS = (
     "time_s",
     "force_s_N",
@@ -650,7 +641,9 @@ class Stepper:
         The kicks keep a steady load's answer exact.
         """
         tire, omega, h = self.tire, self.state.omega, self.step_s
-        if abs(omega - self._belt_at) < _STALE:
+        # Spin [rad/s] by which the belt's exact step may be out of date. Twice as much renews it
+        # half as often, and leaves up to twice the error of its phase.
+        if abs(omega - self._belt_at) < 1e-3:
             return
         self._belt_at = omega
         K: ComplexArray = tire.Z_n + 1j * tire.n * omega * tire.c_n

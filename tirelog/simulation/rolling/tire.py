@@ -45,8 +45,6 @@ STEEPEST = 3.0
 #: highest rise within one diameter of the tire, over its radius; twice as much would double the
 #: strain that a linear belt takes for small
 HIGHEST = 0.2
-#: ramp of a step or cleat that names none, as far as its length and the steepest slope allow [m]
-RAMP_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -126,7 +124,8 @@ def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
             )
         return _read(Path(road.file))
     height = _needed(road, "height_m")[0]
-    ramp = road.ramp_m or max(RAMP_M, 1.01 * abs(height) / STEEPEST)
+    # ramp of a step or cleat that names none, as far as its length and the steepest slope allow [m]
+    ramp = road.ramp_m or max(0.01, 1.01 * abs(height) / STEEPEST)
     if road.kind == "step":
         return np.array([0.0, ramp]), np.array([0.0, height])
     length = _needed(road, "length_m")[0]
@@ -236,11 +235,6 @@ def _wave(road: Road, radius_m: float, begin_m: float) -> TrueProfile:
 
 #: tread points on an element of the belt
 POINTS = 8
-#: share of the longest stable step that is allowed; slopes of the road stiffen the contact; twice
-#: as much is the limit itself
-SAFE = 0.5
-#: Newton's iterations for the standing tire
-_LARGEST_ITERATIONS = 60
 
 
 @dataclass(frozen=True)
@@ -276,8 +270,10 @@ def longest_step_s(belt: Belt) -> float:
     Half of what the tread's springs and bristles on the belt's mass allow.
     """
     tire = belt.tire
+    # share of the longest stable step that is allowed; slopes of the road stiffen the contact;
+    # twice as much is the limit itself
     return float(
-        SAFE
+        0.5
         * 2.0
         / np.sqrt((tire.tread_stiffness_N_m2 + tire.bristle_stiffness_N_m2) / tire.line_mass_kg_m)
     )
@@ -318,7 +314,8 @@ def tire_at_rest(belt: Belt, load_N: float) -> TireAtRest:
     held[:size, :size] = belt.full(belt.stiffness)
     q = np.append(np.zeros(size), radius - 0.005)
     pressed = np.zeros(near.size, bool)
-    for _ in range(_LARGEST_ITERATIONS):
+    # Newton's iterations for the standing tire
+    for _ in range(60):
         depth = radius * cos - rise @ q
         touching = depth > 0.0
         if (touching == pressed).all():

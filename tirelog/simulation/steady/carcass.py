@@ -253,7 +253,6 @@ def _ring(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
 SECTORS_RAD = (0.3, 0.6)
 #: compliances kept: those of a chunk of knots, which is solved at three loads
 KEPT = 128
-CONTACT_ITERATIONS = 60
 
 
 @dataclass(frozen=True)
@@ -379,7 +378,7 @@ class FlatRoadContact:
         step, stiffness = self.ring.step_m, self.scenario.tire.tread_stiffness_N_m2
         above = stretch * self.above
         active = self._active
-        for _ in range(CONTACT_ITERATIONS):
+        for _ in range(60):
             size = int(active.sum())
             system = np.zeros((size + 1, size + 1))
             system[:size, :size] = compliance[np.ix_(active, active)]

@@ -25,8 +25,6 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: speed [m/s] at which what grows with speed has the size that is planted
 REFERENCE_SPEED_M_S = 20.0
-#: distance [km] after which planted wear has its full size
-WORN_OUT_KM = 40000.0
 #: a tread block that is struck at the entry: it dies away in [s], and swings at [Hz] (Heckl 1986)
 _STRUCK_S, _STRUCK_HZ = 0.0015, 250.0
 #: friction of bristles that adhere and of those that slide [N/N], on a road that the scenario says
@@ -156,7 +154,8 @@ def _worn(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatA
         np.abs(x) < 1.0, np.exp((np.minimum(x, 1.0) - 1.0) / (1.4 * effect["width"])), 0.0
     )
     shape = 1.25 * rise if effect.other else _gauss(u)
-    age = at.distance_km / WORN_OUT_KM
+    # distance [km] after which planted wear has its full size
+    age = at.distance_km / 40000.0
     return p + effect["amplitude"] * age * (at.load / (2 * at.half_length))[:, None] * shape
 
 
@@ -471,8 +470,6 @@ class Ring:
 SLOWEST_M_S = 0.2
 #: absolute temperature at which a log begins [K]: the speed of sound goes with its root
 ROOM_K = 293.0
-#: damping of a filter that rings, as a share of the critical one (lag "apart")
-_RINGING = 0.25
 #: diameter of a fibre [m], and the strain with which it is drawn when it is glued at its ends
 _FIBRE_M, _DRAWN = 1.25e-4, 6.0e-4
 
@@ -641,7 +638,8 @@ def delaying(lag: Planted | float, late: Any) -> Any:
     if isinstance(lag, Planted) and lag.other:
         return (1.0 + 0.5 * late) ** 2
     if isinstance(lag, Planted) and lag.apart:
-        return 1.0 + late + (late / (2.0 * _RINGING)) ** 2
+        # damping of a filter that rings, as a share of the critical one (lag "apart")
+        return 1.0 + late + (late / (2.0 * 0.25)) ** 2
     return 1.0 + late
 
 

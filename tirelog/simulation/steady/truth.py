@@ -25,10 +25,6 @@ from tirelog.vocabulary.arrays import FloatArray
 #: beginning with `time_s` in its own stamps
 Passages = Callable[[str, float], dict[str, FloatArray]]
 
-#: step of the wheel's motion in the truth [s]; twice as long shows quick manoeuvres half as finely
-#: in the truth file alone
-MOTION_STEP_S = 0.05
-
 
 def steady_truth(
     world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages | None = None
@@ -39,7 +35,9 @@ def steady_truth(
     """
     scenario = world.scenario
     passed = passed or partial(_steady_passages, world)
-    time = np.arange(0.0, scenario.duration_s, MOTION_STEP_S)
+    # step of the wheel's motion in the truth [s]; twice as long shows quick manoeuvres half as
+    # finely in the truth file alone
+    time = np.arange(0.0, scenario.duration_s, 0.05)
     return {
         "tirelog_version": __version__,
         "seed": scenario.seed,
