@@ -24,10 +24,9 @@ from tirelog.process_pool import POSSIBLE, in_processes
 if TYPE_CHECKING:
     from tirelog.dsp.filters import Cutoff
     from tirelog.process_pool import LocalLink, PipeLink
-    from tirelog.strain.footprint.form_choice import FormChoice
-    from tirelog.strain.footprint.measure import Measured
+    from tirelog.strain.footprint.footprint import FormChoice
     from tirelog.strain.passages.find import Passages
-    from tirelog.vocabulary.arrays import IntArray
+    from tirelog.vocabulary.arrays import IntArray, Records
 
 Options = Mapping[str, Any]
 
@@ -77,7 +76,7 @@ class Work:
     channel: Channel
     passages: Passages
     settled: FormChoice | None
-    measured: Iterable[tuple[IntArray, Measured]] | None = None
+    measured: Iterable[tuple[IntArray, Records]] | None = None
 
 
 @dataclass(frozen=True)
@@ -203,8 +202,7 @@ def _by_stretches(
     stretches of passages.
     """
     from tirelog.runs.in_memory import without_spikes
-    from tirelog.strain.footprint.footprint import Measuring, refuse_cutoff
-    from tirelog.strain.footprint.form_choice import choose_form
+    from tirelog.strain.footprint.footprint import Measuring, choose_form, refuse_cutoff
     from tirelog.strain.passages.find import passages_of
 
     channel = without_spikes(stored)
@@ -229,7 +227,7 @@ def _by_stretches(
                 return (None,)
             at_work.append(Measuring.of(channel, passages, settled, cutoff))
         rows = at_work[0].measure(number - 2, _STRETCHES)
-        return ((rows, at_work[0].work.take(rows)),)
+        return ((rows, at_work[0].work[rows]),)
 
     (settled,), (parts,), *stretches = in_processes(2 + _STRETCHES, workers, make)
     measured = [stretch for (stretch,) in stretches] if settled else None
@@ -252,7 +250,7 @@ class _Forms:
 
     def settle(self, number: int, channel: Channel, passages: Passages) -> FormChoice | None:
         """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.form_choice import choose_form
+        from tirelog.strain.footprint.footprint import choose_form
 
         settled = choose_form(channel, passages, like=self._first_before(number))
         self.tell(number, settled and settled.light)
@@ -282,7 +280,7 @@ class _FormsApart:
 
     def settle(self, number: int, channel: Channel, passages: Passages) -> FormChoice | None:
         """The form of the passages of `channel`, the `number`-th."""
-        from tirelog.strain.footprint.form_choice import choose_form
+        from tirelog.strain.footprint.footprint import choose_form
 
         settled = choose_form(channel, passages, like=self._wire.ask())
         self.tell(number, settled and settled.light)

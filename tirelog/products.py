@@ -356,8 +356,7 @@ def phase_shift_parts(
 
 def _calibration(options: Options) -> Calibration | None:
     """The calibration to apply, itself or the one in a file; None: without one."""
-    from tirelog.wheel.calibration import Calibration
-    from tirelog.wheel.calibration_file import read_calibration
+    from tirelog.wheel.calibration import Calibration, read_calibration
 
     given = options.get("calibration")
     return (

@@ -16,7 +16,7 @@ from tirelog.data.recording import Recording, Scaled
 from tirelog.process_pool import POSSIBLE
 from tirelog.products import tables_of
 from tirelog.runs.ingest import open_recording
-from tirelog.strain.footprint import form_choice
+from tirelog.strain.footprint import footprint
 from tirelog.strain.footprint.footprint import Measuring
 
 DRIVE = Path(__file__).parents[2] / "sample_data" / "drive.csv.gz"
@@ -78,7 +78,7 @@ def gratings(log: Recording, count: int) -> Recording:
 @pytest.mark.parametrize("how", [signal.SIGTERM, None])
 def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, how):
     """Whoever starts from the form of the grating before it does so, whoever learns that form."""
-    parent, settled = os.getpid(), form_choice.choose_form
+    parent, settled = os.getpid(), footprint.choose_form
 
     def mortal(channel, passages, *, like=None):
         if channel.name.endswith("_0") and os.getpid() != parent:
@@ -92,7 +92,7 @@ def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, h
         wanted = {"footprint": {}}
         alone = [Part(p.table, p.columns, p.remarks) for p in tables_of(log, wanted)]
         before = signal.signal(signal.SIGTERM, stopped)
-        monkeypatch.setattr(form_choice, "choose_form", mortal)
+        monkeypatch.setattr(footprint, "choose_form", mortal)
         try:
             shared = list(tables_of(log, wanted, 2, processes=True))
         finally:

@@ -110,7 +110,7 @@ def _stops(recording: Recording, found: InflationOfChannel) -> Panel:
     s, test = found.series, found.inflation
     marks = [line(s.time_s, MICRO * (s.strain - s.strain[0]), width=1.4)]
     for stretch, start, duration, leak in zip(
-        test.stretch, test.time_s, test.duration_s, test.leak, strict=True
+        test["stretch"], test["time_s"], test["duration_s"], test["leak"], strict=True
     ):
         if stretch != "stop":
             continue
@@ -129,11 +129,11 @@ def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
     marks = []
     if np.isfinite(s.pressure_Pa).any():
         ends = np.array([np.nanmin(s.pressure_Pa), np.nanmax(s.pressure_Pa)])
-        rise = test.slope_1_Pa[0] * (ends - np.nanmean(s.pressure_Pa))
-        se = 1e11 * test.slope_se_1_Pa[0]
+        rise = test["slope_1_Pa"][0] * (ends - np.nanmean(s.pressure_Pa))
+        se = 1e11 * test["slope_se_1_Pa"][0]
         text = (
-            f"{1e11 * test.slope_1_Pa[0]:.1f}{f' ± {se:.1g}' if np.isfinite(se) else ''} "
-            f"microstrain/bar, straight to {100 * test.nonlinearity[0]:.1f} %"
+            f"{1e11 * test['slope_1_Pa'][0]:.1f}{f' ± {se:.1g}' if np.isfinite(se) else ''} "
+            f"microstrain/bar, straight to {100 * test['nonlinearity'][0]:.1f} %"
         )
         strain = MICRO * (s.strain.mean() - s.strain[0] + rise)
         marks = [
