@@ -631,7 +631,7 @@ def _(rng: np.random.Generator) -> Arguments:
     segments = np.array([(0.0, 0.0, 1 / rate), (1249.0, 2.498, 1 / rate)], k.SEGMENT)
     source = k.Source(-samples, np.zeros(0), segments, -1.0, -2.05, 1.0)
     timed = source._replace(times_s=time_s)
-    rows = np.array([(t + 0.001, 40.0, 2.0, 0.02, 1.9) for t in centres], k.ROW)
+    rows = np.array([(t + 0.001, np.nan, 40.0, 2.0, 0.02, 1.9) for t in centres], k.ROW)
     spans = np.array([(int(rate * t) - 5, int(rate * t) + 6, 0) for t in centres], k.SPAN)
     spans["first"][3], spans["stop"][3] = 1300, 1990  # thinned
     offset = np.zeros(4)
