@@ -43,7 +43,7 @@ def case(name, truth, speed, noise_pm, rate_Hz=2500.0, surface="outer"):
         errors.append(found.length_m / length - 1)
         covered.append(np.mean(np.abs(found.length_m - length) < found.length_se_m))
         plain.append(np.nanmedian(found.length_d2_m) / length)
-        finds += int(np.isfinite(found.slip.onset_m).sum())
+        finds += int(np.isfinite(found.slip["onset_m"]).sum())
         rows += len(passages)
         form = float(np.nanmedian(found.form_se_m)) / length
         factors.append(spent.factor_1_m[1:-1])
@@ -100,7 +100,7 @@ def traction(speed, slip):
         found, slipping, _, onset = mixed(make_drive, RADIUS_M, speed, slip, seed)
         for name, values in rows.items():
             values.append(getattr(found, name)[slipping])
-        onsets.append(found.slip.onset_m[slipping])
+        onsets.append(found.slip["onset_m"][slipping])
     told(f"beam {speed:5.0f} m/s with slip {slip:+.2f}", rows, 2 * Beam().half_length_m)
     where = 1e3 * (np.concatenate(onsets) - onset)
     print(

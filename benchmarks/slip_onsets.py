@@ -107,9 +107,9 @@ def run(kind: str, seed: int) -> Row:
     true = simulated.truth["channels"]["strain"]["passages"]
     nearest = np.abs(np.array(true["time_s"])[:, None] - passages.time_s).argmin(axis=0)
     onset = np.array([np.nan if x is None else x for x in true["slip_onset_m"]])[nearest]
-    error, told = found.onset_m - onset, np.isfinite(found.onset_m)
+    error, told = found["onset_m"] - onset, np.isfinite(found["onset_m"])
     known = told & np.isfinite(onset)
-    pulls = np.abs(error[known]) / found.onset_se_m[known]
+    pulls = np.abs(error[known]) / found["onset_se_m"][known]
     return Row(
         kind,
         seed,
@@ -119,7 +119,7 @@ def run(kind: str, seed: int) -> Row:
         int(np.sum(np.abs(error[known]) > GROSS_M)),
         int((told & ~known).sum()),
         1e3 * float(np.sqrt(np.mean(error[known] ** 2))) if known.any() else float("nan"),
-        1e3 * float(np.median(found.onset_se_m[known])) if known.any() else float("nan"),
+        1e3 * float(np.median(found["onset_se_m"][known])) if known.any() else float("nan"),
     )
 
 

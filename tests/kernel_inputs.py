@@ -103,7 +103,7 @@ def _(rng: np.random.Generator) -> Arguments:
     return {"_hermite": [(at, time, count, rate, 0.05, np.zeros(at.size))]}
 
 
-@inputs_of("dsp.encoder_kernels")
+@inputs_of("dsp.encoder")
 def _(rng: np.random.Generator) -> Arguments:
     size, period = 900, 23.0
     phase = np.arange(size) / period + 0.002 * (np.arange(size) / period) ** 2
@@ -130,7 +130,7 @@ def _(rng: np.random.Generator) -> Arguments:
 
 @inputs_of("dsp.pitch")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.dsp.encoder_kernels import SUMS
+    from tirelog.dsp.encoder import SUMS
     from tirelog.dsp.pitch import MOST_REACH
 
     n = 120
@@ -147,7 +147,7 @@ def _(rng: np.random.Generator) -> Arguments:
 
 @inputs_of("dsp.pitch")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.dsp.encoder_kernels import SUMS
+    from tirelog.dsp.encoder import SUMS
 
     turn, n = 12, 80
     time = np.cumsum(1e-3 * (1.0 + 0.02 * np.sin(2 * np.pi * np.arange(n) / turn)))
@@ -397,9 +397,9 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("strain.footprint.plain_edges")
+@inputs_of("strain.footprint.measure")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.footprint import kernels, plain_edges
+    from tirelog.strain.footprint import kernels, measure
 
     xi = (np.arange(160) - 80.0) / 30.0
     rows = np.stack([np.exp(-(((xi - s) / 1.1) ** 2)) for s in (0.0, 0.3, -5.0)])
@@ -418,7 +418,7 @@ def _(rng: np.random.Generator) -> Arguments:
         ],
         "edge_rows": [
             (first, second, motion, np.full(3, 0.5), np.full((3, 2), 1e-3), 2)
-            + (np.zeros(3, plain_edges.EDGES),)
+            + (np.zeros(3, measure.EDGES),)
         ],
     }
 
@@ -476,10 +476,9 @@ def _(rng: np.random.Generator) -> Arguments:
     }
 
 
-@inputs_of("strain.footprint.onset_kernels")
+@inputs_of("strain.footprint.kernels")
 def _(rng: np.random.Generator) -> Arguments:
     from tirelog.strain.footprint import kernels as k
-    from tirelog.strain.footprint import onset_kernels as onset
 
     made = fits(rng)
     values, motion, table, grids = (made[n] for n in ("values", "motion", "table", "grids"))
@@ -490,9 +489,9 @@ def _(rng: np.random.Generator) -> Arguments:
     place = rng.uniform(0, 299, used)
     starts, shift = np.array([-0.004, 0.0, 0.004]), np.zeros(5)
     form = values, motion, table, grids[0], waves
-    told, best, moved = np.zeros(4, onset.TRIED), np.zeros(k.FITTED + 1), np.zeros((k.OWN, 4))
-    half, tried = (values[:, ::2].copy(), motion), np.zeros(5, onset.TRIED)
-    for name in onset.TRIED.names or ():
+    told, best, moved = np.zeros(4, k.TRIED), np.zeros(k.FITTED + 1), np.zeros((k.OWN, 4))
+    half, tried = (values[:, ::2].copy(), motion), np.zeros(5, k.TRIED)
+    for name in k.TRIED.names or ():
         tried[name] = rng.uniform(1.0, 2.0, 5)
     return {
         "_beside": [(columns, place, used, waves, 2, lined, sums)],
@@ -521,16 +520,16 @@ def _(rng: np.random.Generator) -> Arguments:
                 0.3,
                 enough,
                 1,
-                np.full(5, np.nan, onset.ONSET),
+                np.full(5, np.nan, k.ONSET),
             )
             for enough in (0.0, 1e9)
         ],
         "_put": [
             (20, 2, 1, 0.001, tried, np.linspace(1.0, 2.0, 9), one)
-            for one in np.full(1, np.nan, onset.ONSET)
+            for one in np.full(1, np.nan, k.ONSET)
         ],
         "follow_rows": [
-            (*form, 2, np.full(5, 4), shift, 0.002, 2, 0.02, 0.3, np.full(5, np.nan, onset.ONSET))
+            (*form, 2, np.full(5, 4), shift, 0.002, 2, 0.02, 0.3, np.full(5, np.nan, k.ONSET))
         ],
         "moved_waves": [
             (
@@ -597,7 +596,7 @@ def _(rng: np.random.Generator) -> Arguments:
     segments = np.array([(0.0, 0.0, 1 / rate), (1249.0, 2.498, 1 / rate)], k.SEGMENT)
     source = k.Source(-samples, np.zeros(0), segments, -1.0, -2.05, 1.0)
     timed = source._replace(times_s=time_s)
-    rows = np.array([(t + 0.001, 40.0, 2.0, 0.02, 1.9) for t in centres], k.ROW)
+    rows = np.array([(t + 0.001, np.nan, 40.0, 2.0, 0.02, 1.9) for t in centres], k.ROW)
     spans = np.array([(int(rate * t) - 5, int(rate * t) + 6, 0) for t in centres], k.SPAN)
     spans["first"][3], spans["stop"][3] = 1300, 1990  # thinned
     offset = np.zeros(4)

@@ -60,7 +60,7 @@ WIDER = {
     "api/answers.py:write_report",
     "physics/model/prediction.py:linearised",
     "physics/model/prediction.py:predict",
-    "strain/footprint/plain_edges.py:find_edges",
+    "strain/footprint/measure.py:find_edges",
     "wheel/fronts.py:_solve",
 }
 

@@ -33,10 +33,9 @@ from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
     from tirelog.dsp.filters import Cutoff
-    from tirelog.strain.footprint.form_choice import FormChoice
-    from tirelog.strain.footprint.measure import Measured
+    from tirelog.strain.footprint.footprint import FormChoice
     from tirelog.strain.passages.find import Passages
-    from tirelog.vocabulary.arrays import IntArray
+    from tirelog.vocabulary.arrays import IntArray, Records
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import EdgeTimes
 
@@ -87,7 +86,7 @@ class Work:
     channel: Channel
     passages: Passages
     settled: FormChoice | None = None
-    measured: Iterable[tuple[IntArray, Measured]] | None = None
+    measured: Iterable[tuple[IntArray, Records]] | None = None
 
 
 @dataclass(frozen=True)
@@ -268,7 +267,7 @@ class ChannelTables:
 
         `like`: that of another channel, to start from.
         """
-        from tirelog.strain.footprint.form_choice import choose_form
+        from tirelog.strain.footprint.footprint import choose_form
 
         if "footprint" not in self.wanted or work.passages.doubt:
             return work
@@ -388,10 +387,10 @@ def _by_stretches(
     measured = None
     if settled:
 
-        def measure(number: int) -> tuple[IntArray, Measured]:
+        def measure(number: int) -> tuple[IntArray, Records]:
             measuring = Measuring.of(work.channel, work.passages, settled, cutoff)
             rows = measuring.measure(number, _STRETCHES)
-            return rows, measuring.work.take(rows)
+            return rows, measuring.work[rows]
 
         measured = list(in_processes(_STRETCHES, workers, measure))
     parts = making.parts(replace(work, settled=settled, measured=measured), ["footprint"])
@@ -553,8 +552,7 @@ def phase_shift_parts(
 
 def _calibration(options: Options) -> Calibration | None:
     """The calibration to apply, itself or the one in a file; None: without one."""
-    from tirelog.wheel.calibration import Calibration
-    from tirelog.wheel.calibration_file import read_calibration
+    from tirelog.wheel.calibration import Calibration, read_calibration
 
     given = options.get("calibration")
     return (

@@ -25,8 +25,7 @@ from tirelog.cli import run
 from tirelog.cli.session import CampaignProgress
 from tirelog.errors import TirelogError, UsageError
 from tirelog.inference.cells.pieces import pieces_of
-from tirelog.wheel.calibration import Calibration, SpeedMap
-from tirelog.wheel.calibration_file import write_calibration
+from tirelog.wheel.calibration import Calibration, SpeedMap, write_calibration
 
 pytest_plugins: list[str] = []
 

@@ -9,8 +9,14 @@ from scipy.ndimage import maximum_filter1d
 from scipy.optimize import brentq
 
 from tirelog.dsp import teeth as encoder_signal
-from tirelog.dsp.encoder import AngleFunction
-from tirelog.dsp.encoder_kernels import CHUNK, WINDOW, extremes, sliding_maximum, without_spikes
+from tirelog.dsp.encoder import (
+    CHUNK,
+    WINDOW,
+    AngleFunction,
+    extremes,
+    sliding_maximum,
+    without_spikes,
+)
 from tirelog.dsp.pitch import MOST_REACH, SLOPE, VALUE
 
 RATE = 10_000.0

@@ -11,7 +11,7 @@ from tirelog.errors import ModelError, SetupError, TirelogError, UsageError, pri
 from tirelog.physics.model.file import load_model as read
 from tirelog.simulation.scenario.schema import load_scenario
 from tirelog.storage.whole import DEEPEST, json_value, toml_tables
-from tirelog.wheel.calibration_file import read_calibration
+from tirelog.wheel.calibration import read_calibration
 
 FILES: dict[str, Callable[[Path], object]] = {
     "setup": load_setup,

@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tests.strain.strain_truth import Beam
-from tirelog.strain.footprint.plain_edges import find_edges
+from tirelog.strain.footprint.measure import find_edges
 
 TABLE_1 = {
     "stiffness": 5e7 * 1.66e-8,
@@ -42,7 +42,7 @@ def read_off(speed, cutoff_Hz, half_length=0.063):
         half_length * same,
         1e-9,
     )
-    return np.median(edges.length_d2_m), np.median(edges.length_d1_m)
+    return np.median(edges["length_d2_m"]), np.median(edges["length_d1_m"])
 
 
 @pytest.mark.parametrize("cutoff_Hz", [300.0, 400.0])

@@ -15,7 +15,7 @@ from tirelog.data.recording import Recording, Scaled
 from tirelog.process_pool import POSSIBLE
 from tirelog.products import Part, tables_of
 from tirelog.runs.ingest import open_recording
-from tirelog.strain.footprint import form_choice
+from tirelog.strain.footprint import footprint
 from tirelog.strain.footprint.footprint import Measuring
 
 DRIVE = Path(__file__).parents[2] / "sample_data" / "drive.csv.gz"
@@ -77,7 +77,7 @@ def gratings(log: Recording, count: int) -> Recording:
 @pytest.mark.parametrize("how", [signal.SIGTERM, None])
 def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, how):
     """Its parent learns the form in its place, and starts from where it would have."""
-    parent, settled = os.getpid(), form_choice.choose_form
+    parent, settled = os.getpid(), footprint.choose_form
 
     def mortal(channel, passages, *, like=None):
         if channel.name.endswith("_1") and os.getpid() != parent:
@@ -91,7 +91,7 @@ def test_a_process_that_is_stopped_at_a_form_keeps_it_from_nobody(monkeypatch, h
         wanted = {"footprint": {}}
         alone = [Part(p.table, p.columns, p.remarks) for p in tables_of(log, wanted)]
         before = signal.signal(signal.SIGTERM, stopped)
-        monkeypatch.setattr(form_choice, "choose_form", mortal)
+        monkeypatch.setattr(footprint, "choose_form", mortal)
         try:
             shared = list(tables_of(log, wanted, 2, processes=True))
         finally:

@@ -205,7 +205,7 @@ def test_a_regression_gives_its_line_back():
             + rng.normal(0, 3e-6, speed.size)
         )
         line = regression("q", speed, values, stretch)
-        pulls.append((line.slope + 5e-6) / line.slope_se)
+        pulls.append((line["slope"] + 5e-6) / line["slope_se"])
     assert np.std(pulls) == pytest.approx(1.0, abs=0.3)
     assert abs(np.mean(pulls)) < 0.5
     assert regression("q", np.full(20, 9.0), np.ones(20), np.zeros(20, int)) is None
@@ -227,7 +227,7 @@ def test_the_interval_of_a_slope_covers_it(stretches, between):
         own = np.repeat(rng.normal(0, between, stretches), rows)
         values = 4e-4 - 5e-6 * speed + own + rng.normal(0, 3e-6, speed.size)
         line = regression("q", speed, values, np.repeat(np.arange(stretches), rows))
-        covered.append(line.slope_lower < -5e-6 < line.slope_upper)
+        covered.append(line["slope_lower"] < -5e-6 < line["slope_upper"])
     assert 0.90 <= np.mean(covered) <= 0.98
 
 
@@ -248,31 +248,34 @@ def test_what_is_said_of_a_line():
     between stretches is no fault.
     """
     two, three, bent = line_of([1.0, 3.0]), line_of([1.0, 2.0, 3.0]), line_of([1.0, 2.0, 3.5])
-    assert (two.degrees_of_freedom, two.judgement) == (0, "2 speeds: a line is not tested")
-    assert not np.isfinite(two.slope_se)
-    assert not np.isfinite(two.curvature)
-    assert (three.degrees_of_freedom, three.judgement) == (1, "3 speeds: a line is not tested")
-    assert bent.judgement.startswith("3 speeds: a line is not tested; the line misses a mean by")
-    assert bent.miss_sigmas > 4
-    five = line_of([1.0, 4.0, 9.0, 16.0, 25.0])
-    assert "parabola follows" in five.judgement
-    assert five.doubtful
-    assert five.curvature == pytest.approx(1 / 16, rel=1e-4)
-    np.testing.assert_allclose(
-        np.polynomial.polynomial.polyval([6.0, 22.0], five.parabola), [1.0, 25.0], rtol=1e-4
+    assert (two["degrees_of_freedom"], two["judgement"]) == (0, "2 speeds: a line is not tested")
+    assert not np.isfinite(two["slope_se"])
+    assert not np.isfinite(two["curvature"])
+    assert (three["degrees_of_freedom"], three["judgement"]) == (
+        1,
+        "3 speeds: a line is not tested",
     )
-    assert line_of([1.0, 2.0, 3.0, 4.0]).judgement == ""
-    assert not line_of([1.0, 2.0, 3.0, 4.0]).doubtful
-    assert not line_of([1.0, 2.1, 2.9, 4.05, 4.98]).doubtful
+    assert bent["judgement"].startswith("3 speeds: a line is not tested; the line misses a mean by")
+    assert bent["miss_sigmas"] > 4
+    five = line_of([1.0, 4.0, 9.0, 16.0, 25.0])
+    assert "parabola follows" in five["judgement"]
+    assert five["doubtful"]
+    assert five["curvature"] == pytest.approx(1 / 16, rel=1e-4)
+    np.testing.assert_allclose(
+        np.polynomial.polynomial.polyval([6.0, 22.0], five["parabola"]), [1.0, 25.0], rtol=1e-4
+    )
+    assert line_of([1.0, 2.0, 3.0, 4.0])["judgement"] == ""
+    assert not line_of([1.0, 2.0, 3.0, 4.0])["doubtful"]
+    assert not line_of([1.0, 2.1, 2.9, 4.05, 4.98])["doubtful"]
 
 
 def test_a_slow_coast_down_is_more_than_one_point():
     """A stretch whose speed moves by small steps is cut: its mean alone would forget its slope."""
     speed = np.linspace(10.0, 20.0, 200)
     line = regression("q", speed, 2.0 * speed, np.zeros(200, int))
-    assert (line.stretches, line.points) == (1, 10)
-    assert line.slope == pytest.approx(2.0, rel=1e-6)
-    assert line.slope_se < 1e-6
+    assert (line["stretches"], line["points"]) == (1, 10)
+    assert line["slope"] == pytest.approx(2.0, rel=1e-6)
+    assert line["slope_se"] < 1e-6
 
 
 def test_the_picture_of_a_line_says_what_speaks_against_it():

@@ -20,9 +20,15 @@ from tirelog.strain.footprint.family import (
     inverted,
     spherical_bessel,
 )
-from tirelog.strain.footprint.kernels import MOST_BEND, class_sums, fit_rows
-from tirelog.strain.footprint.onset_kernels import ONSET, onset_rows, traction_gains
-from tirelog.strain.footprint.plain_edges import find_edges, least
+from tirelog.strain.footprint.kernels import (
+    MOST_BEND,
+    ONSET,
+    class_sums,
+    fit_rows,
+    onset_rows,
+    traction_gains,
+)
+from tirelog.strain.footprint.measure import find_edges, least
 from tirelog.strain.footprint.refine import gather_windows
 
 SIGMA, ODD_SD = 0.02, 0.3
@@ -474,12 +480,12 @@ def test_edges_of_a_known_curve():
     found = find_edges(
         values, rate, 512.3 * one, speed, 0.0 * one, 9000.0 * one, 0.05 * one, 1e-6, 2
     )
-    assert found.length_d1_m[0] == pytest.approx(2 * at, rel=1e-4)
+    assert found["length_d1_m"][0] == pytest.approx(2 * at, rel=1e-4)
     # the bend of tanh is sharpest where tanh^2 = 1/3, outside of its centre
-    assert found.length_d2_m[0] == pytest.approx(
+    assert found["length_d2_m"][0] == pytest.approx(
         2 * (at + 0.01 * np.arctanh(np.sqrt(1 / 3))), rel=1e-4
     )
-    assert found.entry_height[0] == pytest.approx(found.exit_height[0], rel=1e-3)
+    assert found["entry_height"][0] == pytest.approx(found["exit_height"][0], rel=1e-3)
 
 
 def test_windows_are_the_samples_around_and_end_at_gaps():

@@ -16,7 +16,7 @@ from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.filters import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
 from tirelog.strain.footprint.learn import learn_reference
-from tirelog.strain.footprint.plain_edges import find_edges
+from tirelog.strain.footprint.measure import find_edges
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import Quality, good, having
 
@@ -182,9 +182,7 @@ def test_edges_stand_at_the_same_abscissae_when_the_wheel_brakes():
             )
         )
     for name in ("entry_m", "exit_m", "length_d1_m"):
-        assert getattr(found[1], name)[0] == pytest.approx(getattr(found[0], name)[0], abs=4e-4), (
-            name
-        )
+        assert found[1][name][0] == pytest.approx(found[0][name][0], abs=4e-4), name
 
 
 def test_a_length_below_its_own_error_is_not_told():

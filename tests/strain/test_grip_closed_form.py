@@ -12,8 +12,13 @@ from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.errors import UsageError
 from tirelog.physics.pressure import traction, transition
-from tirelog.strain.slip import EXPONENT_SD, friction_used, grip_columns, refuse_frictions
-from tirelog.strain.strain_shift import strain_shift_of
+from tirelog.strain.slip import (
+    EXPONENT_SD,
+    friction_used,
+    grip_columns,
+    refuse_frictions,
+    strain_shift_of,
+)
 from tirelog.wheel.table import wheel_angle_of
 
 ONE = np.ones((1, 1))

@@ -5,7 +5,6 @@ Seeds from 1000: none was used for tuning.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +20,7 @@ from tirelog.dsp.filters import (
     PIECE_SAMPLES,
     white_noise,
 )
-from tirelog.strain.passages.fit import Signal, Start, curve_sums, fit_passages, gather
+from tirelog.strain.passages.match import Signal, curve_sums, fit_passages, gather
 from tirelog.strain.passages.search import (
     PULSE,
     bucket_medians,
@@ -31,7 +30,8 @@ from tirelog.strain.passages.search import (
     running_medians,
     turning_points,
 )
-from tirelog.strain.passages.template import INTERVALS, MOST_SAMPLES, TABLE, Template
+from tirelog.strain.passages.template import INTERVALS, MOST_SAMPLES, ROW, TABLE, Template
+from tirelog.vocabulary.arrays import records
 
 
 def holed(rng, size, share):
@@ -178,15 +178,18 @@ def passages_of_the_template(seed, axis, n=5):
     rng = np.random.default_rng(seed)
     every = axis.size // n
     index = every * (np.arange(n) + 0.5) + rng.uniform(-3, 3, n)
-    start = Start(axis.at(index), index, np.full(n, OMEGA), rng.normal(0, 5, n), np.full(n, 0.1))
+    alpha = rng.normal(0, 5, n)
+    start = records(
+        ROW, time_s=axis.at(index), index=index, omega_rad_s=OMEGA, alpha_rad_s2=alpha, stretch=0.1
+    )
     shift, stretch = rng.normal(0, 0.01, n), rng.normal(0, 0.01, n)
     height, offset = rng.uniform(0.5, 2, n), rng.normal(size=n)
     time = axis.time()
     values = np.empty(axis.size)
     for k in range(n):
         own = slice(k * every, (k + 1) * every)
-        tau = time[own] - start.time_s[k]
-        phi = (OMEGA + 0.5 * start.alpha[k] * tau) * tau
+        tau = time[own] - start["time_s"][k]
+        phi = (OMEGA + 0.5 * start["alpha_rad_s2"][k] * tau) * tau
         values[own] = offset[k] + height[k] * np.exp(
             -(((phi * (1 + stretch[k]) - shift[k]) / 0.15) ** 2)
         )
@@ -220,13 +223,15 @@ def test_the_fit_finds_shift_stretch_height_and_offset(sign, kind):
     values, start, height, offset, shift, stretch = passages_of_the_template(1810, axis)
     windows = gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad)
     found = fit_passages(windows, TEMPLATE, start, np.ones(5))
-    np.testing.assert_allclose(found.height, height, rtol=2e-3)
-    np.testing.assert_allclose(found.offset, offset, atol=2e-3)
-    np.testing.assert_allclose(found.omega, OMEGA * (1 + stretch), rtol=2e-3)
+    np.testing.assert_allclose(found["height"], height, rtol=2e-3)
+    np.testing.assert_allclose(found["offset"], offset, atol=2e-3)
+    np.testing.assert_allclose(found["omega_rad_s"], OMEGA * (1 + stretch), rtol=2e-3)
     np.testing.assert_allclose(
-        (found.time_s - start.time_s) * OMEGA, shift / (1 + stretch), atol=2e-4
+        (found["time_s"] - start["time_s"]) * OMEGA, shift / (1 + stretch), atol=2e-4
     )
-    assert not (found.lost | found.spike | found.clipped | found.outside).any()
+    assert not (
+        found["holds_lost"] | found["holds_spike"] | found["holds_clipped"] | found["outside"]
+    ).any()
 
 
 def reference_step(values, weight, tau, omega, alpha, height, stretch):
@@ -248,33 +253,39 @@ def test_the_fit_is_two_steps_of_least_squares_with_the_cramer_rao_bound():
     values[[310, 502]] = np.nan
     values[505] += 0.5
     held = 2e-3
-    start = replace(start, stretch=np.full(5, held))
+    start["stretch"] = held
     windows = gather(signal_of(values, axis), start, TEMPLATE.window_rad)
     found = fit_passages(windows, TEMPLATE, start, np.ones(5))
-    assert found.lost.tolist() == [False, True, True, False, False]
-    assert found.spike.tolist() == [False, False, True, False, False]
+    assert found["holds_lost"].tolist() == [False, True, True, False, False]
+    assert found["holds_spike"].tolist() == [False, False, True, False, False]
     for k in range(5):
         at = np.arange(windows.spans["first"][k], windows.spans["stop"][k])
         weight = np.isfinite(values[at]) & (at != 505)
-        time_s, omega, height = start.time_s[k], start.omega[k], 1.0
+        time_s, omega, height = start["time_s"][k], start["omega_rad_s"][k], 1.0
         for _ in range(2):
             solution, covariance = reference_step(
-                values[at], weight, at / RATE_HZ - time_s, omega, start.alpha[k], height, held
+                values[at],
+                weight,
+                at / RATE_HZ - time_s,
+                omega,
+                start["alpha_rad_s2"][k],
+                height,
+                held,
             )
             height = solution[1]
             time_s, omega = (
                 time_s - solution[2] / height / omega,
                 omega * (1 + solution[3] / height),
             )
-        assert found.used[k] == weight.sum()
-        assert found.time_s[k] == pytest.approx(time_s, abs=1e-9)
-        assert found.omega[k] == pytest.approx(omega, rel=1e-6)
-        assert found.height[k] == pytest.approx(height, rel=1e-6)
-        assert found.offset[k] == pytest.approx(solution[0], abs=1e-6)
-        assert found.time_se_s[k] == pytest.approx(
+        assert found["used"][k] == weight.sum()
+        assert found["time_s"][k] == pytest.approx(time_s, abs=1e-9)
+        assert found["omega_rad_s"][k] == pytest.approx(omega, rel=1e-6)
+        assert found["height"][k] == pytest.approx(height, rel=1e-6)
+        assert found["offset"][k] == pytest.approx(solution[0], abs=1e-6)
+        assert found["time_se_s"][k] == pytest.approx(
             NOISE * np.sqrt(covariance[2, 2]) / (height * omega), rel=1e-5
         )
-        assert found.omega_se[k] == pytest.approx(
+        assert found["omega_se_rad_s"][k] == pytest.approx(
             NOISE * np.sqrt(covariance[3, 3]) / height * omega, rel=1e-5
         )
 
@@ -287,17 +298,15 @@ def test_windows_that_are_clipped_outside_or_empty_say_so(sign):
     top = np.max(values[400:600]) - 0.2 * height[2]
     values[400:600] = np.minimum(values[400:600], top)
     values[600:] = np.minimum(values[600:], top - 1e-6)
-    start = Start(
-        start.time_s, np.append(start.index[:4], 999.0), start.omega, start.alpha, start.stretch
-    )
+    start["index"][4] = 999.0
     found = fit_passages(
         gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad), TEMPLATE, start, height
     )
-    assert found.clipped.tolist()[:4] == [False, False, True, False]
-    assert found.outside.tolist() == [False, False, False, False, True]
-    assert found.lost.tolist()[:4] == [True, True, False, False]
-    assert found.used.tolist()[:2] == [0, 0]
-    np.testing.assert_allclose(found.time_s[:2], start.time_s[:2])
+    assert found["holds_clipped"].tolist()[:4] == [False, False, True, False]
+    assert found["outside"].tolist() == [False, False, False, False, True]
+    assert found["holds_lost"].tolist()[:4] == [True, True, False, False]
+    assert found["used"].tolist()[:2] == [0, 0]
+    np.testing.assert_allclose(found["time_s"][:2], start["time_s"][:2])
 
 
 def test_a_long_window_is_thinned():
@@ -306,9 +315,9 @@ def test_a_long_window_is_thinned():
     found = fit_passages(
         gather(signal_of(values, axis), start, TEMPLATE.window_rad), TEMPLATE, start, height
     )
-    assert (found.used <= MOST_SAMPLES).all()
-    assert (found.used > MOST_SAMPLES // 2).all()
-    np.testing.assert_allclose(found.height, height, rtol=2e-3)
+    assert (found["used"] <= MOST_SAMPLES).all()
+    assert (found["used"] > MOST_SAMPLES // 2).all()
+    np.testing.assert_allclose(found["height"], height, rtol=2e-3)
 
 
 def test_the_sums_of_a_template_are_those_of_a_spline_of_order_four():
@@ -321,10 +330,10 @@ def test_the_sums_of_a_template_are_those_of_a_spline_of_order_four():
     sums = curve_sums(gather(signal_of(values, axis), start, 0.4), start, offset, height, window)
     knots = (np.arange(-3, INTERVALS + 4) - INTERVALS / 2) * (2 * window / INTERVALS)
     normal, right, count = np.zeros((INTERVALS + 3,) * 2), np.zeros(INTERVALS + 3), 0
-    for k, rough in enumerate(start.time_s):
+    for k, rough in enumerate(start["time_s"]):
         at = np.arange(200 * k, 200 * (k + 1))
         tau = at / RATE_HZ - rough
-        phi = (start.omega[k] + 0.5 * start.alpha[k] * tau) * tau
+        phi = (start["omega_rad_s"][k] + 0.5 * start["alpha_rad_s2"][k] * tau) * tau
         good = np.isfinite(values[at]) & (np.abs(phi) < window)
         basis = BSpline.design_matrix(phi[good], knots, 3).toarray()
         normal += basis.T @ basis

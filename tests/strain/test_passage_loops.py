@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.strain.passages.fit import Signal, Start, fit_passages, gather, residuals
+from tirelog.strain.passages.match import Signal, fit_passages, gather, residuals
 from tirelog.strain.passages.search import fill_lost
-from tirelog.strain.passages.template import Template
+from tirelog.strain.passages.template import ROW, Template
+from tirelog.vocabulary.arrays import records
 
 SHARES = (0.0, 0.02, 0.5, 0.98)
 
@@ -43,17 +44,18 @@ def test_what_a_template_leaves_is_the_rest_of_least_squares():
     channel = Channel.of_array("c", "strain", values, TimeAxis.uniform(time_s.size, rate_Hz))
     signal = Signal(channel, 1.0, 0.01, (-1e9, 1e9))
     none = np.zeros(3)
-    start = Start(centres, centres * rate_Hz, none + omega, none, none + 0.01)
+    index = centres * rate_Hz
+    start = records(ROW, time_s=centres, index=index, omega_rad_s=omega, stretch=0.01)
     windows = gather(signal, start, window_rad)
     found = fit_passages(windows, template, start, none + 1.9)
     angles, left = residuals(windows, template, found, none, np.arange(3))
     wanted = []
     for k in range(3):
-        turned = found.omega[k] * (time_s - found.time_s[k])
+        turned = found["omega_rad_s"][k] * (time_s - found["time_s"][k])
         inside = (np.abs(turned) <= window_rad) & np.isfinite(values)
         columns = [np.interp(turned[inside], phi, y) for y in (template.values, template.slope)]
         design = np.column_stack([np.ones(inside.sum()), *columns])
         solved = np.linalg.lstsq(design, values[inside], rcond=None)[0]
-        wanted.append((values[inside] - design @ solved) / found.height[k])
+        wanted.append((values[inside] - design @ solved) / found["height"][k])
     assert angles.size == left.size
     np.testing.assert_allclose(left, np.concatenate(wanted), atol=1e-9)

@@ -17,8 +17,7 @@ from tirelog.data.recording import Channel, TimeAxis
 from tirelog.simulation import Scenario, simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre, Planted, Sensor
 from tirelog.strain.footprint import measure
-from tirelog.strain.footprint.footprint import footprint
-from tirelog.strain.footprint.form_choice import choose_form
+from tirelog.strain.footprint.footprint import choose_form, footprint
 from tirelog.strain.footprint.slip_onset import NO_FORM, TOO_SMALL, Tractions
 from tirelog.strain.passages.find import find_passages
 from tirelog.vocabulary.quality import good
@@ -73,12 +72,12 @@ def mixed(drive, radius_m, speed, slip, seed, *noise_and_free, **more):
 )
 def test_the_onset_is_found_where_p2_puts_it(drive, radius_m, speed, slip):
     found, slipping, free, onset = mixed(drive, radius_m, speed, slip, 1600)
-    seen = slipping & np.isfinite(found.slip.onset_m)
+    seen = slipping & np.isfinite(found.slip["onset_m"])
     assert seen.sum() > 0.9 * slipping.sum()
-    assert np.median(found.slip.onset_m[seen]) == pytest.approx(onset, abs=0.0015)
-    off = np.abs(found.slip.onset_m[seen] - onset) / found.slip.onset_se_m[seen]
+    assert np.median(found.slip["onset_m"][seen]) == pytest.approx(onset, abs=0.0015)
+    off = np.abs(found.slip["onset_m"][seen] - onset) / found.slip["onset_se_m"][seen]
     assert np.mean(off < 2) > 0.8
-    assert np.mean(np.isfinite(found.slip.onset_m[free])) <= 0.01
+    assert np.mean(np.isfinite(found.slip["onset_m"][free])) <= 0.01
     assert np.nanmedian(found.length_m[slipping]) == pytest.approx(0.11, rel=0.015)
 
 
@@ -91,13 +90,13 @@ def test_strong_traction_does_not_move_the_length(drive, radius_m, speed, slip):
     error = found.length_m[slipping] - 0.11
     assert abs(np.nanmedian(error)) < 0.01 * 0.11
     assert np.mean(np.abs(error) < found.length_se_m[slipping]) > 0.6
-    assert np.nanmedian(found.slip.onset_m[slipping]) == pytest.approx(onset, abs=0.001)
+    assert np.nanmedian(found.slip["onset_m"][slipping]) == pytest.approx(onset, abs=0.001)
 
 
 def test_slip_too_small_to_tell_has_a_reason_and_stays_ok(drive, radius_m):
     found, slipping, _, _ = mixed(drive, radius_m, 14.0, 0.0003, 1610)
-    assert not np.isfinite(found.slip.onset_m).any()
-    assert set(found.slip.reason[slipping]) == {TOO_SMALL}
+    assert not np.isfinite(found.slip["onset_m"]).any()
+    assert set(found.slip["reason"][slipping]) == {TOO_SMALL}
     assert np.mean(good(found.quality)) > 0.95
 
 
@@ -113,7 +112,7 @@ def test_no_more_than_one_false_find_in_a_hundred_free_passages(drive, radius_m,
     ):
         made = drive([0, 60], [speed, speed], seed=1620 + number, pulse=truth, **CALM)
         found = footprint(made.channel, find_passages(made.channel, radius_m))
-        finds += int(np.isfinite(found.slip.onset_m).sum())
+        finds += int(np.isfinite(found.slip["onset_m"]).sum())
         total += found.length_m.size
     assert finds <= 0.01 * total
 
@@ -125,8 +124,8 @@ def test_pulses_that_the_form_misses_have_no_onset(drive, radius_m, surface, see
     """
     made = drive([0, 30], [8, 22], seed=seed, pulse=lopsided, noise_pm=4.0, surface=surface)
     found = footprint(made.channel, find_passages(made.channel, radius_m))
-    assert found.slip.onset_m.size > 200
-    assert np.mean(np.isfinite(found.slip.onset_m)) <= 0.01
+    assert found.slip["onset_m"].size > 200
+    assert np.mean(np.isfinite(found.slip["onset_m"])) <= 0.01
 
 
 def test_no_onset_is_sought_beside_a_form_that_is_none_of_a_tire(drive, radius_m, monkeypatch):
@@ -138,7 +137,7 @@ def test_no_onset_is_sought_beside_a_form_that_is_none_of_a_tire(drive, radius_m
     found = footprint(made.channel, passages)
     assert found.learnt.unclear(passages.speed_m_s).all()
     assert not sought
-    assert set(found.slip.reason) == {NO_FORM}
+    assert set(found.slip["reason"]) == {NO_FORM}
 
 
 def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(
@@ -162,8 +161,8 @@ def test_onsets_that_start_from_others_are_as_true_as_those_looked_for(
         off = []
         for seed in (1670, 1671):
             found, slipping, free, onset = mixed(drive, radius_m, 14.0, 0.15, seed, 2.0)
-            assert not np.isfinite(found.slip.onset_m[free]).any()
-            off.append((found.slip.onset_m - onset)[slipping])
+            assert not np.isfinite(found.slip["onset_m"][free]).any()
+            off.append((found.slip["onset_m"] - onset)[slipping])
         errors[searched] = np.concatenate(off)
     assert np.concatenate(followed).mean() > 0.9
     few, all_ = (np.sqrt(np.nanmean(one**2)) for one in errors.values())
@@ -182,11 +181,11 @@ def test_noise_costs_onsets_not_their_truth(drive, radius_m):
         ((14.0, 0.15, 4.0), (20.0, 0.1, 3.0)), range(1650, 1658)
     ):
         found, slipping, free, onset = mixed(drive, radius_m, speed, slip, seed, noise_pm)
-        seen = slipping & np.isfinite(found.slip.onset_m)
-        errors.append(np.abs(found.slip.onset_m - onset)[seen])
-        pulls.append(errors[-1] / found.slip.onset_se_m[seen])
+        seen = slipping & np.isfinite(found.slip["onset_m"])
+        errors.append(np.abs(found.slip["onset_m"] - onset)[seen])
+        pulls.append(errors[-1] / found.slip["onset_se_m"][seen])
         driven += int(slipping.sum())
-        assert not np.isfinite(found.slip.onset_m[free]).any()
+        assert not np.isfinite(found.slip["onset_m"][free]).any()
         assert found.learnt.reference.misfit < 1.3
     assert np.concatenate(errors).size > 0.8 * driven
     assert np.mean(np.concatenate(errors) > 0.005) <= 0.015
@@ -215,9 +214,11 @@ def test_errors_hold_where_the_pressure_is_no_parabola(drive, radius_m):
                 replace(ring, traction_lever_m=0.03),
             )
             found, slipping, free, onset = made
-            seen = slipping & np.isfinite(found.slip.onset_m)
-            assert not np.isfinite(found.slip.onset_m[free]).any()
-            pulls.append(np.abs(found.slip.onset_m - onset)[seen] / found.slip.onset_se_m[seen])
+            seen = slipping & np.isfinite(found.slip["onset_m"])
+            assert not np.isfinite(found.slip["onset_m"][free]).any()
+            pulls.append(
+                np.abs(found.slip["onset_m"] - onset)[seen] / found.slip["onset_se_m"][seen]
+            )
     pulls = np.concatenate(pulls)
     assert pulls.size > 180
     assert np.mean(pulls < 1.96) > 0.9
@@ -229,11 +230,11 @@ def test_most_passages_of_a_log_pull(drive, radius_m, speed):
     which alone are alike.
     """
     found, slips, rolls, onset = mixed(drive, radius_m, speed, 0.12, 1695, noise_pm=4.0, slip_s=32)
-    told = np.isfinite(found.slip.onset_m)
+    told = np.isfinite(found.slip["onset_m"])
     assert slips.sum() > 1.2 * rolls.sum()
     assert told[slips].mean() > 0.8
     assert not told[rolls].any()
-    error = (found.slip.onset_m - onset)[slips & told]
+    error = (found.slip["onset_m"] - onset)[slips & told]
     assert np.sqrt(np.mean(error**2)) < 0.002
     assert abs(np.nanmedian(found.length_m[rolls]) - 0.11) < 0.0005
 
@@ -246,7 +247,7 @@ def test_another_grating_knows_that_most_passages_pull(drive, radius_m):
         settled = choose_form(channel, passages, like=settled and settled.light)
         assert settled.chosen
         found = footprint(channel, passages, settled=settled)
-        told = np.isfinite(found.slip.onset_m)
+        told = np.isfinite(found.slip["onset_m"])
         assert told[passages.time_s > begins_s + 0.5].mean() > 0.8
         assert not told[passages.time_s < begins_s - 0.5].any()
 
@@ -275,7 +276,7 @@ def test_a_form_is_learnt_of_passages_that_roll_freely():
     true = simulated.truth["channels"]["s"]["passages"]
     nearest = np.abs(np.array(true["time_s"])[:, None] - passages.time_s).argmin(axis=0)
     onset = np.array([np.nan if x is None else x for x in true["slip_onset_m"]])[nearest]
-    error = (found.slip.onset_m - onset)[np.isfinite(found.slip.onset_m)]
+    error = (found.slip["onset_m"] - onset)[np.isfinite(found.slip["onset_m"])]
     assert np.isfinite(error).sum() > 0.4 * np.isfinite(onset).sum()
     assert np.sqrt(np.nanmean(error**2)) < 0.0015
     assert np.mean(np.abs(error) < 0.005) > 0.98

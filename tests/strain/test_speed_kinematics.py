@@ -23,32 +23,32 @@ def passage_times(omega0, alpha, turns):
 def test_constant_acceleration_is_exact_at_every_passage(alpha):
     time = passage_times(60.0, alpha, range(20))
     found = kinematics(time, np.full(20, 1e-6), np.append(np.ones(19), 0.0))
-    np.testing.assert_allclose(found.omega, 60.0 + alpha * time, rtol=1e-9)
-    np.testing.assert_allclose(found.alpha, alpha, atol=1e-7)
-    assert found.sides.tolist() == [1] + [2] * 18 + [1]
+    np.testing.assert_allclose(found["omega_rad_s"], 60.0 + alpha * time, rtol=1e-9)
+    np.testing.assert_allclose(found["alpha_rad_s2"], alpha, atol=1e-7)
+    assert found["sides"].tolist() == [1] + [2] * 18 + [1]
 
 
 def test_missing_passages_count_their_turns():
     turns = np.array([0, 1, 2, 5, 6, 8, 9])
     time = passage_times(50.0, 3.0, turns)
     found = kinematics(time, np.full(7, 1e-6), np.append(np.diff(turns), 0.0))
-    np.testing.assert_allclose(found.omega, 50.0 + 3.0 * time, rtol=1e-9)
+    np.testing.assert_allclose(found["omega_rad_s"], 50.0 + 3.0 * time, rtol=1e-9)
 
 
 def test_a_break_parts_the_stretches():
     first, second = passage_times(50.0, 0.0, range(5)), 100.0 + passage_times(20.0, 2.0, range(5))
     after = np.array([1, 1, 1, 1, 0, 1, 1, 1, 1, 0.0])
     found = kinematics(np.concatenate([first, second]), np.full(10, 1e-6), after)
-    np.testing.assert_allclose(found.omega[:5], 50.0, rtol=1e-9)
-    np.testing.assert_allclose(found.omega[5:], 20.0 + 2.0 * (second - 100.0), rtol=1e-9)
-    assert found.sides[[0, 4, 5, 9]].tolist() == [1, 1, 1, 1]
+    np.testing.assert_allclose(found["omega_rad_s"][:5], 50.0, rtol=1e-9)
+    np.testing.assert_allclose(found["omega_rad_s"][5:], 20.0 + 2.0 * (second - 100.0), rtol=1e-9)
+    assert found["sides"][[0, 4, 5, 9]].tolist() == [1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_fewer_than_three_passages_have_no_speed(n):
     found = kinematics(np.arange(float(n)), np.full(n, 1e-6), np.ones(n))
-    assert np.isnan(found.omega).all()
-    assert found.omega.size == n
+    assert np.isnan(found["omega_rad_s"]).all()
+    assert found["omega_rad_s"].size == n
 
 
 def test_noise_alone_has_the_error_of_the_centred_difference():
@@ -58,7 +58,7 @@ def test_noise_alone_has_the_error_of_the_centred_difference():
     time = passage_times(60.0, 0.0, range(400))
     found = kinematics(time, np.full(400, 2e-6), np.append(np.ones(399), 0.0))
     np.testing.assert_allclose(
-        found.omega_se[2:-2], 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0), rtol=1e-9
+        found["omega_se_rad_s"][2:-2], 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0), rtol=1e-9
     )
 
 
@@ -68,12 +68,12 @@ def test_a_kink_goes_into_the_error_around_it_only():
     time = np.concatenate([first, first[-1] + passage_times(60.0, 15.0, range(1, 20))])
     truth = 60.0 + 15.0 * np.maximum(time - first[-1], 0.0)
     found = kinematics(time, np.full(40, 1e-7), np.append(np.ones(39), 0.0))
-    off = np.abs(found.omega - truth)
+    off = np.abs(found["omega_rad_s"] - truth)
     near = np.abs(np.arange(40) - 20) <= 1
-    assert (off[near] < 2.0 * found.omega_se[near]).all()
+    assert (off[near] < 2.0 * found["omega_se_rad_s"][near]).all()
     away = np.abs(np.arange(40) - 20) > 5
     assert off[away].max() < 1e-6
-    assert found.omega_se[away][1:-1].max() < 1e-3 * found.omega_se[near].max()
+    assert found["omega_se_rad_s"][away][1:-1].max() < 1e-3 * found["omega_se_rad_s"][near].max()
 
 
 def test_turns_by_the_mean_speed():
@@ -89,7 +89,7 @@ def test_times_without_any_error_give_the_speed(acceleration: float) -> None:
     if acceleration:
         time_s = (np.sqrt(speed**2 + 2 * TURN_RAD * turns * acceleration) - speed) / acceleration
     found = kinematics(time_s, np.zeros(12), np.r_[np.ones(11), 0.0])
-    np.testing.assert_allclose(found.omega, speed + acceleration * time_s, rtol=2e-4)
+    np.testing.assert_allclose(found["omega_rad_s"], speed + acceleration * time_s, rtol=2e-4)
 
 
 def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:
@@ -113,6 +113,9 @@ def test_no_speed_beside_a_sharp_end_of_a_ramp_is_beyond_five_errors(noise_s):
         seen = exact + noise_s * draw.standard_normal(exact.size)
         one = np.append(np.ones(exact.size - 1), 0.0)
         found = kinematics(seen, np.full(exact.size, noise_s), one)
-        error = np.abs(found.omega - np.interp(exact, knots, at_knots)) / found.omega_se
+        error = (
+            np.abs(found["omega_rad_s"] - np.interp(exact, knots, at_knots))
+            / found["omega_se_rad_s"]
+        )
         worst = max(worst, float(error[1:-1].max()))
     assert worst < 5.0, worst

@@ -9,8 +9,7 @@ from tests.wheel.phase_truth import DYNAMIC, RADIUS_M, RAMP, Drive, Encoder, Tre
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import SetupError, UsageError
 from tirelog.vocabulary.quality import Quality, having
-from tirelog.wheel.calibration import calibrate, clean_passages
-from tirelog.wheel.calibration_file import read_calibration, write_calibration
+from tirelog.wheel.calibration import calibrate, clean_passages, read_calibration, write_calibration
 from tirelog.wheel.phase_shift import measure_phase_shift
 from tirelog.wheel.table import table, with_zero
 

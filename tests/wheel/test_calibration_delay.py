@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tirelog.vocabulary.quality import none_of
-from tirelog.wheel.calibration import calibrate, clean_passages
-from tirelog.wheel.calibration_file import read_calibration, write_calibration
+from tirelog.wheel.calibration import calibrate, clean_passages, read_calibration, write_calibration
 from tirelog.wheel.phase_shift import EdgeTimes
 
 RADIUS_M, DELAY_S = 0.305, 0.4e-3

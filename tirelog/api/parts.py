@@ -161,7 +161,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    from tirelog.wheel.calibration_file import write_calibration
+    from tirelog.wheel.calibration import write_calibration
 
     write_calibration(File(path), calibration)
 
@@ -173,8 +173,7 @@ def calibration_notes(calibration: Path | Calibration | None) -> tuple[str, ...]
             "no calibration: the detrended and corrected columns are empty; learn one with "
             "--calibrate FILE",
         )
-    from tirelog.wheel.calibration import Calibration
-    from tirelog.wheel.calibration_file import read_calibration
+    from tirelog.wheel.calibration import Calibration, read_calibration
 
     if not isinstance(calibration, Calibration):
         calibration = read_calibration(File(calibration))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray
 
 # ---- Low-passed time derivatives of windows around the passages, by their spectra.
 #
@@ -215,7 +215,7 @@ def _bend(values: FloatArray, i: int) -> float:
 
 
 @compiled
-def _bridge(values: FloatArray, wild: float, lost: NDArray[np.bool_], filled: FloatArray) -> bool:
+def _bridge(values: FloatArray, wild: float, lost: BoolArray, filled: FloatArray) -> bool:
     """`bridged` into `filled`, a copy of `values`; `lost` says which; False if nothing is left."""
     n, known = values.size, 0
     for i in range(n):

@@ -22,12 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.dsp.encoder import AngleFunction
-from tirelog.dsp.encoder_kernels import SUMS
+from tirelog.dsp.encoder import SUMS, AngleFunction
 from tirelog.dsp.filters import sliding_mean
 from tirelog.dsp.teeth import Integers
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 
 # ---- The pitch error of a tone wheel, learnt from the log itself while it streams by.
 #
@@ -102,7 +101,7 @@ def _window_mean(x: FloatArray, turn: int) -> FloatArray:
 
 @compiled
 def _deviation_sums(
-    time: FloatArray, seen: NDArray[np.bool_], first: int, turn: int, limit: float, sums: Records
+    time: FloatArray, seen: BoolArray, first: int, turn: int, limit: float, sums: Records
 ) -> None:
     """Adds the deviations of the passages of one stretch to `sums` (turn,) of SUMS.
 
@@ -527,7 +526,7 @@ class Knots:
     count: NDArray[np.int32]
     rate_rad_s: NDArray[np.float32]
     stretch: NDArray[np.int32]
-    forward: NDArray[np.bool_]
+    forward: BoolArray
     reach: NDArray[np.int8]
     late_s: NDArray[np.float32]
 

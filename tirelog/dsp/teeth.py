@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.dsp.encoder_kernels import (
+from tirelog.dsp.encoder import (
     AROUND,
     CHUNK,
     changes,

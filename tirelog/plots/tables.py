@@ -47,7 +47,7 @@ from tirelog.products import Part
 from tirelog.strain.dissipation import AVERAGED, Regression, regression
 from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows
 from tirelog.strain.footprint.footprint import FootprintOfChannel
-from tirelog.strain.footprint.plain_edges import along_tread
+from tirelog.strain.footprint.measure import along_tread
 from tirelog.strain.footprint.refine import PatchWindows, gather_windows
 from tirelog.strain.inflation import InflationOfChannel
 from tirelog.vocabulary.arrays import FloatArray
@@ -177,7 +177,7 @@ def _lengths(kept: Sequence[tuple[Recording, FootprintOfChannel]]) -> list[Panel
             ):
                 drawn.append(dots(getattr(p, x), 1e3 * length, "", colour, symbol=symbol, **look))
         values += [1e3 * f.length_m, 1e3 * f.length_d2_m, 1e3 * f.length_d1_m]
-        seen = np.isfinite(f.slip.onset_m)
+        seen = np.isfinite(f.slip["onset_m"])
         marks["time_s"].append(dots(p.time_s[seen], 1e3 * f.length_m[seen], **_ONSET))
         name = channel_name(recording, found.channel, len(kept))
         marks["speed_m_s"].append(dots([], [], name, colour, symbol="s"))
@@ -190,7 +190,7 @@ def _lengths(kept: Sequence[tuple[Recording, FootprintOfChannel]]) -> list[Panel
     named = {".": "best estimate", "^": "2nd derivative (P2)", "v": "1st derivative"}
     for symbol, text in named.items():
         marks["time_s"].append(dots([], [], text, "black", symbol=symbol))
-    if any(np.isfinite(found.footprint.slip.onset_m).any() for _, found in kept):
+    if any(np.isfinite(found.footprint.slip["onset_m"]).any() for _, found in kept):
         marks["time_s"].append(dots([], [], "slip onset seen", **_ONSET))
     limits = (None, (low, high + 0.35 * (high - low)))
     return [
@@ -216,9 +216,9 @@ def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
     ]
     row = int(free[np.argsort(p.speed_m_s[free], kind="stable")[free.size // 4]])
     chosen = [(row, "passage")]
-    onset = np.flatnonzero(np.isfinite(f.slip.onset_m) & clean)
+    onset = np.flatnonzero(np.isfinite(f.slip["onset_m"]) & clean)
     if onset.size:
-        best = int(onset[np.argmin(f.slip.onset_m[onset] / f.length_m[onset])])
+        best = int(onset[np.argmin(f.slip["onset_m"][onset] / f.length_m[onset])])
         if best != row:
             chosen.append((best, "passage with slip"))
     return chosen
@@ -248,7 +248,7 @@ def _passage(found: FootprintOfChannel, row: int, title: str, windows: PatchWind
     """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21), with the edges."""
     p, f = found.passages, found.footprint
     speed, acceleration = float(p.speed_m_s[row]), float(np.nan_to_num(p.acceleration_m_s2[row]))
-    cutoff, middle = _cutoff(found, row), f.fits.shift_m[row]
+    cutoff, middle = _cutoff(found, row), f.fits["shift_m"][row]
     best, plain = (np.array([-0.5, 0.5]) * length[row] for length in (f.length_m, f.length_d1_m))
     derived = np.array([f.d2_entry_m[row], f.d2_exit_m[row]])
     lines = [
@@ -256,7 +256,7 @@ def _passage(found: FootprintOfChannel, row: int, title: str, windows: PatchWind
         *upright(1e3 * derived, "by the 2nd derivative", "black", width=0.9, dash="dash"),
         *upright(1e3 * (middle + plain), "by the 1st derivative", "black", width=0.9, dash="dot"),
     ]
-    if np.isfinite(onset := f.slip.onset_m[row]):
+    if np.isfinite(onset := f.slip["onset_m"][row]):
         name = f"slip onset {1e3 * onset:.1f} mm"
         lines += upright([1e3 * (middle + onset)], name, MARK, width=1.5)
     said = (
@@ -435,8 +435,8 @@ def said(line: Regression) -> str:
 
     Its slope with the error, and what speaks against it, in lines that a legend holds.
     """
-    error = f" ± {line.slope_se:.1g}" if np.isfinite(line.slope_se) else ""
-    return "\n".join([f"{line.slope:.3g}{error} per m/s", *textwrap.wrap(line.judgement, 44)])
+    error = f" ± {line['slope_se']:.1g}" if np.isfinite(line["slope_se"]) else ""
+    return "\n".join([f"{line['slope']:.3g}{error} per m/s", *textwrap.wrap(line["judgement"], 44)])
 
 
 def _over_speed(
@@ -455,16 +455,16 @@ def _over_speed(
         fit = regression(name, speed, found.columns[name], clean_rows(found))
         if fit is None:
             continue
-        ends = np.linspace(fit.slowest_m_s, fit.fastest_m_s, 50)
-        straight, ink = fit.intercept + fit.slope * ends, colour if len(kept) > 1 else "black"
-        look = {"dash": "dash" if fit.doubtful else "solid", "width": 1.4}
+        ends = np.linspace(fit["slowest_m_s"], fit["fastest_m_s"], 50)
+        straight, ink = fit["intercept"] + fit["slope"] * ends, colour if len(kept) > 1 else "black"
+        look = {"dash": "dash" if fit["doubtful"] else "solid", "width": 1.4}
         marks += [
-            dots(fit.speed_m_s, fit.means, "", colour, error=fit.mean_se, symbol="o", mec="black",
-                 size=5, capsize=2),
+            dots(fit["speed_m_s"], fit["means"], "", colour, error=fit["mean_se"], symbol="o",
+                 mec="black", size=5, capsize=2),
             line(ends, straight, said(fit), ink, **look),
         ]  # fmt: skip
-        if fit.doubtful and np.isfinite(fit.curvature):
-            bent = np.polynomial.polynomial.polyval(ends, fit.parabola)
+        if fit["doubtful"] and np.isfinite(fit["curvature"]):
+            bent = np.polynomial.polynomial.polyval(ends, fit["parabola"])
             marks.append(line(ends, bent, "parabola", colour, dash="dot", width=1.2))
     return Panel("speed [m/s]", text, marks, limits=(None, robust_range(*values, share=0.0)))
 
@@ -550,7 +550,7 @@ def _stops(recording: Recording, found: InflationOfChannel) -> Panel:
     s, test = found.series, found.inflation
     marks = [line(s.time_s, MICRO * (s.strain - s.strain[0]), width=1.4)]
     for stretch, start, duration, leak in zip(
-        test.stretch, test.time_s, test.duration_s, test.leak, strict=True
+        test["stretch"], test["time_s"], test["duration_s"], test["leak"], strict=True
     ):
         if stretch != "stop":
             continue
@@ -569,11 +569,11 @@ def _ramps(recording: Recording, found: InflationOfChannel) -> Panel:
     marks = []
     if np.isfinite(s.pressure_Pa).any():
         ends = np.array([np.nanmin(s.pressure_Pa), np.nanmax(s.pressure_Pa)])
-        rise = test.slope_1_Pa[0] * (ends - np.nanmean(s.pressure_Pa))
-        se = 1e11 * test.slope_se_1_Pa[0]
+        rise = test["slope_1_Pa"][0] * (ends - np.nanmean(s.pressure_Pa))
+        se = 1e11 * test["slope_se_1_Pa"][0]
         text = (
-            f"{1e11 * test.slope_1_Pa[0]:.1f}{f' ± {se:.1g}' if np.isfinite(se) else ''} "
-            f"microstrain/bar, straight to {100 * test.nonlinearity[0]:.1f} %"
+            f"{1e11 * test['slope_1_Pa'][0]:.1f}{f' ± {se:.1g}' if np.isfinite(se) else ''} "
+            f"microstrain/bar, straight to {100 * test['nonlinearity'][0]:.1f} %"
         )
         strain = MICRO * (s.strain.mean() - s.strain[0] + rise)
         marks = [

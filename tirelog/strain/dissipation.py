@@ -31,7 +31,7 @@ from tirelog.kernels import compiled
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.passage_flags import doubted, in_gap
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 
 # Samples to the energy of their derivative in each revolution, in one pass.
@@ -198,7 +198,7 @@ class Dissipation:
     factor_1_m: FloatArray
     factor_se_1_m: FloatArray
     specific_power_m3_s2: FloatArray
-    steady: NDArray[np.bool_]
+    steady: BoolArray
     factor_mean_1_m: FloatArray
     specific_power_mean_m3_s2: FloatArray
     stretch: IntArray
@@ -356,7 +356,7 @@ def _energies(
     return sums["slope2"], sums["change2"], (high - low).astype(float) * known
 
 
-def _in_long_gap(channel: Channel, passages: Passages, how: _Filter) -> NDArray[np.bool_]:
+def _in_long_gap(channel: Channel, passages: Passages, how: _Filter) -> BoolArray:
     """Whether a gap is too long to be bridged in each passage's revolution, (n,)."""
     axis, index = channel.axis, passages.index
     turn = 2.0 * np.pi / passages.omega_rad_s * axis.rate_Hz
@@ -368,7 +368,7 @@ def _in_long_gap(channel: Channel, passages: Passages, how: _Filter) -> NDArray[
 
 
 def steady_stretches(
-    speed_m_s: FloatArray, next_known: NDArray[np.bool_], step_m_s: float = STEADY_STEP_M_S
+    speed_m_s: FloatArray, next_known: BoolArray, step_m_s: float = STEADY_STEP_M_S
 ) -> IntArray:
     """Number of the stretch of constant speed of each row, -1 outside, shape (n,).
 
@@ -514,76 +514,25 @@ SCATTERED = "stretches scatter more than their revolutions, which the errors cou
 _HALVINGS = 60
 
 
-@dataclass(frozen=True)
-class Regression:
-    """The line quantity = intercept + slope x speed, and what can be said of it.
-
-    Through the means of `points` pieces of `stretches` stretches at `speeds` speeds.
-
-    Standard errors from the scatter of the means about the line, with `degrees_of_freedom` (points
-    - 2); NaN if that is 0. The slope lies between `slope_lower` and `slope_upper` with 95 %.
-    `scatter`: standard deviation of the revolutions about the line; `miss`: the largest distance of
-    a mean from the line, and `miss_sigmas` that in standard errors of the means themselves.
-    `parabola`: coefficients (3,) of 1, speed, speed^2 through the same means, `curvature_se` the
-    last one's error; NaN with fewer than three speeds. `judgement`: what can be said of the line.
-    The means themselves: `speed_m_s`, `means`, `mean_se` (points,).
-    """
-
-    quantity: str
-    intercept: float
-    intercept_se: float
-    slope: float
-    slope_se: float
-    slope_lower: float
-    slope_upper: float
-    scatter: float
-    rows: int
-    stretches: int
-    points: int
-    speeds: int
-    degrees_of_freedom: int
-    slowest_m_s: float
-    fastest_m_s: float
-    miss: float
-    miss_sigmas: float
-    parabola: tuple[float, float, float]
-    curvature_se: float
-    judgement: str
-    speed_m_s: FloatArray
-    means: FloatArray
-    mean_se: FloatArray
-
-    @property
-    def curvature(self) -> float:
-        """Coefficient of the squared speed of the parabola."""
-        return self.parabola[2]
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether the line is not tested, or misses its means."""
-        return bool(self.judgement) and not self.judgement.startswith(SCATTERED)
-
-
+#: the line quantity = intercept + slope x speed, and what can be said of it:
+#:   rows, stretches, points, speeds   it goes through the means of `points` pieces of stretches
+#:   intercept, slope    with standard errors from the scatter of the means about the line, NaN if
+#:                       there are no `degrees_of_freedom` (points - 2)
+#:   slope_lower, slope_upper   the slope lies between them with 95 %
+#:   scatter             standard deviation of the revolutions about the line
+#:   slowest_m_s, fastest_m_s   of the rows
+#:   miss, miss_sigmas   largest distance of a mean from the line, also in the mean's own errors
+#:   parabola            coefficients (3,) of 1, speed, speed^2 through the same means; `curvature`
+#:                       the last one with its error; NaN with fewer than three speeds
+#:   judgement           what can be said; `doubtful`: it is not tested, or misses its means
+#:   speed_m_s, means, mean_se   the means themselves, (points,)
+Regression = dict[str, Any]
 #: columns of the table that stand in a Regression
 COLUMNS = (
     "quantity", "intercept", "intercept_se", "slope", "slope_se", "slope_lower", "slope_upper",
     "scatter", "rows", "stretches", "points", "speeds", "degrees_of_freedom", "slowest_m_s",
     "fastest_m_s", "miss", "miss_sigmas", "curvature", "curvature_se", "judgement",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Line:
-    """Coefficients and covariance of a polynomial through weighted means; degrees of freedom."""
-
-    coefficients: FloatArray
-    covariance: FloatArray
-    free: int
-
-    @property
-    def errors(self) -> FloatArray:
-        """Standard errors, NaN without a degree of freedom."""
-        return np.sqrt(np.diag(self.covariance))
 
 
 def _reach(free: int) -> float:
@@ -607,10 +556,13 @@ def pieces(speed_m_s: FloatArray, stretch: IntArray) -> IntArray:
     return out
 
 
-def _through(design: FloatArray, means: FloatArray, variance: FloatArray) -> _Line:
-    """Least squares of `means` (m,) on `design` (m, k).
+def _through(
+    design: FloatArray, means: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray, int]:
+    """(coefficients, covariance, degrees of freedom): `means` (m,) on `design` (m, k).
 
-    `variance` (m,): of each mean, from the scatter within its stretch.
+    Least squares; `variance` (m,): of each mean, from the scatter within its stretch. The
+    covariance is NaN without a degree of freedom.
 
     The scatter between stretches is what makes the weighted residuals as large as their degrees of
     freedom (Paule, Mandel); the covariance is scaled by those residuals (Knapp, Hartung), so that
@@ -626,7 +578,7 @@ def _through(design: FloatArray, means: FloatArray, variance: FloatArray) -> _Li
 
     if free < 1:
         found, inverse, _ = solved(0.0)
-        return _Line(found, np.full_like(inverse, np.nan), 0)
+        return found, np.full_like(inverse, np.nan), 0
     low, high = 0.0, float(np.ptp(means)) ** 2
     if solved(low)[2] > free:
         for _ in range(_HALVINGS):
@@ -635,7 +587,7 @@ def _through(design: FloatArray, means: FloatArray, variance: FloatArray) -> _Li
     else:
         high = 0.0
     found, inverse, left = solved(high)
-    return _Line(found, inverse * (left / free), free)
+    return found, inverse * (left / free), free
 
 
 def regression(
@@ -663,47 +615,50 @@ def regression(
     variance = np.maximum(within, (1e-12 * float(np.abs(means).max())) ** 2 + 1e-300) / count
     middle = float(speed.mean())
     powers = np.vander(speed - middle, 3, increasing=True)
-    line = _through(powers[:, :2], means, variance)
-    left = means - powers[:, :2] @ line.coefficients
+    line, covariance, free = _through(powers[:, :2], means, variance)
+    left = means - powers[:, :2] @ line
     to_zero = np.array([1.0, -middle])
-    slope, slope_se = float(line.coefficients[1]), float(line.errors[1])
-    reach = slope_se * _reach(line.free)
+    slope, slope_se = float(line[1]), float(np.sqrt(covariance[1, 1]))
+    reach = slope_se * _reach(free)
     parabola, curvature_se, bent = (float("nan"),) * 3, float("nan"), False
     if speeds >= 3:
-        curve = _through(powers, means, variance)
-        a, b, c = (float(x) for x in curve.coefficients)
+        curve, of_curve, spare = _through(powers, means, variance)
+        a, b, c = (float(x) for x in curve)
         parabola, curvature_se = (
             (a - b * middle + c * middle**2, b - 2.0 * c * middle, c),
-            float(curve.errors[2]),
+            float(np.sqrt(of_curve[2, 2])),
         )
-        bent = curve.free > 0 and abs(c) > curvature_se * _reach(curve.free)
+        bent = spare > 0 and abs(c) > curvature_se * _reach(spare)
     sigmas = np.abs(left) / np.sqrt(variance)
-    about = y - (line.coefficients[0] + slope * (v - middle))
-    return Regression(
-        quantity,
-        float(to_zero @ line.coefficients),
-        float(np.sqrt(to_zero @ line.covariance @ to_zero)),
-        slope,
-        slope_se,
-        slope - reach,
-        slope + reach,
-        float(np.sqrt((about**2).sum() / (v.size - 2))),
-        int(v.size),
-        int(np.unique(group).size),
-        int(count.size),
-        speeds,
-        line.free,
-        float(v.min()),
-        float(v.max()),
-        float(np.abs(left).max()),
-        float(sigmas.max()),
-        parabola,
-        curvature_se,
-        _judgement(speeds, line.free, bent, float(sigmas.max())),
-        speed,
-        means,
-        np.sqrt(variance),
-    )
+    about = y - (line[0] + slope * (v - middle))
+    judgement = _judgement(speeds, free, bent, float(sigmas.max()))
+    return {
+        "quantity": quantity,
+        "intercept": float(to_zero @ line),
+        "intercept_se": float(np.sqrt(to_zero @ covariance @ to_zero)),
+        "slope": slope,
+        "slope_se": slope_se,
+        "slope_lower": slope - reach,
+        "slope_upper": slope + reach,
+        "scatter": float(np.sqrt((about**2).sum() / (v.size - 2))),
+        "rows": int(v.size),
+        "stretches": int(np.unique(group).size),
+        "points": int(count.size),
+        "speeds": speeds,
+        "degrees_of_freedom": free,
+        "slowest_m_s": float(v.min()),
+        "fastest_m_s": float(v.max()),
+        "miss": float(np.abs(left).max()),
+        "miss_sigmas": float(sigmas.max()),
+        "parabola": parabola,
+        "curvature": parabola[2],
+        "curvature_se": curvature_se,
+        "judgement": judgement,
+        "doubtful": bool(judgement) and not judgement.startswith(SCATTERED),
+        "speed_m_s": speed,
+        "means": means,
+        "mean_se": np.sqrt(variance),
+    }
 
 
 def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
@@ -722,4 +677,4 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 
 def regression_table(lines: list[Regression]) -> dict[str, NDArray[Any]]:
     """The columns of some regressions."""
-    return {name: np.array([getattr(line, name) for line in lines]) for name in COLUMNS}
+    return {name: np.array([line[name] for line in lines]) for name in COLUMNS}

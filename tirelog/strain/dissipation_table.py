@@ -26,7 +26,7 @@ from tirelog.strain.dissipation import (
     regression_table,
 )
 from tirelog.strain.passages.find import Passages
-from tirelog.strain.speed import begin, speed_quality
+from tirelog.strain.speed import PassageRows, begin, speed_quality
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import good, quality_column
 
@@ -36,14 +36,10 @@ RIGHT_LEVER = 12.0**-0.5
 
 
 @dataclass(frozen=True)
-class DissipationOfChannel:
-    """One channel: what was found, the table's columns, sentences on it."""
+class DissipationOfChannel(PassageRows):
+    """The table's rows of one channel, and the dissipation behind them."""
 
-    channel: Channel
-    passages: Passages
     dissipation: Dissipation
-    columns: dict[str, Any]
-    remarks: tuple[str, ...]
 
 
 def dissipation_of_channel(
@@ -75,7 +71,7 @@ def dissipation_of_channel(
     columns |= _with_viscosity(recording, found, passages.speed_m_s)
     columns["quality"] = quality_column(found.quality)
     remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel.surface)
-    return DissipationOfChannel(released(channel), passages, found, columns, remarks)
+    return DissipationOfChannel(columns, remarks, released(channel), passages, found)
 
 
 def _with_viscosity(

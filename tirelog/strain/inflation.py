@@ -24,7 +24,7 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import strain_channels
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, TableRows
 from tirelog.vocabulary.quality import Quality, marked, quality_column
 
 #: length of a mean [s], half width of the window that tells the rate [means], shortest ramp or stop
@@ -69,32 +69,17 @@ class InflationSeries:
     noise: float
 
 
-@dataclass(frozen=True)
-class Inflation:
-    """One row per stretch, the whole first, shape (k,).
-
-    `stretch` 'whole', 'ramp' or 'stop'; `time_s` its beginning, `duration_s`; means of strain (with
-    standard error) and pressure; `strain_change`, `pressure_change_Pa` from beginning to end;
-    `slope_1_Pa` of strain on pressure with standard error (NaN if the pressure is not known or
-    stands still); `rate_1_s` of the strain; `nonlinearity`: largest deviation of the strain from
-    its straight line on the pressure (on time, without pressure) as a share of its range, ramps and
-    whole; `leak`: strain lost at a stop, 0 if it is not significant, with its standard error.
-    """
-
-    stretch: NDArray[np.str_]
-    time_s: FloatArray
-    duration_s: FloatArray
-    strain: FloatArray
-    strain_se: FloatArray
-    pressure_Pa: FloatArray
-    strain_change: FloatArray
-    pressure_change_Pa: FloatArray
-    slope_1_Pa: FloatArray
-    slope_se_1_Pa: FloatArray
-    rate_1_s: FloatArray
-    nonlinearity: FloatArray
-    leak: FloatArray
-    leak_se: FloatArray
+#: columns (k,) of the stretches, the whole first:
+#:   stretch            'whole', 'ramp' or 'stop'
+#:   time_s, duration_s its beginning and how long it lasts
+#:   strain, strain_se, pressure_Pa   means, and the standard error
+#:   strain_change, pressure_change_Pa   from beginning to end
+#:   slope_1_Pa, slope_se_1_Pa   strain on pressure; NaN if that is not known or stands still
+#:   rate_1_s           of the strain
+#:   nonlinearity       largest deviation of the strain from its straight line on the pressure (on
+#:                      time, without pressure) as a share of its range, ramps and whole
+#:   leak, leak_se      strain lost at a stop, 0 if it is not significant
+Inflation = dict[str, NDArray[Any]]
 
 
 def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -179,7 +164,7 @@ def _rates(values: InflationSeries, reach: int) -> FloatArray:
     return (padded[width:] - padded[:-width]) / np.maximum(when[width:] - when[:-width], 1e-9)
 
 
-def inflation_stretches(values: InflationSeries) -> tuple[NDArray[np.bool_], IntArray]:
+def inflation_stretches(values: InflationSeries) -> tuple[BoolArray, IntArray]:
     """Whether each stretch is a ramp, and the first mean of each, plus the end.
 
     Short ones go to their neighbours.
@@ -384,7 +369,7 @@ def inflation(
     for k, ramp in enumerate(ramps.tolist()):
         before, low, high, after = fences[k : k + 4]
         rows.append(_row(values, "ramp" if ramp else "stop", low, high, (before, after), measured))
-    return Inflation(**{name: np.array([row[name] for row in rows]) for name in rows[0]}), values
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, values
 
 
 # ---- The `inflation` table: one row per ramp and stop of each strain channel, and one for the
@@ -404,14 +389,12 @@ MOST_TO_AND_FRO, FEWEST_STRETCHES = 4.0, 8
 
 
 @dataclass(frozen=True)
-class InflationOfChannel:
-    """One channel: its stretches, the means behind them, the table's columns, sentences on it."""
+class InflationOfChannel(TableRows):
+    """The table's rows of one channel, its stretches, and the means behind them."""
 
     channel: Channel
     inflation: Inflation
     series: InflationSeries
-    columns: dict[str, Any]
-    remarks: tuple[str, ...]
 
 
 def refuse_one_end(from_Pa: float | None = None, to_Pa: float | None = None) -> None:
@@ -439,33 +422,32 @@ def inflation_of(
         _refuse_drive(recording, channel)
         found, values = inflation(channel, pressure, ends_Pa)
         _refuse_to_and_fro(recording, channel, found)
-        n = found.stretch.size
+        n = found["stretch"].size
         columns: dict[str, Any] = {
             "log": np.full(n, recording.log, object),
             "channel": np.full(n, channel.name, object),
             "revolution": np.full(n, np.nan),
-            "time_s": found.time_s,
+            "time_s": found["time_s"],
             "speed_m_s": np.zeros(n),
-            "stretch": found.stretch,
-            "duration_s": found.duration_s,
-            "inflation_pressure_Pa": found.pressure_Pa,
-            "pressure_change_Pa": found.pressure_change_Pa,
-            "strain": found.strain,
-            "strain_se": found.strain_se,
-            "strain_change": found.strain_change,
-            "strain_slope_1_Pa": found.slope_1_Pa,
-            "strain_slope_se_1_Pa": found.slope_se_1_Pa,
-            "strain_rate_1_s": found.rate_1_s,
-            "nonlinearity": found.nonlinearity,
-            "leak": found.leak,
-            "leak_se": found.leak_se,
+            "stretch": found["stretch"],
+            "duration_s": found["duration_s"],
+            "inflation_pressure_Pa": found["pressure_Pa"],
+            "pressure_change_Pa": found["pressure_change_Pa"],
+            "strain": found["strain"],
+            "strain_se": found["strain_se"],
+            "strain_change": found["strain_change"],
+            "strain_slope_1_Pa": found["slope_1_Pa"],
+            "strain_slope_se_1_Pa": found["slope_se_1_Pa"],
+            "strain_rate_1_s": found["rate_1_s"],
+            "nonlinearity": found["nonlinearity"],
+            "leak": found["leak"],
+            "leak_se": found["leak_se"],
             "quality": quality_column(
-                marked((found.leak != 0) & ~np.isnan(found.leak), Quality.LEAK)
+                marked((found["leak"] != 0) & ~np.isnan(found["leak"]), Quality.LEAK)
             ),
         }
-        yield InflationOfChannel(
-            channel, found, values, columns, _remarks(recording, channel, found, pressure, ends_Pa)
-        )
+        remarks = _remarks(recording, channel, found, pressure, ends_Pa)
+        yield InflationOfChannel(columns, remarks, channel, found, values)
 
 
 def _refuse_drive(recording: Recording, channel: Channel) -> None:
@@ -491,7 +473,7 @@ def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation)
 
     Filling or emptying takes it one way, apart from leaks.
     """
-    change = found.strain_change
+    change = found["strain_change"]
     way, most = (
         float(np.abs(change[1:]).sum()),
         float(np.ptp(np.concatenate([[0.0], np.cumsum(change[1:])]))),
@@ -514,13 +496,13 @@ def _remarks(
     ends_Pa: tuple[float, float] | None,
 ) -> tuple[str, ...]:
     """What the summary says of a channel."""
-    ramps = int((found.stretch == "ramp").sum())
-    leaks = found.leak[np.nan_to_num(found.leak) != 0]
-    text = f"{channel.name}: {ramps} ramp(s), {int((found.stretch == 'stop').sum())} stop(s)"
-    if np.isfinite(found.slope_1_Pa[0]):
+    ramps = int((found["stretch"] == "ramp").sum())
+    leaks = found["leak"][np.nan_to_num(found["leak"]) != 0]
+    text = f"{channel.name}: {ramps} ramp(s), {int((found['stretch'] == 'stop').sum())} stop(s)"
+    if np.isfinite(found["slope_1_Pa"][0]):
         text += (
-            f"; {1e11 * found.slope_1_Pa[0]:.2f} microstrain/bar, straight to "
-            f"{100 * found.nonlinearity[0]:.1f} % of the range"
+            f"; {1e11 * found['slope_1_Pa'][0]:.2f} microstrain/bar, straight to "
+            f"{100 * found['nonlinearity'][0]:.1f} % of the range"
         )
     if leaks.size:
         text += (

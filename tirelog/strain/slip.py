@@ -14,7 +14,6 @@ speed that comes late by d is a slip of -d a / v, which the same turns tell and 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,8 +26,9 @@ from tirelog.strain.footprint.slip_onset import FrictionRatio
 from tirelog.strain.passages.find import trusted_passages
 from tirelog.strain.passages.passage_flags import TURN_RAD
 from tirelog.strain.speed import speed_channels, speed_columns, turns_around
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, TableRows
 from tirelog.vocabulary.quality import OK, Quality, marked, quality_column
+from tirelog.wheel.angle import encoder_of, rolling_radius
 from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, Rolling, WheelTurns, rolling
 
 #: slip that the delay's standard error may make of a row before it is marked: a quarter of what
@@ -36,15 +36,7 @@ from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, Rolling, WheelTurns, r
 _DELAYED = 0.005
 
 
-@dataclass(frozen=True)
-class SlipOfChannel:
-    """The turns that one channel tells: the table's columns, sentences on them."""
-
-    columns: dict[str, Any]
-    remarks: tuple[str, ...]
-
-
-def slip_of(recording: Recording) -> Iterator[SlipOfChannel]:
+def slip_of(recording: Recording) -> Iterator[TableRows]:
     """The slip of every turn.
 
     UsageError: no vehicle speed, nothing that tells the turns, or no radius to go by.
@@ -80,7 +72,7 @@ def _slip(
     columns: Mapping[str, Any],
     wheel: WheelTurns,
     remarks: Sequence[str],
-) -> SlipOfChannel:
+) -> TableRows:
     found = rolling(reference, wheel)
     radius, radius_se, said = _radius(recording, reference, found)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -107,7 +99,7 @@ def _slip(
         "quality": quality_column(quality),
     }
     late = f"{reference.name} late by {found.delay_s:.3f} +- {found.delay_se_s:.3f} s, taken off"
-    return SlipOfChannel(table, (*remarks, said, late))
+    return TableRows(table, (*remarks, said, late))
 
 
 def _radius(
@@ -174,21 +166,13 @@ SIGN_M_S2 = 0.6
 _COPIED = ("log", "channel", "revolution", "time_s", "speed_m_s", "slip_onset_reason", "quality")
 
 
-@dataclass(frozen=True)
-class GripOfChannel:
-    """One channel's rows, and sentences on them."""
-
-    columns: dict[str, Any]
-    remarks: tuple[str, ...]
-
-
 def grip_of(
     recording: Recording,
     static_friction: float = STATIC_FRICTION,
     sliding_friction: float | None = None,
     stiffness_ratio: float = 1.0,
     load_exponent: float = LOAD_EXPONENT,
-) -> Iterator[GripOfChannel]:
+) -> Iterator[TableRows]:
     """The grip that each passage shows.  UsageError: as `footprints_of`.
 
     The onset is looked for with the ratio of the frictions; without a `sliding_friction` it is that
@@ -228,7 +212,7 @@ def grip_of(
                     f"{unsigned} longitudinal forces are empty: below {SIGN_M_S2:g} m/s^2 the "
                     "acceleration does not tell drive from braking"
                 )
-        yield GripOfChannel(columns, (*found.remarks, *remarks))
+        yield TableRows(columns, (*found.remarks, *remarks))
 
 
 def refuse_frictions(
@@ -323,3 +307,66 @@ def grip_columns(
         columns["friction_used_se"] * force, used * columns["vertical_force_se_N"]
     )
     return columns
+
+
+# ---- The table `strain-shift`: P4's regressors by a strain sensor and the wheel's encoder.
+#
+#     footprint's entry and exit times --wheel angle at them--> fronts in wheel angle
+#         --P4 section III--> patch width, shift of the patch's middle against its zero
+#
+# P1 and P2 end with a phonic wheel beside the gratings: its speed stands beside that of the
+# passages,
+# and the shift is what a longitudinal force does to the patch's place, as P4 measures it by an
+# accelerometer. The sensor's own angle is not known; the zero is the mean over the first passages
+# that are good, so that only changes count.
+
+#: passages whose middle is the zero of the shift: with one its error would be in all rows; twice as
+#: many would reach into the first manoeuvre of a short log
+ZERO_PASSAGES = 8
+
+
+def strain_shift_of(recording: Recording) -> Iterator[TableRows]:
+    """Width and shift of the patch in wheel angle at each passage.
+
+    SetupError: no encoder.  DataLoss: it shows no teeth.  UsageError: no patch comes round.
+    """
+    _, wheel = encoder_of(recording)
+    radius = rolling_radius(recording, wheel)
+    said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
+    for found in footprints_of(recording):
+        table = found.columns
+        entry, exit_ = (np.asarray(table[name], float) for name in ("entry_time_s", "exit_time_s"))
+        angles = [wheel.angle.at(time) for time in (entry, exit_)]
+        middle = 0.5 * (angles[0] + angles[1])
+        good = (np.asarray(table["quality"]) == OK) & np.isfinite(middle)
+        first = np.flatnonzero(good)[:ZERO_PASSAGES]
+        # whole turns apart: the mean direction, then what each differs from it
+        zero = np.angle(np.exp(1j * middle[first]).mean()) if first.size else np.nan
+        shift = np.angle(np.exp(1j * (middle - zero)))
+        time = np.asarray(table["time_s"], float)
+        noise = np.sqrt(0.5) * wheel.angle.noise_at(time)
+        shared = np.sqrt(0.5) * wheel.angle.shared_noise_at(time)
+        speed = np.asarray(table["speed_m_s"], float)
+        times = np.asarray(table["length_se_m"], float) / np.where(speed > 0.0, speed, np.nan)
+        rate = wheel.speed_rad_s(time)
+        error = np.hypot(np.hypot(noise, shared), 0.5 * times * rate)
+        columns = {
+            name: table[name]
+            for name in ("log", "channel", "revolution", "time_s", "speed_m_s", "quality")
+        } | {
+            "entry_angle_deg": np.degrees(angles[0]) % 360.0,
+            "exit_angle_deg": np.degrees(angles[1]) % 360.0,
+            "patch_width_deg": np.degrees(angles[1] - angles[0]),
+            "patch_width_se_deg": np.degrees(np.hypot(2.0 * noise, times * rate)),
+            "phase_shift_deg": np.degrees(shift),
+            "phase_shift_se_deg": np.degrees(error),
+            "wheel_speed_m_s": rate * radius.radius_m,
+        }
+        channel = found.channel.name
+        remark = (
+            f"{channel}: zero of the phase shift from the first {first.size} good passages"
+            if first.size
+            else f"{channel}: no good passage, so the phase shift has no zero"
+        )
+        yield TableRows(columns, (*said, *found.remarks, remark))
+        said = []

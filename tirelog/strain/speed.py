@@ -20,7 +20,7 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages, passages_of
 from tirelog.strain.passages.passage_flags import TURN_RAD
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, TableRows
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column
 from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, WheelTurns, rolling
@@ -157,6 +157,14 @@ def period(passages: Passages) -> FloatArray:
     """
     both = 0.5 * (passages.period_before_s + passages.period_after_s)
     return np.where(np.isfinite(both), both, TURN_RAD / passages.omega_rad_s)
+
+
+@dataclass(frozen=True)
+class PassageRows(TableRows):
+    """Rows of a table with one row per passage of `channel`."""
+
+    channel: Channel
+    passages: Passages
 
 
 def begin(log: str, passages: Passages) -> dict[str, Any]:

@@ -11,20 +11,32 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 #: an array of named fields; what they are stands beside the dtype
 Records = NDArray[np.void]
 #: one element of such an array
 Record = np.void
 
 
+def records(dtype: np.dtype[Any], **columns: Any) -> Records:
+    """Rows of a `dtype` out of columns by name, (n,) or numbers; what is not given is 0."""
+    rows = np.zeros(max(np.size(column) for column in columns.values()), dtype)
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
+
+
+@dataclass(frozen=True)
+class TableRows:
+    """Rows that one channel gives a table, by column, and sentences on them."""
+
+    columns: dict[str, Any]
+    remarks: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class ColumnSet:
     """Columns of one length: every field is an array with a row per thing."""
-
-    @classmethod
-    def empty(cls, n: int) -> Self:
-        """`n` rows, nothing known: all NaN."""
-        return cls(**{f.name: np.full(n, np.nan) for f in fields(cls)})
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
@@ -36,8 +48,3 @@ class ColumnSet:
     def take(self, which: Any) -> Self:
         """The rows `which` (mask, slice or ordinals)."""
         return type(self)(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
-
-    def put(self, rows: IntArray, other: Self) -> None:
-        """Write the rows of `other` at the ordinals `rows`."""
-        for f in fields(self):
-            getattr(self, f.name)[rows] = getattr(other, f.name)

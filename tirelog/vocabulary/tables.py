@@ -330,7 +330,7 @@ _ALL = (
             "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg",
             "phase_shift_deg", "phase_shift_se_deg", "wheel_speed_m_s",
         ),
-        made_by="tirelog.strain.strain_shift:strain_shift_of",
+        made_by="tirelog.strain.slip:strain_shift_of",
         driven=False,
         rows_of=STRAIN_KINDS,
     ),

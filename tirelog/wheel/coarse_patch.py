@@ -4,7 +4,7 @@ And the centripetal level beside each passage.
 
     channel, WheelAngle --means over one degree of wheel angle--> bins (m,)
         --below half of the level--> dips
-        --degrees beside each dip--> Dips: coarse fronts, level and its slope, what gravity does to
+        --degrees beside each dip--> DIPS: coarse fronts, level and its slope, what gravity does to
                                      them, noise of a sample
 
 The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
@@ -24,7 +24,7 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.dsp.encoder import AngleFunction
 from tirelog.dsp.filters import sliding_mean
-from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.wheel.angle import WheelAngle
 
 #: radians of a degree
@@ -44,26 +44,14 @@ BESIDE = (25, 130)
 SLOWEST_rad_s = 6.0
 
 
-@dataclass(frozen=True)
-class Dips(ColumnSet):
-    """One row per dip, shape (n,): coarse fronts, the level beside it and gravity.
-
-    Fronts `entry_rad`, `exit_rad`; `level` the mean of a / Omega^2 beside it [m] (its sign is the
-    sensor's), `tilt` its slope [m/rad]; `gravity_level`, `gravity_tilt` what a unit of cos(phi)
-    adds to them; `level_share` standard error of the level
-    per noise; `noise_m_s2` of one sample (its variance with correlation counted in);
-    `normal` (n, 3, 4) sums for the gravity in the level.
-    """
-
-    entry_rad: FloatArray
-    exit_rad: FloatArray
-    level: FloatArray
-    tilt: FloatArray
-    gravity_level: FloatArray
-    gravity_tilt: FloatArray
-    level_share: FloatArray
-    noise_m_s2: FloatArray
-    normal: FloatArray
+#: a dip: coarse fronts; mean of a / Omega^2 beside it [m], with the sensor's sign, and its slope
+#: [m/rad]; what a unit of cos(phi) adds to both; standard error of the level per noise; noise of a
+#: sample (its variance with correlation counted in); sums for the gravity in the level
+DIPS = np.dtype(
+    [("entry_rad", "f8"), ("exit_rad", "f8"), ("level", "f8"), ("tilt", "f8"),
+     ("gravity_level", "f8"), ("gravity_tilt", "f8"), ("level_share", "f8"),
+     ("noise_m_s2", "f8"), ("normal", "f8", (3, 4))]
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -129,12 +117,12 @@ def _bins(first: int, sums: FloatArray, offset: float, begins: bool) -> Bins:
     )
 
 
-def find_dips(pieces: Iterator[Bins]) -> tuple[Dips | None, float]:
+def find_dips(pieces: Iterator[Bins]) -> tuple[Records | None, float]:
     """(all dips of a log in order, share of the degrees that had no samples).
 
     None for the dips if there are none.
     """
-    found: list[Dips] = []
+    found: list[Records] = []
     empty, bins, last = 0, 0, -np.inf
     for piece in pieces:
         dips = _dips(piece)
@@ -142,14 +130,14 @@ def find_dips(pieces: Iterator[Bins]) -> tuple[Dips | None, float]:
         bins += piece.count.size
         if dips is None:
             continue
-        new = dips.take(dips.entry_rad > last + 5 * DEGREE)
-        if new.entry_rad.size:
-            last = float(new.entry_rad[-1])
+        new = dips[dips["entry_rad"] > last + 5 * DEGREE]
+        if new["entry_rad"].size:
+            last = float(new["entry_rad"][-1])
             found.append(new)
-    return (Dips.concatenate(found) if found else None), empty / max(bins, 1)
+    return (np.concatenate(found) if found else None), empty / max(bins, 1)
 
 
-def _dips(bins: Bins) -> Dips | None:
+def _dips(bins: Bins) -> Records | None:
     """The dips of one piece whose surroundings are in it (but for the log's ends)."""
     m = bins.mean.size
     known = np.flatnonzero(bins.count > 0)
@@ -215,7 +203,7 @@ def _levels(
     lost: np.ndarray,
     entry: FloatArray,
     leave: FloatArray,
-) -> Dips:
+) -> Records:
     """The dips with the level beside each.
 
     A straight line through a / Omega^2 on both sides, and the same for cos(phi) / Omega^2.
@@ -242,8 +230,6 @@ def _levels(
         y0, y1 = np.sum(weight * y, axis=1), np.sum(weight * y * phi, axis=1)
         return (w2 * y0 - w1 * y1) / determinant, (w0 * y1 - w1 * y0) / determinant
 
-    level, tilt = line(specific)
-    gravity_level, gravity_tilt = line(gravity)
     within = np.sum(np.where(weight > 1, bins.squares[at], 0.0), axis=1) / np.maximum(
         np.sum(np.maximum(weight - 1, 0), axis=1), 1.0
     )
@@ -253,10 +239,16 @@ def _levels(
     target = np.concatenate([design, mean[at][..., None]], axis=-1)
     normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
     scale = bins.first * DEGREE
-    return Dips(
-        (entry + 0.5) * DEGREE + scale, (leave + 0.5) * DEGREE + scale, level, tilt, gravity_level,
-        gravity_tilt, np.sqrt(w2 / determinant), np.sqrt(np.maximum(within, between)), normal,
-    )  # fmt: skip
+    dips = np.empty(entry.size, DIPS)
+    dips["entry_rad"], dips["exit_rad"] = (
+        (entry + 0.5) * DEGREE + scale,
+        (leave + 0.5) * DEGREE + scale,
+    )
+    dips["level"], dips["tilt"] = line(specific)
+    dips["gravity_level"], dips["gravity_tilt"] = line(gravity)
+    dips["level_share"] = np.sqrt(w2 / determinant)
+    dips["noise_m_s2"], dips["normal"] = np.sqrt(np.maximum(within, between)), normal
+    return dips
 
 
 # ---- The samples around the fronts of a log, cleared of what is not the patch.
@@ -311,17 +303,17 @@ class Flanks:
 
 
 def flanks_of(
-    dips: Dips, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float
+    dips: Records, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float
 ) -> Flanks:
-    middle = 0.5 * (dips.entry_rad + dips.exit_rad)
-    level = dips.level - gravity * dips.gravity_level
-    tilt = dips.tilt - gravity * dips.gravity_tilt
+    middle = 0.5 * (dips["entry_rad"] + dips["exit_rad"])
+    level = dips["level"] - gravity * dips["gravity_level"]
+    tilt = dips["tilt"] - gravity * dips["gravity_tilt"]
     time = wheel.angle.time_at(middle)
     span = 0.1
     ahead = (
         radius_m * (wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)) / span
     )
-    noise = np.full(middle.size, float(np.median(dips.noise_m_s2)))
+    noise = np.full(middle.size, float(np.median(dips["noise_m_s2"])))
     twice = [
         np.tile(x, 2)
         for x in (
@@ -329,7 +321,7 @@ def flanks_of(
             level,
             tilt,
             noise,
-            dips.level_share,
+            dips["level_share"],
             np.nan_to_num(ahead),
             wheel.speed_rad_s(time),
             wheel.angle.noise_at(time),
@@ -337,7 +329,7 @@ def flanks_of(
     ]
     middle2, level2, tilt2, noise2, share2, ahead2, rate2, angle2 = twice
     return Flanks(
-        np.concatenate([dips.entry_rad, dips.exit_rad]),
+        np.concatenate([dips["entry_rad"], dips["exit_rad"]]),
         middle2,
         level2,
         tilt2,

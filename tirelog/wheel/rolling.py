@@ -18,10 +18,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
 from tirelog.vocabulary.quality import QualityFlags
 
 #: acceleration up to which a turn rolls freely [m/s^2]: at a tire's usual 0.1 of slip per g that is
@@ -227,7 +226,7 @@ class WheelTurns:
     quality: QualityFlags
 
     @property
-    def good(self) -> NDArray[np.bool_]:
+    def good(self) -> BoolArray:
         """Stretches with which nothing is wrong."""
         return np.asarray(self.quality == 0)
 
@@ -251,7 +250,7 @@ class Rolling:
     grows: bool
     delay_s: float
     delay_se_s: float
-    free: NDArray[np.bool_]
+    free: BoolArray
 
     @property
     def mean_radius_m(self) -> float:
@@ -298,7 +297,7 @@ class _Rows:
     turns: FloatArray
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> BoolArray:
         """Rows with a distance and an error."""
         return np.isfinite(self.metres) & np.isfinite(self.se)
 
@@ -307,7 +306,7 @@ class _Rows:
         """Standard error of each row."""
         return np.hypot(self.noise, self.rounding)
 
-    def error(self, share: FloatArray, used: NDArray[np.bool_], left: FloatArray) -> float:
+    def error(self, share: FloatArray, used: BoolArray, left: FloatArray) -> float:
         """Standard error of the sum of the `used` rows, each with its `share`.
 
         By their errors, or by what they `left` of a fit if that is more: its own neighbours tell
@@ -401,7 +400,7 @@ def _delay_step(
 
 
 def _radius(
-    rows: _Rows, period: FloatArray, delayed: FloatArray, free: NDArray[np.bool_]
+    rows: _Rows, period: FloatArray, delayed: FloatArray, free: BoolArray
 ) -> tuple[FloatArray, FloatArray, bool]:
     """(radius, its standard error [m] at each row, whether it grows) by the `free` turns.
 

@@ -9,13 +9,14 @@ Passages, Calibration --clean, force maps--> columns of the table, words
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
+from tirelog.vocabulary.arrays import TableRows
 from tirelog.vocabulary.quality import Quality, marked, quality_column
 from tirelog.wheel.angle import SPEED_WINDOW_S, encoder_of, rolling_radius, turns_of
 from tirelog.wheel.calibration import (
@@ -41,14 +42,6 @@ STRETCH_S = 0.1
 MOST_ROWS = 600_000
 
 
-@dataclass(frozen=True)
-class AngleOfLog:
-    """The rows of one encoder, and sentences on them."""
-
-    columns: dict[str, Any]
-    remarks: tuple[str, ...]
-
-
 def refuse_stretch(
     from_s: float | None = None, to_s: float | None = None, every: int | None = None
 ) -> None:
@@ -72,7 +65,7 @@ def wheel_angle_of(
     from_s: float | None = None,
     to_s: float | None = None,
     every: int | None = None,
-) -> Iterator[AngleOfLog]:
+) -> Iterator[TableRows]:
     """The wheel's angle at each sample of the encoder, or each `every`-th, of a stretch [s].
 
     By default 0.1 s from the middle of the log on.  SetupError: no encoder, or
@@ -113,7 +106,7 @@ def wheel_angle_of(
         "quality": quality_column(wheel.quality(time, time)),
     }
     remarks = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
-    yield AngleOfLog(columns, tuple(remarks))
+    yield TableRows(columns, tuple(remarks))
 
 
 # ---- The `speed` table of a log whose encoder tells the speed: one row per turn of the wheel.

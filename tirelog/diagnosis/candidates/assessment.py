@@ -35,8 +35,7 @@ from tirelog.inference.metric import Offsets, ProjectedOut, per_group, side_by_s
 from tirelog.inference.nuisances import FORM
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect, readers
-from tirelog.physics.model.model import Model, why_idle
-from tirelog.physics.model.model import ModelEffect
+from tirelog.physics.model.model import Model, ModelEffect, why_idle
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import OWN_ZERO

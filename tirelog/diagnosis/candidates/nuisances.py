@@ -51,8 +51,7 @@ from tirelog.inference.nuisances import (
 )
 from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.effects import BY_ID
-from tirelog.physics.model.model import Model
-from tirelog.physics.model.model import Nuisance
+from tirelog.physics.model.model import Model, Nuisance
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown

@@ -34,7 +34,8 @@ from tirelog.report.page import (
     thinning,
 )
 from tirelog.runs.ingest import channel_rows
-from tirelog.strain.footprint.plain_edges import distance_along, find_edges
+from tirelog.strain.footprint.kernels import distance_along
+from tirelog.strain.footprint.measure import find_edges
 from tirelog.strain.footprint.refine import gather_windows
 from tirelog.tables.frame import table_parts
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
@@ -294,12 +295,12 @@ def _signals(recording: Recording, number: int, log: str, colour: int) -> list[F
 #
 #     rows of the footprint table (and accelerations of the speed table)
 #         --a clean, nearly free-rolling row--> its window of samples
-#         --`strain.footprint.plain_edges.along_tread`, raw and low-passed-->
+#         --`strain.footprint.measure.along_tread`, raw and low-passed-->
 #         three figures over xi, entry to exit
 #
 # The edges of the best estimate are the table's times; those by the second derivative are the
 # extrema
-# that `strain.footprint.plain_edges.find_edges` sees in what is drawn.
+# that `strain.footprint.measure.find_edges` sees in what is drawn.
 
 
 #: what is read beside the window for the low-pass, in its periods
@@ -362,7 +363,7 @@ def _passage(
     )  # fmt: skip
     times = np.array([row["entry_time_s"], row["exit_time_s"]], float) - float(row["time_s"])
     edges_mm = 1e3 * distance_along(times, v, a)
-    extrema = 1e3 * np.array([found.entry_m[0], found.exit_m[0]])
+    extrema = 1e3 * np.array([found["entry_m"][0], found["exit_m"][0]])
     onset = edges_mm.mean() + 1e3 * np.array([row.get("slip_onset_m", np.nan)], float)
     lines = [
         mark

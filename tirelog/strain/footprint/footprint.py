@@ -13,26 +13,280 @@ the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released, without_spikes
-from tirelog.strain.footprint.form_choice import FormChoice, choose_form
 from tirelog.strain.footprint.kernels import FITTED
-from tirelog.strain.footprint.learn import LEAST_SPEED_M_S, EdgeForm
-from tirelog.strain.footprint.measure import Measured, WindowPlan, find_onsets, measure_windows
-from tirelog.strain.footprint.refine import PassageFits
-from tirelog.strain.footprint.slip_onset import TOO_WIDE, FrictionRatio, SlipOnset
+from tirelog.strain.footprint.learn import (
+    FREE_ROLLING_M_S2,
+    LEAST_OF_CLASS,
+    LEAST_SPEED_M_S,
+    EdgeForm,
+    learn_own,
+    learn_reference,
+)
+from tirelog.strain.footprint.measure import (
+    Forms,
+    WindowPlan,
+    find_onsets,
+    look_at_some,
+    measure_windows,
+    nothing_measured,
+)
+from tirelog.strain.footprint.refine import REMARKABLE
+from tirelog.strain.footprint.slip_onset import (
+    TOO_WIDE,
+    FreeRollingReference,
+    FrictionRatio,
+)
 from tirelog.strain.passages.find import Passages, passages_of
-from tirelog.strain.speed import begin, not_turning, speed_quality, strain_channels
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.strain.speed import PassageRows, begin, not_turning, speed_quality, strain_channels
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, having, marked, quality_column
+
+# ---- The form of free rolling: learnt, looked at, and learnt anew without what does not roll
+# freely.
+#
+#     passages --> EdgeForm
+#         --misses passages? without those that speed up and slow down, if that is clearer-->
+#         --some of all passages are looked at: driven ones among them? without these-->
+#         --still misses them, each in its own way? of those that are alike, and that it fits-->
+#         --of what rolls freely: the tire's own pressure and stiffness-->
+#     FormChoice, from which the next grating of the log starts
+#
+# What a traction does to the form is larger than what the form is asked for. Only some passages are
+# looked at, evenly over the log, so that settling takes no longer on a longer log.
+
+#: passages that are looked at for a traction; half as many leave too few of a class of speed to
+#: learn from where three of four are driven, twice as many take twice as long
+LOOKED = 960
+#: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
+#: share; twice as much is still neither
+DRIVEN_SHARE = 0.03
+#: misfit (chi-square per degree of freedom, less one) from which on a form is learnt of steady
+#: passages alone, and the share of it that this one may leave to be taken; twice the first leaves
+#: forms that put onsets 3 to 5 mm off; twice the second takes one as good, of fewer passages
+MISSES, CLEARER = 0.15, 0.5
+#: with a misfit above this a form is no start for another; twice as much starts from forms that
+#: have gone astray, half as much learns from the beginning what would have been near
+NO_START = 10.0
+#: passages differ among themselves if what the form misses of each alone is this share of what it
+#: misses of all; half of it asks of forms that miss all alike
+DIFFER = 0.3
+#: then it is learnt of this share of them, which it fits best, and of all with no more than this
+#: chi-square per degree of freedom; twice the share mixes those that pull with those that do not,
+#: half the chi-square leaves out speeds that the first ones do not have
+BEST, LIKELY = 0.2, 4.0
+#: where the form of the first does not hold yet, at other speeds, passages are told by a gap: the
+#: misfit above it is so many times that below; twice as much leaves out speeds
+GAP = 2.0
+#: times that they are chosen, at most, and how many times as many there have to be if the form is
+#: not much clearer; half as many times may leave out speeds that the first ones do not have
+MOST_CHOSEN, MORE = 6, 1.05
+#: times that a form is learnt anew without passages that turn out driven: the second time sees
+#: what the first one's form has hidden; the loop ends by itself if no more turn out driven; twice
+#: as many take longer if they do
+MOST_LEARNT = 3
+
+
+@dataclass(frozen=True)
+class FormChoice:
+    """A channel's form, and what is known with it.
+
+    `usual`: what passages that roll freely leave, None if there are none; `clearer`: whether the
+    form of steady passages alone is clearer, None if that was not asked; `chosen`: whether it is
+    that of passages which are alike; `forms`: at the knots of the channel's speeds, None if
+    they are to be made.
+    """
+
+    learnt: EdgeForm
+    usual: FreeRollingReference | None = None
+    clearer: bool | None = None
+    chosen: bool = False
+    forms: Forms | None = None
+
+    @property
+    def light(self) -> FormChoice:
+        """Without what can be made again."""
+        return replace(self, forms=None)
+
+
+def choose_form(
+    channel: Channel,
+    passages: Passages,
+    block_samples: int = BLOCK_SAMPLES,
+    like: FormChoice | None = None,
+) -> FormChoice | None:
+    """The form of the passages of `channel` that roll freely; None if there are none to learn from.
+
+    `like`: that of another grating of the log, to start from: it has the same drive, so what was
+    settled there about passages that speed up and slow down holds here.
+    """
+    if not len(passages):
+        return None
+    steady = np.abs(passages.acceleration_m_s2) < FREE_ROLLING_M_S2
+    start = None if like is None else like.learnt
+    learnt, clearer = None, None
+    if like is not None and like.clearer and _enough(steady):
+        learnt = learn_reference(channel, passages, block_samples, start, ~steady)
+        clearer = True
+    if learnt is None:
+        learnt = learn_reference(channel, passages, block_samples, start)
+        if learnt is None:
+            return None
+        missed = learnt.reference.misfit - 1.0
+        clearer = None if like is None else like.clearer
+        if missed > MISSES and clearer is None and _enough(steady):
+            begin = learnt if missed < NO_START else None
+            freely = learn_reference(channel, passages, block_samples, begin, ~steady)
+            clearer = freely is not None and freely.reference.misfit - 1.0 <= CLEARER * missed
+            if clearer and freely is not None:
+                learnt = freely
+    left_out = ~steady if clearer else np.zeros(len(passages), bool)
+    settled = _undriven(channel, passages, block_samples, learnt, left_out, clearer)
+    if like is None or like.chosen:
+        settled = _of_alike(channel, passages, block_samples, settled, like) or settled
+    return _with_own(channel, passages, block_samples, settled)
+
+
+def _with_own(
+    channel: Channel, passages: Passages, block_samples: int, settled: FormChoice
+) -> FormChoice:
+    """`settled` with the tire's own form, and what free passages leave beside that."""
+    learnt = learn_own(channel, passages, settled.learnt, block_samples)
+    if learnt.reference.family is settled.learnt.reference.family:
+        return replace(settled, learnt=learnt)
+    look = WindowPlan.of(channel, passages, learnt, block_samples)
+    if look is None:
+        return replace(settled, learnt=learnt, forms=None)
+    rolls = ~learnt.without if settled.chosen and learnt.without is not None else None
+    _, _, usual = look_at_some(look, LOOKED, rolls)
+    return replace(settled, learnt=learnt, usual=usual, forms=look.forms)
+
+
+def _enough(steady: BoolArray) -> bool:
+    """Whether passages at steady speed (n,) are not all, and enough to learn a form from."""
+    return bool((~steady).mean() >= DRIVEN_SHARE and steady.sum() >= LEAST_OF_CLASS)
+
+
+def _undriven(
+    channel: Channel,
+    passages: Passages,
+    block_samples: int,
+    learnt: EdgeForm,
+    left_out: BoolArray,
+    clearer: bool | None,
+) -> FormChoice:
+    """The form without passages that show a traction, if the `learnt` one bends to them.
+
+    `left_out` (n,): passages that it was not learnt from.
+    """
+    for again in range(MOST_LEARNT + 1):
+        look = WindowPlan.of(channel, passages, learnt, block_samples)
+        if look is None:
+            break
+        rows, work, usual = look_at_some(look, LOOKED)
+        settled = FormChoice(learnt, usual, clearer, forms=look.forms)
+        new = work["driven"] & ~left_out
+        if (
+            again == MOST_LEARNT
+            or not new.any()
+            or not _mixed(learnt, work["driven"].sum() / rows.size, usual)
+        ):
+            return settled
+        left_out = left_out | work["driven"]
+        without = left_out.copy()
+        without[np.setdiff1d(np.arange(len(passages)), rows)] = True  # who knows of the others
+        freed = learn_reference(channel, passages, block_samples, learnt, without)
+        if freed is None:
+            return settled
+        learnt = freed
+    return FormChoice(learnt, None, clearer)
+
+
+def _of_alike(
+    channel: Channel,
+    passages: Passages,
+    block_samples: int,
+    settled: FormChoice,
+    like: FormChoice | None,
+) -> FormChoice | None:
+    """The form of passages that are alike and that it fits, if it is much clearer.
+
+    So it is where many passages pull at a steady speed: no form fits those that do, and that of all
+    fits none. Begun with those that the form of `settled`, or of `like`, fits best, which may be
+    those that pull: then it still misses them, and is learnt of the others.
+    """
+    learnt, missed = (like or settled).learnt, settled.learnt.reference.misfit - 1.0
+    if missed < MISSES:
+        return None
+    kept, count = np.zeros(len(passages), bool), 0
+    for again in range(MOST_CHOSEN):
+        look = WindowPlan.of(channel, passages, learnt, block_samples)
+        if look is None:
+            return None
+        rows, work, _ = look_at_some(look, LOOKED)
+        misfit = np.nan_to_num(work["fits"]["chi2"][rows], nan=np.inf)
+        if not again and like is None and np.median(misfit) - 1.0 < DIFFER * missed:
+            return None
+        best = misfit <= max(np.quantile(misfit, BEST), LIKELY)
+        if again:
+            best |= _below_gap(misfit, look.number[rows])
+        groups = [best, ~best] if again and learnt.reference.misfit > REMARKABLE else [best]
+        start = learnt if learnt.reference.misfit < NO_START else None
+        made = []
+        for group in groups:
+            others = np.ones(len(passages), bool)
+            others[rows[group]] = False
+            if (found := learn_reference(channel, passages, block_samples, start, others)) is None:
+                return None
+            made.append((found.reference.misfit, found, ~others))
+        least, found, those = min(made, key=lambda one: one[0])
+        if again and least > CLEARER * learnt.reference.misfit and those.sum() < MORE * count:
+            break
+        learnt, kept, count = found, those, int(those.sum())
+    if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
+        return None
+    look = WindowPlan.of(channel, passages, learnt, block_samples)
+    if look is None:
+        return None
+    _, _, usual = look_at_some(look, LOOKED, kept)
+    return FormChoice(learnt, usual, settled.clearer, True, look.forms)
+
+
+def _below_gap(misfit: FloatArray, group: IntArray) -> BoolArray:
+    """Which of the rows (n,) are below a gap among the misfits of their `group`.
+
+    The widest one, if it is as wide as GAP and has a tenth of the group on either side.
+    """
+    below = np.zeros(misfit.size, bool)
+    for number in np.unique(group):
+        own = np.flatnonzero((group == number) & np.isfinite(misfit))
+        own = own[np.argsort(misfit[own])]
+        few = own.size // 10 + 1
+        steps = misfit[own[few:-few]] / misfit[own[few - 1 : -few - 1]]
+        if steps.size and steps.max() > GAP:
+            below[own[: few + int(np.argmax(steps))]] = True
+    return below
+
+
+def _mixed(learnt: EdgeForm, share: float, usual: FreeRollingReference | None) -> bool:
+    """Whether the form has to be learnt again, without passages under traction.
+
+    So it is if it was learnt from passages with and without traction alike, and missed both.
+    `share` of them with a traction; `usual`: what those without leave.
+    """
+    return (
+        DRIVEN_SHARE < share < 1.0 - DRIVEN_SHARE
+        and usual is not None
+        and learnt.reference.misfit > REMARKABLE * usual.scatter**2
+    )
+
 
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
 #: of what the traction has moved it; the error is proportional to it
@@ -76,8 +330,8 @@ class Footprint:
     edge_asymmetry: FloatArray
     d2_entry_m: FloatArray
     d2_exit_m: FloatArray
-    fits: PassageFits
-    slip: SlipOnset
+    fits: Records
+    slip: Records
     cutoff_Hz: FloatArray
     learnt: EdgeForm | None
     friction: FrictionRatio
@@ -89,13 +343,14 @@ class Measuring:
     """How the windows of a channel are looked at.
 
     `look`: None if no speed is known; `asked_Hz` (n,): cut-off of the low-pass of each passage;
-    `work`: what is measured.
+    `usual`: what free passages leave; `work` (n,) of MEASURED.
     """
 
     look: WindowPlan | None
     learnt: EdgeForm
     asked_Hz: FloatArray
-    work: Measured
+    usual: FreeRollingReference | None
+    work: Records
 
     @classmethod
     def of(
@@ -112,9 +367,7 @@ class Measuring:
         if cutoff.unit == "auto":
             asked = np.minimum(asked, 0.9 * 0.5 * channel.axis.rate_Hz)
         look = WindowPlan.of(channel, passages, learnt, block_samples, settled.forms)
-        work = Measured.empty(len(passages))
-        work.usual = settled.usual
-        return cls(look, learnt, asked, work)
+        return cls(look, learnt, asked, settled.usual, nothing_measured(len(passages)))
 
     def measure(self, stretch: int = 0, of: int = 1) -> IntArray:
         """Measure all but slip onsets in one `stretch` of the log, of so many; its passages.
@@ -126,7 +379,7 @@ class Measuring:
         rows = np.array_split(self.look.rows, of)[stretch]
         cutoff_Hz = np.minimum(self.asked_Hz, 0.98 * 0.5 * self.look.channel.axis.rate_Hz)
         clear = ~self.learnt.unclear(self.look.passages.speed_m_s)
-        measure_windows(self.look, cutoff_Hz, clear, self.work, rows)
+        measure_windows(self.look, cutoff_Hz, clear, self.work, self.usual, rows)
         return rows
 
 
@@ -136,7 +389,7 @@ def footprint(
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
     settled: FormChoice | None = None,
-    measured: Iterable[tuple[IntArray, Measured]] | None = None,
+    measured: Iterable[tuple[IntArray, Records]] | None = None,
     friction: FrictionRatio | None = None,
 ) -> Footprint:
     """The footprint at each of `passages` of the strain `channel`.
@@ -150,16 +403,16 @@ def footprint(
     if settled is None and not passages.doubt:
         settled = choose_form(channel, passages, block_samples)
     if settled is None:
-        work, learnt, asked = Measured.empty(n), None, np.full(n, np.nan)
+        work, learnt, asked = nothing_measured(n), None, np.full(n, np.nan)
     else:
         how = Measuring.of(channel, passages, settled, cutoff, block_samples)
         work, learnt, asked = how.work, how.learnt, how.asked_Hz
         if measured is None:
             how.measure()
         for rows, some in measured or ():
-            work.put(rows, some)
-        if how.look is not None:
-            find_onsets(how.look, work, friction)
+            work[rows] = some
+        if how.look is not None and how.usual is not None:
+            find_onsets(how.look, work, how.usual, friction)
     return _assembled(
         passages,
         learnt,
@@ -172,20 +425,19 @@ def footprint(
     )
 
 
-def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArray:
+def _unexplained(fits: Records, slip: Records, scatter: float) -> FloatArray:
     """Error of a length with traction from what the traction leaves unexplained.
 
     That share of what the traction has moved the length by.
     """
-    free = np.maximum(fits.used - FITTED, 1.0)
+    free = np.maximum(fits["used"] - FITTED, 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = (slip.left - free) / np.maximum(fits.chi2 * free / scatter**2 - free, 1.0)
-        return (
-            UNEXPLAINED * np.sqrt(np.clip(share, 0.0, 1.0)) * np.abs(slip.length_m - fits.length_m)
-        )
+        share = (slip["left"] - free) / np.maximum(fits["chi2"] * free / scatter**2 - free, 1.0)
+        moved = np.abs(slip["length_m"] - fits["length_m"])
+        return np.asarray(UNEXPLAINED * np.sqrt(np.clip(share, 0.0, 1.0)) * moved)
 
 
-def _hidden(work: Measured, passages: Passages, slipping: NDArray[np.bool_]) -> FloatArray:
+def _hidden(work: Records, passages: Passages, slipping: BoolArray) -> FloatArray:
     """Error of a length by a traction that is not resolved [m], (n,).
 
     A traction goes with the acceleration, and so do the lengths of fits without one: how far, over
@@ -193,17 +445,17 @@ def _hidden(work: Measured, passages: Passages, slipping: NDArray[np.bool_]) -> 
     shows. The larger, the less it does per acceleration; so it is at most what the smallest does.
     A log none of whose passages shows a traction is one of a wheel that rolls.
     """
-    length, speed = work.fits.length_m, passages.speed_m_s
+    length, speed = work["fits"]["length_m"], passages.speed_m_s
     acceleration = np.nan_to_num(passages.acceleration_m_s2)
-    used = np.isfinite(length) & (good(passages.quality) | work.driven)
-    if not (used & work.driven).any():
+    used = np.isfinite(length) & (good(passages.quality) | work["driven"])
+    if not (used & work["driven"]).any():
         return np.zeros(speed.size)
     sides = np.maximum([acceleration, -acceleration], 0.0)
     follows = np.column_stack([*sides, *sides**2, speed, speed**2])[used]
     by_side = np.linalg.lstsq(
         follows - follows.mean(axis=0), length[used] - length[used].mean(), rcond=None
     )[0][:2]
-    resolved = slipping & np.isin(work.slip.reason.astype(str), ("", TOO_WIDE))
+    resolved = slipping & np.isin(work["slip"]["reason"].astype(str), ("", TOO_WIDE))
     return np.where(resolved, 0.0, np.abs(np.where(acceleration > 0.0, *by_side) * acceleration))
 
 
@@ -217,7 +469,7 @@ def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatAr
 def _assembled(
     passages: Passages,
     learnt: EdgeForm | None,
-    work: Measured,
+    work: Records,
     asked_Hz: FloatArray,
     nyquist: float,
     speed: FloatArray,
@@ -225,38 +477,38 @@ def _assembled(
     friction: FrictionRatio,
 ) -> Footprint:
     """Rows of the table out of what was measured."""
-    fits, edges = work.fits, work.edges
+    fits, edges = work["fits"], work["edges"]
     n = len(passages)
     scatter, reference_se, form_se = 1.0, np.zeros(n), np.zeros(n)
     if learnt is not None and n:
-        scatter = learnt.scatter(fits.chi2)
+        scatter = learnt.scatter(fits["chi2"])
         reference_se, form_se = learnt.length_errors(speed)
-    slip = work.slip
+    slip = work["slip"]
     with np.errstate(invalid="ignore"):
-        slipping = np.abs(slip.length_m - fits.length_m) < MOST_MOVED * fits.length_m
-    length = np.where(slipping, slip.length_m, fits.length_m)
+        slipping = np.abs(slip["length_m"] - fits["length_m"]) < MOST_MOVED * fits["length_m"]
+    length = np.where(slipping, slip["length_m"], fits["length_m"])
     own_se = np.where(
         slipping,
-        np.hypot(slip.length_se_m, _unexplained(fits, slip, scatter)),
-        fits.length_se_m * scatter,
+        np.hypot(slip["length_se_m"], _unexplained(fits, slip, scatter)),
+        fits["length_se_m"] * scatter,
     )
     noise_se = np.sqrt(
         own_se**2
         + reference_se**2
-        + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
+        + (fits["length_m"] * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
     )
     hidden = _hidden(work, passages, slipping)
     driven = np.abs(acceleration) > STEADY_M_S2
     unresolved = driven & (hidden > np.hypot(noise_se, form_se))
     length, noise_se = _told(length, np.hypot(noise_se, hidden))
-    d2, d2_se = _told(edges.length_d2_m, edges.length_d2_se_m)
-    d1, d1_se = _told(edges.length_d1_m, edges.length_d1_se_m)
+    d2, d2_se = _told(edges["length_d2_m"], edges["length_d2_se_m"])
+    d1, d1_se = _told(edges["length_d1_m"], edges["length_d1_se_m"])
     half = 0.5 * length
     with np.errstate(invalid="ignore"):
-        entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)
-        leave = passages.time_s + _time_at(fits.shift_m + half, speed, acceleration)
-        asymmetry = (edges.exit_height - edges.entry_height) / (
-            edges.exit_height + edges.entry_height
+        entry = passages.time_s + _time_at(fits["shift_m"] - half, speed, acceleration)
+        leave = passages.time_s + _time_at(fits["shift_m"] + half, speed, acceleration)
+        asymmetry = (edges["exit_height"] - edges["entry_height"]) / (
+            edges["exit_height"] + edges["entry_height"]
         )
     known = np.where(np.isfinite(length), 1.0, np.nan)
     return Footprint(
@@ -270,10 +522,10 @@ def _assembled(
         entry,
         leave,
         asymmetry,
-        edges.entry_m + fits.shift_m,
-        edges.exit_m + fits.shift_m,
+        edges["entry_m"] + fits["shift_m"],
+        edges["exit_m"] + fits["shift_m"],
         fits,
-        work.slip,
+        work["slip"],
         asked_Hz,
         learnt,
         friction,
@@ -294,7 +546,7 @@ def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, Floa
 
 def _quality(
     passages: Passages,
-    work: Measured,
+    work: Records,
     learnt: EdgeForm | None,
     length_m: FloatArray,
     length_d2_m: FloatArray,
@@ -304,7 +556,7 @@ def _quality(
     """Quality words of the rows: the passages' own, and what the footprint adds."""
     with np.errstate(invalid="ignore"):
         cut = asked_Hz > nyquist
-        short = work.inside < LEAST_SAMPLES
+        short = work["inside"] < LEAST_SAMPLES
     unknown = ~np.isfinite(length_m)
     unclear = ~np.isfinite(length_d2_m) & ~cut & ~unknown
     formless = (
@@ -328,14 +580,10 @@ def _quality(
 
 
 @dataclass(frozen=True)
-class FootprintOfChannel:
-    """One channel: what was found, the table's columns, sentences on the whole channel."""
+class FootprintOfChannel(PassageRows):
+    """The table's rows of one channel, and the footprint behind them."""
 
-    channel: Channel
-    passages: Passages
     footprint: Footprint
-    columns: dict[str, Any]
-    remarks: tuple[str, ...]
 
 
 def footprints_of(
@@ -366,7 +614,7 @@ def footprint_of_channel(
     cutoff: Cutoff,
     settled: FormChoice | None,
     block_samples: int = BLOCK_SAMPLES,
-    measured: Iterable[tuple[IntArray, Measured]] | None = None,
+    measured: Iterable[tuple[IntArray, Records]] | None = None,
     friction_ratio: float | None = None,
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`.
@@ -390,9 +638,9 @@ def footprint_of_channel(
         "entry_time_s": found.entry_time_s,
         "exit_time_s": found.exit_time_s,
         "edge_asymmetry": found.edge_asymmetry,
-        "slip_onset_m": found.slip.onset_m,
-        "slip_onset_se_m": found.slip.onset_se_m,
-        "slip_onset_reason": found.slip.reason,
+        "slip_onset_m": found.slip["onset_m"],
+        "slip_onset_se_m": found.slip["onset_se_m"],
+        "slip_onset_reason": found.slip["reason"],
         "quality": quality_column(found.quality | speed_quality(passages)),
     }
     channel = released(channel)
@@ -401,7 +649,7 @@ def footprint_of_channel(
         if passages.doubt
         else _remarks(recording, channel, passages, found, cutoff)
     )
-    return FootprintOfChannel(channel, passages, found, columns, remarks)
+    return FootprintOfChannel(columns, remarks, channel, passages, found)
 
 
 def refuse_cutoff(recording: Recording, channel: Channel, cutoff: Cutoff) -> None:
@@ -443,7 +691,7 @@ def _remarks(
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
     remarks = [text, too_slow] if slow else [text]
-    if np.isfinite(found.slip.onset_m).any():
+    if np.isfinite(found.slip["onset_m"]).any():
         remarks.append(
             f"{channel.name}: slip onsets take a ratio of sliding to sticking friction of "
             f"{found.friction.value:.3g} +- {found.friction.se:g}"

@@ -13,15 +13,12 @@ neither level: outside is taken from beyond them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages.find import Passages, passages_of
-from tirelog.strain.speed import begin, speed_quality
+from tirelog.strain.speed import PassageRows, begin, speed_quality
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked, quality_column
@@ -47,44 +44,11 @@ _LEAST_HALF, _MOST_HALF = np.radians([2.0, 45.0])
 _FEWEST_INSIDE = 4
 
 
-@dataclass(frozen=True)
-class FrontsOfChannel:
-    """One accelerometer: its passages, the table's columns, sentences on the whole channel."""
-
-    channel: Channel
-    passages: Passages
-    columns: dict[str, Any]
-    remarks: tuple[str, ...]
+#: columns of the table that an accelerometer's fronts tell
+_TOLD = ("length_m", "length_se_m", "entry_time_s", "exit_time_s", "edge_asymmetry")
 
 
-@dataclass(frozen=True)
-class _Form:
-    """The mean form of passages: its fronts [rad] and slopes there [1/rad], entry and exit.
-
-    From 0 outside to 1 inside, so that the entry's slope is positive.
-    """
-
-    fronts: FloatArray
-    slopes: FloatArray
-
-
-@dataclass(frozen=True)
-class Lengths:
-    """One row per passage, (n,): length and standard error [m], times [s], which edge is sharper.
-
-    NaN if it could not be told, and `quality` says why. `edge_asymmetry`: (exit - entry) / (exit +
-    entry) of the sizes of the slopes at the fronts.
-    """
-
-    length_m: FloatArray
-    length_se_m: FloatArray
-    entry_time_s: FloatArray
-    exit_time_s: FloatArray
-    edge_asymmetry: FloatArray
-    quality: QualityFlags
-
-
-def accelerometer_footprints(recording: Recording) -> list[FrontsOfChannel]:
+def accelerometer_footprints(recording: Recording) -> list[PassageRows]:
     """The footprint of every accelerometer of a recording."""
     return [
         footprint_of_accelerometer(recording, channel)
@@ -92,35 +56,32 @@ def accelerometer_footprints(recording: Recording) -> list[FrontsOfChannel]:
     ]
 
 
-def footprint_of_accelerometer(recording: Recording, channel: Channel) -> FrontsOfChannel:
+def footprint_of_accelerometer(recording: Recording, channel: Channel) -> PassageRows:
     """The footprint of one accelerometer."""
     channel = without_spikes(channel)
     passages = passages_of(recording, channel)
-    found = lengths(channel, passages)
+    told, flags = lengths(channel, passages)
     nothing = np.full(len(passages), np.nan)
     columns = begin(recording.log, passages) | {
-        "length_m": found.length_m,
-        "length_se_m": found.length_se_m,
+        **dict(zip(_TOLD[:2], told, strict=False)),
         **dict.fromkeys(_OF_STRAIN, nothing),
-        "entry_time_s": found.entry_time_s,
-        "exit_time_s": found.exit_time_s,
-        "edge_asymmetry": found.edge_asymmetry,
+        **dict(zip(_TOLD[2:], told[2:], strict=True)),
         "slip_onset_m": nothing,
         "slip_onset_se_m": nothing,
         "slip_onset_reason": np.full(len(passages), "not strain", object),
-        "quality": quality_column(found.quality),
+        "quality": quality_column(flags),
     }
     if passages.doubt:
         said = passages.doubt
-    elif not np.isfinite(found.length_m).any():
+    elif not np.isfinite(told[0]).any():
         said = f"{channel.name}: no front could be told; no lengths"
     else:
-        length = 1e3 * float(np.nanmedian(found.length_m))
+        length = 1e3 * float(np.nanmedian(told[0]))
         said = (
             f"{channel.name}: contact length {length:.2f} mm (median), between the fronts at half "
             "of the step of the acceleration; the tread's bend at the edges is in it"
         )
-    return FrontsOfChannel(channel, passages, columns, (said,))
+    return PassageRows(columns, (said,), channel, passages)
 
 
 #: columns of lengths that only a strain's derivatives have
@@ -129,8 +90,11 @@ _OF_STRAIN = (
 )  # fmt: skip
 
 
-def lengths(channel: Channel, passages: Passages) -> Lengths:
-    """The contact length of every passage of an accelerometer."""
+def lengths(channel: Channel, passages: Passages) -> tuple[FloatArray, QualityFlags]:
+    """The columns _TOLD (5, n) of every passage of an accelerometer, NaN if not told; flags why.
+
+    Of the slopes' sizes at the fronts the asymmetry is (exit - entry) / (exit + entry).
+    """
     n = len(passages)
     result = np.full((5, n), np.nan)
     flags = speed_quality(passages)
@@ -140,7 +104,7 @@ def lengths(channel: Channel, passages: Passages) -> Lengths:
     for i in np.flatnonzero(np.isfinite(passages.omega_rad_s)) if form is not None else ():
         assert form is not None
         read = _samples(channel, passages, int(i))
-        told = None if read is None else _one_length(*read, form)
+        told = None if read is None else _one_length(*read, *form)
         if read is None or not np.isfinite(read[1]).all():
             lost[i] = True
         if isinstance(told, str):
@@ -163,7 +127,7 @@ def lengths(channel: Channel, passages: Passages) -> Lengths:
     untold = ~np.isfinite(result[0])
     flags = flags | marked(short, Quality.PATCH_SHORT) | marked(lost & untold, Quality.LOST_PEAK)
     flags = flags | marked(untold & good(flags), Quality.NO_LENGTH)
-    return Lengths(result[0], result[1], result[2], result[3], result[4], flags)
+    return result, flags
 
 
 def _samples(
@@ -199,8 +163,12 @@ def _levels(
     return float(np.nanmedian(inside)), float(np.mean([side.mean() for side in sides]))
 
 
-def _mean_form(channel: Channel, passages: Passages) -> _Form | None:
-    """The form that most passages have; None if it has no two fronts."""
+def _mean_form(channel: Channel, passages: Passages) -> tuple[FloatArray, FloatArray] | None:
+    """(fronts [rad], slopes there [1/rad]) of the form that most passages have, entry and exit.
+
+    It goes from 0 outside to 1 inside, so that the entry's slope is positive. None if it has no two
+    fronts.
+    """
     known = np.flatnonzero(np.isfinite(passages.omega_rad_s) & good(passages.quality))
     if not known.size:
         known = np.flatnonzero(np.isfinite(passages.omega_rad_s))
@@ -228,7 +196,7 @@ def _mean_form(channel: Channel, passages: Passages) -> _Form | None:
     slopes = np.gradient(form, _FORM)[[left, right]]
     if not (_LEAST_HALF < -fronts[0] < _MOST_HALF and _LEAST_HALF < fronts[1] < _MOST_HALF):
         return None
-    return _Form(fronts, slopes)
+    return fronts, slopes
 
 
 def _between(form: FloatArray, low: int, high: int) -> float:
@@ -238,22 +206,22 @@ def _between(form: FloatArray, low: int, high: int) -> float:
 
 
 def _one_length(
-    turned: FloatArray, values: FloatArray, form: _Form
+    turned: FloatArray, values: FloatArray, fronts: FloatArray, slopes_there: FloatArray
 ) -> tuple[list[float], list[float], float] | str | None:
     """(fronts [rad], their standard errors, which is sharper) of a passage.
 
     A text if too few samples are between or beside them, None if they are not crossed.
     """
-    level = _levels(turned, values, form.fronts)
+    level = _levels(turned, values, fronts)
     if level is None:
         return "too few samples inside"
     step = level[0] - level[1]
     if step <= 0.0:
         return None
     scaled = (values - level[1]) / step - 0.5
-    middle = form.fronts.mean()
+    middle = fronts.mean()
     places, errors, slopes = [], [], []
-    for front, slope in zip(form.fronts, form.slopes, strict=True):
+    for front, slope in zip(fronts, slopes_there, strict=True):
         half = _FLANK / abs(slope)
         guess = _first_below(turned, scaled, middle, front)
         if guess is None:

@@ -71,6 +71,13 @@ def motion_of(
     return motion
 
 
+def distance_along(
+    time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
+) -> FloatArray:
+    """Distance [m] along the tread after `time_s` from the patch centre; broadcasts."""
+    return time_s * (speed_m_s + 0.5 * acceleration_m_s2 * time_s)
+
+
 #: numbers of a passage's own, and their columns
 OWN, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: columns of a fit: a passage's own and the quadratic ones
@@ -330,3 +337,425 @@ def class_sums(
             left[cell] += residual / own[HEIGHT]
             counts[cell] += 1.0
     return ClassSums(rows, chi2, samples, left, counts)
+
+
+# ---- Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
+#
+#     columns and products of a row (`kernels`) + a traction's wave for each onset
+#         --> the joint solution of least misfit
+#
+# `waves` (g, c): tractions on the grid of the form's table, a column an onset.
+
+#: a row's best onset, NaN without one: its number and that of the onset in the middle of three;
+#: squared residual over sigma^2, and length over height [m], at the onset before the middle one, at
+#: it, and after it; at the best one with the length's standard error; samples used; the least
+#: squared residual with an onset that is far from the best; where the form was put, and how much
+#: farther the solution would move it [m]
+ONSET = np.dtype(
+    [("best", "f8"), ("middle", "f8"), ("chi2_before", "f8"), ("chi2_middle", "f8"),
+     ("chi2_after", "f8"), ("length_before", "f8"), ("length_middle", "f8"),
+     ("length_after", "f8"), ("chi2", "f8"), ("length", "f8"), ("length_se", "f8"), ("used", "f8"),
+     ("rival", "f8"), ("shift", "f8"), ("to_go", "f8")]
+)  # fmt: skip
+#: one onset that was tried: squared residual over sigma^2, length over height and its standard
+#: error [m]
+TRIED = np.dtype([("chi2", "f8"), ("length", "f8"), ("length_se", "f8")])
+#: a traction of which the passage's other columns leave less than this share cannot be told from
+#: them; turns of its quadratic terms; twice as much tells fewer tractions
+LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
+#: a joint solution is trusted this share of the starts' spacing about where the form was put;
+#: beyond, its cost grows with this power; twice as far follows solutions that the next start is
+#: nearer to
+TRUST, FAR = 0.5, 4
+#: starts that are followed to their end at most; twice as many take up to twice as long where the
+#: first ones fail
+ATTEMPTS = 4
+
+
+@compiled
+def _beside(
+    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, first: int,
+    lined: FloatArray, sums: FloatArray,
+) -> None:  # fmt: skip
+    """Fills `sums` (FITTED + 2, t) for the t onsets from number `first` on.
+
+    Products of each one's traction with the columns, with the values, and with itself, over the
+    `used` samples. `columns` (m + SPARE, FITTED + 1) and `place` (m,) as `kernels.look_up` fills
+    them; `waves` (g, c); `lined` (SPARE + 1, t) is room. SPARE + 1 samples at a time, and onsets
+    innermost: what lies side by side is worked on at once (a third of the time of one onset after
+    the other).
+    """
+    count = sums.shape[1]
+    for i in range(FITTED + 2):
+        for t in range(count):
+            sums[i, t] = 0.0
+    for k in range(used, used + SPARE):
+        for i in range(FITTED + 1):
+            columns[k, i] = 0.0
+    for k in range(0, used, SPARE + 1):
+        for j in range(SPARE + 1):
+            low = int(place[min(k + j, used - 1)])
+            share = place[min(k + j, used - 1)] - low
+            here, rest = (share, 1.0 - share) if k + j < used else (0.0, 0.0)
+            for t in range(count):
+                lined[j, t] = waves[low, first + t] * rest + waves[low + 1, first + t] * here
+        for i in range(FITTED + 1):
+            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
+            for t in range(count):
+                sums[i, t] += a * lined[0, t] + b * lined[1, t] + c * lined[2, t] + d * lined[3, t]
+        for t in range(count):
+            sums[FITTED + 1, t] += (
+                lined[0, t] ** 2 + lined[1, t] ** 2 + lined[2, t] ** 2 + lined[3, t] ** 2
+            )
+
+
+@compiled
+def _left_of(sums: FloatArray, inverse: FloatArray, moved: FloatArray, free: FloatArray) -> None:
+    """Fills `free` (t,): what a passage's own columns leave of each traction's square.
+
+    `sums` (FITTED + 2, t) as `_beside` fills them, `inverse` (OWN, OWN); also filled are the
+    inverse times the products of own columns and tractions, `moved` (OWN, t).
+    """
+    count = free.size
+    for t in range(count):
+        free[t] = sums[FITTED + 1, t]
+    for i in range(OWN):
+        for t in range(count):
+            moved[i, t] = 0.0
+        for j in range(OWN):
+            factor = inverse[i, j]
+            for t in range(count):
+                moved[i, t] += factor * sums[j, t]
+        for t in range(count):
+            free[t] -= sums[i, t] * moved[i, t]
+
+
+@compiled
+def traction_gains(
+    values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
+    sigma: float, odd_sd: float,
+) -> FloatArray:  # fmt: skip
+    """Squared `sigma` of misfit that a small traction removes from the fit of each row.
+
+    That of the best onset, (n,); 0 if too few samples are there. `waves` (g, c): tractions on the
+    table's grid. `values` (n, m) move as `motion` (n,) says; `table` (g, FITTED) on `grid`, one
+    GRID; `odd_sd`: of damping and tilt, in heights.
+    """
+    out, wide = np.zeros(values.shape[0]), table.shape[1]
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
+    lined, sums = np.empty((SPARE + 1, waves.shape[1])), np.empty((FITTED + 2, waves.shape[1]))
+    gram, lower, inverse = (
+        np.empty((FITTED + 1, FITTED + 1)),
+        np.zeros((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
+    bends, whole = np.empty((3, OWN)), np.empty(FITTED)
+    moved, free = np.empty((OWN, waves.shape[1])), np.empty(waves.shape[1])
+    for row in range(values.shape[0]):
+        used, _ = look_up(
+            values[row], motion[row], table, grid, grid["shift_m"], 1.0, wide - 1, wide, columns,
+            place,
+        )  # fmt: skip
+        if used < FITTED:
+            continue
+        products(columns, used, wide, gram)
+        rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        fitted(gram, inverse, rough, bends, whole)
+        for k in range(used):
+            for i in range(FITTED):
+                columns[k, FITTED] -= columns[k, i] * whole[i]
+        _beside(columns, place, used, waves, 0, lined, sums)
+        _left_of(sums, inverse, moved, free)
+        for t in range(free.size):
+            if free[t] > LEAST_OWN * sums[FITTED + 1, t]:
+                out[row] = max(out[row], sums[FITTED, t] ** 2 / free[t] / sigma**2)
+    return out
+
+
+@compiled
+def _joint(
+    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, first: int, sigma: float,
+    odd_sd: float, trust_m: float, told: Records, best: FloatArray,
+) -> int:  # fmt: skip
+    """Form and traction together by least squares for the onsets from `first` on; the best one.
+
+    Returned is the place of the best among them. Filled: `told` (t,) of TRIED, as many as are
+    tried; `best` (FITTED + 1,), the form's coefficients and the traction's. A solution that moves
+    the form by more than `trust_m` [m] costs more: it is linear about where the form stands.
+
+    columns  (m + SPARE, FITTED + 1) and place (m,) as `kernels.look_up` fills them, `used` of them
+    waves    (g, c): the traction with each onset, on the table's grid
+    """
+    gram, lower, inverse = (
+        np.empty((FITTED + 1, FITTED + 1)),
+        np.zeros((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
+    count, wide, bends = told.size, FITTED, np.empty((3, OWN))
+    lined, sums = np.empty((SPARE + 1, count)), np.empty((FITTED + 2, count))
+    whole, moved = np.zeros((FITTED, count)), np.empty((OWN, count))
+    free, size, left = np.empty(count), np.empty(count), np.empty(count)
+    products(columns, used, wide, gram)
+    own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+    for k, column in enumerate((FITTED, OWN, OWN + 1)):
+        apply_inverse(inverse, gram[column], bends[k])
+    _beside(columns, place, used, waves, first, lined, sums)
+    _left_of(sums, inverse, moved, free)
+    for t in range(count):
+        free[t] = max(free[t], LEAST_OWN * sums[FITTED + 1, t] + 1e-300)
+    rough = abs(bends[0, HEIGHT])
+    # onsets are innermost in all loops: what is the same for each of them is worked on at once
+    for _ in range(JOINT_ROUNDS):
+        for t in range(count):
+            size[t] = sums[FITTED, t] - sums[OWN, t] * whole[OWN, t]
+            size[t] -= sums[OWN + 1, t] * whole[OWN + 1, t]
+        for i in range(OWN):
+            plain, by_length, by_shift = bends[0, i], bends[1, i], bends[2, i]
+            for t in range(count):
+                value = plain - by_length * whole[OWN, t] - by_shift * whole[OWN + 1, t]
+                whole[i, t] = value
+                size[t] -= sums[i, t] * value
+        for t in range(count):
+            size[t] /= free[t]
+        for i in range(OWN):
+            for t in range(count):
+                whole[i, t] -= moved[i, t] * size[t]
+        for t in range(count):
+            whole[OWN, t] = bend(whole[LENGTH, t], whole[HEIGHT, t], rough)
+            whole[OWN + 1, t] = bend(whole[SHIFT, t], whole[HEIGHT, t], rough)
+    for t in range(count):
+        left[t] = gram[wide, wide] + size[t] * (
+            size[t] * sums[FITTED + 1, t] - 2.0 * sums[FITTED, t]
+        )
+    for i in range(FITTED):
+        own = -2.0 * gram[i, wide]
+        for t in range(count):
+            left[t] += whole[i, t] * (own + 2.0 * size[t] * sums[i, t])
+        for j in range(FITTED):
+            factor = gram[i, j]
+            for t in range(count):
+                left[t] += factor * whole[i, t] * whole[j, t]
+    top, lowest, among = 0, np.inf, inverse[LENGTH, LENGTH]
+    for t in range(count):
+        one, height = told[t], whole[HEIGHT, t]
+        one["chi2"], one["length"] = left[t] / sigma**2, whole[LENGTH, t] / height
+        one["length_se"] = sigma / abs(height) * np.sqrt(among + moved[LENGTH, t] ** 2 / free[t])
+        cost = one["chi2"] * max(abs(whole[SHIFT, t] / height) / trust_m, 1.0) ** FAR
+        if t == 0 or cost < lowest:
+            top, lowest = t, cost
+    for i in range(FITTED):
+        best[i] = whole[i, top]
+    best[FITTED] = size[top]
+    return top
+
+
+@compiled
+def _own_shift(whole: FloatArray, most: float) -> float:
+    """How far a joint solution `whole` (FITTED + 1,) moves the form on [m], `most` at most."""
+    shift = whole[SHIFT] / whole[HEIGHT]
+    return 0.0 if np.isnan(shift) else min(max(shift, -most), most)
+
+
+@compiled
+def _moved_on(
+    values: FloatArray, motion: Record, table: FloatArray, grid: Record, onset: int, shift: float,
+    turns: int, waves: FloatArray, sigma: float, odd_sd: float, trust_m: float, told: Records,
+    best: FloatArray, columns: FloatArray, place: FloatArray,
+) -> tuple[int, int, int, float]:  # fmt: skip
+    """(samples used, first onset, the best one from there on, shift) of a row after `turns`.
+
+    The form stands at `shift` [m] at first, and then where the joint solution `best` moves it; the
+    onsets of `told` (t,) lie about the best one, which is `onset` at first.
+    """
+    wide, used, first, top = table.shape[1], 0, 0, 0
+    for turn in range(turns):
+        used, _ = look_up(
+            values, motion, table, grid, grid["shift_m"] + shift, 1.0, wide - 1, wide, columns,
+            place,
+        )  # fmt: skip
+        if used <= FITTED:
+            break
+        first = min(max(onset - told.size // 2, 0), waves.shape[1] - told.size)
+        top = _joint(
+            columns, place, used, waves, first, sigma, odd_sd, trust_m, told, best
+        )  # fmt: skip
+        onset = first + top
+        if turn < turns - 1:
+            shift += _own_shift(best, trust_m)
+    return used, first, top, shift
+
+
+@compiled
+def _put(
+    used: int, first: int, top: int, shift: float, near_told: Records, best: FloatArray,
+    made: Record,
+) -> bool:  # fmt: skip
+    """Fills `made`, one ONSET but for its rival, with what `_moved_on` gave; False if it is none.
+
+    None are too few samples and a form that is not upright.
+    """
+    if used <= FITTED or not best[HEIGHT] > 0.0 or np.isnan(near_told[top]["chi2"]):
+        return False
+    middle = min(max(top, 1), near_told.size - 2)
+    made["best"], made["middle"], made["used"] = first + top, first + middle, used
+    before, after = near_told[middle - 1], near_told[middle + 1]
+    made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
+    made["chi2_middle"] = near_told[middle]["chi2"]
+    made["length_middle"] = near_told[middle]["length"]
+    made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
+    made["chi2"], made["length"] = near_told[top]["chi2"], near_told[top]["length"]
+    made["length_se"] = near_told[top]["length_se"]
+    made["shift"], made["to_go"] = shift, best[SHIFT] / best[HEIGHT]
+    return True
+
+
+@compiled
+def follow_rows(
+    values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
+    fine: int, onset: IntArray, shift_m: FloatArray, trust_m: float, turns: int, sigma: float,
+    odd_sd: float, found: Records,
+) -> None:  # fmt: skip
+    """Fills `found` (n,) of ONSET as `onset_rows` does, from where each row's solution should be.
+
+    The form is put where `shift_m` (n,) says, with the onset of number `onset` (n,), and then
+    `turns` times where the solution moves it, with onsets about that one. A rival is not looked
+    for: NaN.
+    """
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
+    alone, near_told, best = (
+        np.empty(1, TRIED),
+        np.empty(2 * fine + 1, TRIED),
+        np.empty(FITTED + 1),
+    )
+    for row in range(values.shape[0]):
+        used, first, top, shift = _moved_on(
+            values[row], motion[row], table, grid, int(onset[row]), shift_m[row], 1, waves, sigma,
+            odd_sd, trust_m, alone, best, columns, place,
+        )  # fmt: skip
+        if used <= FITTED:
+            continue
+        shift += _own_shift(best, trust_m)
+        used, first, top, shift = _moved_on(
+            values[row], motion[row], table, grid, int(onset[row]), shift, turns, waves, sigma,
+            odd_sd, trust_m, near_told, best, columns, place,
+        )  # fmt: skip
+        _put(used, first, top, shift, near_told, best, found[row])
+
+
+@compiled
+def moved_waves(
+    phases: FloatArray, first: IntArray, share: FloatArray, factors: FloatArray, out: FloatArray
+) -> None:
+    """Adds to `out` (c, g) the waves, moved along the tread for each of the c onsets.
+
+    `phases` (f, w, n): every f-th point of the w waves from the first, second, ... on, so that a
+    grid step of `out` is a step of each. Row t takes the waves from place `first[t]` + `share[t]`
+    of all their points on, straight between these, times `factors` (w, c).
+    """
+    finer = phases.shape[0]
+    for t in range(out.shape[0]):
+        row, begin, phase = out[t], first[t] // finer, first[t] % finer
+        after = begin + (phase + 1) // finer
+        for w in range(phases.shape[1]):
+            # slices, so that neighbours are worked on at once
+            here = phases[phase, w, begin : begin + row.size]
+            there = phases[(phase + 1) % finer, w, after : after + row.size]
+            a, b = factors[w, t] * (1.0 - share[t]), factors[w, t] * share[t]
+            for k in range(row.size):
+                row[k] += a * here[k] + b * there[k]
+
+
+@compiled
+def onset_rows(
+    values: FloatArray, motion: Records, rough_values: FloatArray, rough_motion: Records,
+    table: FloatArray, grid: Record, waves: FloatArray, fine: int, shift_m: FloatArray,
+    starts_m: FloatArray, turns: int, last_turns: int, sigma: float, rough_sigma: float,
+    odd_sd: float, enough: float, apart: int, found: Records,
+) -> None:  # fmt: skip
+    """Fills `found` (n,) of ONSET: form and traction of each row with the best onset.
+
+    `found` comes as NaN, which a row keeps that has too few samples or whose form is not upright.
+
+    Searched is with `rough_values` (n, l), averages of neighbours, which move as `rough_motion`
+    (n,) says and whose noise is `rough_sigma`: the form is put first where `shift_m` (n,) says,
+    with the evenly spaced `starts_m` about it and every `fine`-th of the onsets of `waves` (g, c)
+    tried. From the best of these the form is put `turns` times where the joint solution moves it,
+    with onsets about the best; the next best ones follow while more than `enough` squared sigmas
+    per sample are left. What is found then is put `last_turns` times with `values` (n, m).
+
+    The rival is more than `apart` onsets from the best one; costs of what is not to be trusted are
+    in its squared residual. It is of the averages, and as much is added as they leave less than
+    the samples do of the best.
+    """
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
+    wide, near = table.shape[1], 2 * fine + 1
+    few = np.ascontiguousarray(waves[:, ::fine])
+    told, near_told, best = (
+        np.empty(few.shape[1], TRIED),
+        np.empty(near, TRIED),
+        np.empty(FITTED + 1),
+    )
+    cost, onset, moved = (
+        np.empty(starts_m.size),
+        np.zeros(starts_m.size, np.int64),
+        np.empty(starts_m.size),
+    )
+    trust_m = TRUST * (starts_m[1] - starts_m[0])
+    costs = np.empty((starts_m.size, few.shape[1]))
+    for row in range(values.shape[0]):
+        for k in range(starts_m.size):
+            shift = shift_m[row] + starts_m[k]
+            used, _ = look_up(
+                rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + shift, 1.0,
+                wide - 1, wide, columns, place,
+            )  # fmt: skip
+            cost[k] = np.inf
+            if used <= FITTED:
+                costs[k] = np.inf
+                continue
+            top = _joint(
+                columns, place, used, few, 0, rough_sigma, odd_sd, trust_m, told,
+                best,
+            )  # fmt: skip
+            far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0) ** FAR
+            some = not np.isnan(told[top]["chi2"] * far)
+            for t in range(few.shape[1]):
+                costs[k, t] = told[t]["chi2"] * far if some else np.inf
+            if some:
+                cost[k] = told[top]["chi2"] * far
+            onset[k], moved[k] = top * fine, shift + _own_shift(best, trust_m)
+        chosen, kept, left = -1, 0.0, np.inf
+        for _ in range(ATTEMPTS):
+            k = int(np.argmin(cost))
+            if cost[k] == np.inf:
+                break
+            cost[k] = np.inf
+            used, first, top, shift = _moved_on(
+                rough_values[row], rough_motion[row], table, grid, int(onset[k]), moved[k], turns,
+                waves, rough_sigma, odd_sd, trust_m, near_told, best, columns, place,
+            )  # fmt: skip
+            if used > FITTED and best[HEIGHT] > 0.0 and near_told[top]["chi2"] < left:
+                chosen, kept, left = first + top, shift, near_told[top]["chi2"]
+            if left < enough * used:
+                break
+        if chosen < 0:
+            continue
+        made = found[row]
+        used, first, top, kept = _moved_on(
+            values[row], motion[row], table, grid, chosen, kept, last_turns, waves, sigma, odd_sd,
+            trust_m, near_told, best, columns, place,
+        )  # fmt: skip
+        chosen = first + top
+        if not _put(used, first, top, kept, near_told, best, made):
+            continue
+        rival = np.inf
+        for t in range(few.shape[1]):
+            if abs(t * fine - chosen) > apart:
+                for k in range(starts_m.size):
+                    rival = min(rival, costs[k, t])
+        used, _ = look_up(
+            rough_values[row], rough_motion[row], table, grid, grid["shift_m"] + kept, 1.0,
+            wide - 1, wide, columns, place,
+        )  # fmt: skip
+        _joint(columns, place, used, waves, first, rough_sigma, odd_sd, trust_m, near_told, best)
+        made["rival"] = rival + (made["chi2"] - near_told[top]["chi2"])

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST
@@ -28,7 +27,7 @@ from tirelog.strain.footprint.refine import (
 )
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
 from tirelog.vocabulary.quality import good
 
 #: window of averages and fits in half lengths
@@ -84,7 +83,7 @@ class EdgeForm:
     half_window_m: float
     wave_number_1_m: float
     free_rolling: bool
-    without: NDArray[np.bool_] | None = None
+    without: BoolArray | None = None
 
     def length_errors(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Standard errors [m] of the full length at each speed that all rows share.
@@ -96,7 +95,7 @@ class EdgeForm:
         learning, form = (np.interp(speed_m_s, self.reference.speed_m_s, one) for one in errors)
         return learning, form
 
-    def unclear(self, speed_m_s: FloatArray) -> NDArray[np.bool_]:
+    def unclear(self, speed_m_s: FloatArray) -> BoolArray:
         """Whether the form is none of a tire at each speed, (n,).
 
         It leaves too much, or stands at a bound; lengths may be wrong by half.
@@ -123,7 +122,7 @@ class EdgeForm:
         return float(np.sqrt(max(LEAST_SCATTER, np.median(known)))) if known.size else 1.0
 
 
-def _usable(passages: Passages, without: NDArray[np.bool_] | None) -> IntArray:
+def _usable(passages: Passages, without: BoolArray | None) -> IntArray:
     """Ordinals of passages that a form can be learnt from.
 
     No quality word spoils them, they have a neighbour at a turn on either side, and they are not
@@ -279,7 +278,7 @@ def learn_reference(
     passages: Passages,
     block_samples: int = BLOCK_SAMPLES,
     like: EdgeForm | None = None,
-    without: NDArray[np.bool_] | None = None,
+    without: BoolArray | None = None,
 ) -> EdgeForm | None:
     """The form of the passages of `channel`; None if there are none to learn from.
 
@@ -304,7 +303,7 @@ def learn_reference(
 
 
 def _to_learn_from(
-    channel: Channel, passages: Passages, block_samples: int, without: NDArray[np.bool_] | None
+    channel: Channel, passages: Passages, block_samples: int, without: BoolArray | None
 ) -> tuple[list[Sample], float, float, bool] | None:
     """Samples to learn from, half of their window, a rough half length [m], whether they roll."""
     rows = _usable(passages, without)

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.kernels import compiled
@@ -32,10 +31,10 @@ from tirelog.strain.footprint.kernels import (
     SHIFT,
     ClassSums,
     class_sums,
+    distance_along,
     fit_rows,
     motion_of,
 )
-from tirelog.strain.footprint.plain_edges import distance_along
 from tirelog.strain.footprint.reference import (
     HIGHEST_SHARE,
     TREAD,
@@ -45,7 +44,7 @@ from tirelog.strain.footprint.reference import (
     descend,
     judged,
 )
-from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Record, Records, records
 
 # ---- Rectangular windows of a channel around its passages.
 #
@@ -367,30 +366,19 @@ class FormTables:
         )
 
 
-@dataclass(frozen=True)
-class PassageFits(ColumnSet):
-    """One row per passage, shape (n,): the parameters of its fit.
-
-    `height` and `offset` (patch downward), `shift_m` of the patch's middle behind the passage's
-    centre, `length_m` the full contact length, `damping`, `tilt` beside the reference's; standard
-    errors at `noise` one; `chi2` per degree of freedom, `used` samples.
-    """
-
-    height: FloatArray
-    offset: FloatArray
-    shift_m: FloatArray
-    length_m: FloatArray
-    damping: FloatArray
-    tilt: FloatArray
-    length_se_m: FloatArray
-    chi2: FloatArray
-    used: FloatArray
+#: the fit of a passage: height and offset (patch downward), shift of the patch's middle behind the
+#: passage's centre, full contact length with its standard error, damping and tilt beside the
+#: reference's, chi-square per degree of freedom, samples used
+FITS = np.dtype(
+    [("height", "f8"), ("offset", "f8"), ("shift_m", "f8"), ("length_m", "f8"), ("damping", "f8"),
+     ("tilt", "f8"), ("length_se_m", "f8"), ("chi2", "f8"), ("used", "f8")]
+)  # fmt: skip
 
 
 def fit_edges(
     windows: PatchWindows, motion: Records, tables: FormTables, number: IntArray, noise: float
-) -> PassageFits:
-    """The fits of the rows of `windows`, each against its form.
+) -> Records:
+    """The fits of the rows of `windows`, each against its form: (n,) of FITS.
 
     The rows move as `motion` says (`PatchWindows.motion`); `number` (n,): each row's form in
     `tables`; `noise`: standard deviation of a sample of the log.
@@ -402,7 +390,8 @@ def fit_edges(
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = {name: found[name] / height for name in FIT.names or ()}
         nan = np.where(height > 0, 1.0, np.nan)
-    return PassageFits(
+    return records(
+        FITS,
         height=height * nan,
         offset=found["offset"] * nan,
         shift_m=(tables.shift_m[number] + relative["shift"]) * nan,
@@ -411,7 +400,7 @@ def fit_edges(
         tilt=relative["tilt"] * nan,
         length_se_m=2.0 * sigma * relative["length_se"] * nan,
         chi2=found["chi2"] / np.maximum(used - OWN, 1) * nan,
-        used=used.copy(),
+        used=used,
     )
 
 
@@ -462,7 +451,7 @@ class Sample:
         """Root mean square of the passages' speeds."""
         return float(np.sqrt(np.mean(self.motion["speed_m_s"] ** 2)))
 
-    def take(self, which: NDArray[np.bool_]) -> Sample:
+    def take(self, which: BoolArray) -> Sample:
         """The rows `which` (mask)."""
         return Sample(self.windows.take(which), self.motion[which])
 

@@ -20,29 +20,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
-from tirelog.strain.footprint.kernels import FITTED, OWN, motion_of
-from tirelog.strain.footprint.learn import LEAST_SCATTER, EdgeForm
-from tirelog.strain.footprint.onset_kernels import (
+from tirelog.strain.footprint.kernels import (
+    FITTED,
     ONSET,
+    OWN,
     TRUST,
     follow_rows,
+    motion_of,
     moved_waves,
     onset_rows,
     traction_gains,
 )
+from tirelog.strain.footprint.learn import LEAST_SCATTER, EdgeForm
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.refine import (
     ODD_SD,
     REMARKABLE,
     TABLE_POINTS,
-    PassageFits,
     PatchWindows,
     grid_of,
 )
-from tirelog.vocabulary.arrays import ColumnSet, FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, Record, Records, records
 
 #: steps of the waves that are moved per step of the form's table; what straight lines between them
 #: take off is a quarter of what they do there, and twice as many take off a quarter of that
@@ -123,26 +123,13 @@ NO_FORM, TOO_SMALL, TOO_WIDE, AT_EDGE, NOT_ALONE = (
 SPEED_UNKNOWN, WORST_SPEED = "speed_uncertain", 0.002
 
 
-@dataclass(frozen=True)
-class SlipOnset(ColumnSet):
-    """One row per passage, shape (n,): the onset or the reason why there is none.
-
-    `onset_m` (entry -L .. exit +L) and `onset_se_m`, NaN without one; `reason` why not, '' if there
-    is one; `length_m`, `length_se_m`: the contact length with the traction taken into account, NaN
-    if there is none to see; `left`: squared sigmas of misfit that it leaves.
-    """
-
-    onset_m: FloatArray
-    onset_se_m: FloatArray
-    length_m: FloatArray
-    length_se_m: FloatArray
-    left: FloatArray
-    reason: NDArray[np.object_]
-
-    @classmethod
-    def none(cls, n: int, reason: str = NO_FORM) -> SlipOnset:
-        nan = [np.full(n, np.nan) for _ in range(5)]
-        return cls(nan[0], nan[1], nan[2], nan[3], nan[4], np.full(n, reason, object))
+#: the onset of a passage (entry -L .. exit +L) with its standard error, NaN without one; the
+#: contact length with the traction taken into account, NaN if there is none; squared sigmas of
+#: misfit that it leaves; the reason why there is no onset, '' if there is one
+SLIP = np.dtype(
+    [("onset_m", "f8"), ("onset_se_m", "f8"), ("length_m", "f8"), ("length_se_m", "f8"),
+     ("left", "f8"), ("reason", "O")]
+)  # fmt: skip
 
 
 def onset_grid(half_length_m: float) -> FloatArray:
@@ -263,11 +250,11 @@ class FreeRollingReference:
         scatter = float(np.sqrt(max(LEAST_SCATTER, np.median(chi2))))
         return cls(scatter, max(LEAST_GAIN * scatter**2, TIMES_USUAL * float(np.median(gains))))
 
-    def worth_a_look(self, fits: PassageFits) -> NDArray[np.bool_]:
+    def worth_a_look(self, fits: Records) -> BoolArray:
         """Rows with misfit enough for such a gain: no other can hold an onset."""
-        free = np.maximum(fits.used - OWN, 1.0)
+        free = np.maximum(fits["used"] - OWN, 1.0)
         with np.errstate(invalid="ignore"):
-            return (fits.chi2 - self.scatter**2) * free > LEAST_SHARE * self.gain
+            return np.asarray((fits["chi2"] - self.scatter**2) * free > LEAST_SHARE * self.gain)
 
 
 @dataclass(frozen=True)
@@ -282,10 +269,6 @@ class Tractions:
     grid: Record
     waves: FloatArray
     half_length_m: float
-
-    def half_lengths_m(self, windows: PatchWindows) -> FloatArray:
-        """That of the form for each row of `windows`, (n,)."""
-        return np.full(len(windows.row), self.half_length_m)
 
     def gains(self, windows: PatchWindows, motion: Records, sigma: float) -> FloatArray:
         """Squared sigmas of misfit that a small traction removes from the fit of each row.
@@ -381,72 +364,67 @@ class Tractions:
         return float(onsets[1] - onsets[0])
 
 
-@dataclass(frozen=True)
-class FoundOnsets(ColumnSet):
-    """What was found of the onsets of some rows, (n,) each.
+#: what was found of a row's onset: ordinal of the passage, ONSET, half length of its form, and
+#: where its fit without traction puts the form beside its own place
+ONSETS = np.dtype([("row", "i8"), ("found", ONSET), ("half_length_m", "f8"), ("shift_m", "f8")])
 
-    `row`: ordinals of the passages; `found` of ONSET; `half_length_m` of each one's form;
-    `shift_m`: where its fit without traction puts the form beside its own place.
+
+def onset_starts(onsets: Records, told: Records, scatter: float) -> tuple[BoolArray, Records]:
+    """Which of the `onsets`, as `told`, others may start from, (n,), and the starts (FOLLOWED).
+
+    They stand alone far more clearly than is asked for.
     """
+    found = onsets["found"]
+    moved = (found["shift"] - onsets["shift_m"]) / onsets["half_length_m"]
+    with np.errstate(invalid="ignore"):
+        lead = found["rival"] - found["chi2"]
+        alone = lead > SURELY * ALONE * _scale(found, scatter)
+    return alone & (told["reason"] == ""), records(FOLLOWED, onset=found["best"], moved=moved)
 
-    row: IntArray
-    found: Records
-    half_length_m: FloatArray
-    shift_m: FloatArray
 
-    @classmethod
-    def none(cls) -> FoundOnsets:
-        """No row."""
-        return cls(np.empty(0, np.int64), np.empty(0, ONSET), np.empty(0), np.empty(0))
+def slip_onsets(
+    row_onsets: Records, form_error: float, friction: FrictionRatio, scatter: float
+) -> Records:
+    """Onsets with their errors, or why not: (n,) of SLIP, of `row_onsets` (n,) of ONSETS.
 
-    def starts(self, told: SlipOnset, scatter: float) -> tuple[NDArray[np.bool_], Records]:
-        """Which of the onsets, as `told`, others may start from, (n,), and the starts.
-
-        They stand alone far more clearly than is asked for.
-        """
-        starts = np.empty(self.row.size, FOLLOWED)
-        starts["onset"] = self.found["best"]
-        starts["moved"] = (self.found["shift"] - self.shift_m) / self.half_length_m
-        with np.errstate(invalid="ignore"):
-            lead = self.found["rival"] - self.found["chi2"]
-            alone = lead > SURELY * ALONE * _scale(self.found, scatter)
-        return alone & (told.reason == ""), starts
-
-    def told(self, form_error: float, friction: FrictionRatio, scatter: float) -> SlipOnset:
-        """Onsets with their errors, or why not.
-
-        `form_error` of an onset as a share of the half length; that of `friction` adds to it;
-        `scatter` of the log (`FreeRollingReference`).
-        """
-        found, L, onsets = self.found, self.half_length_m, onset_grid(1.0)
-        step = (onsets[1] - onsets[0]) * L
-        best, middle, rival = (found[n] for n in ("best", "middle", "rival"))
-        a, b, c = found["chi2_before"], found["chi2_middle"], found["chi2_after"]
-        shorter, longer = found["length_before"], found["length_after"]
-        left, length, length_se = found["chi2"], found["length"], found["length_se"]
-        scale, known = _scale(found, scatter), np.isfinite(best)
-        bend = np.maximum(a - 2.0 * b + c, 1e-300)
-        onset = (
-            onsets[np.where(known, middle, 0.0).astype(int)] * L
-            + np.clip(0.5 * (a - c) / bend, -0.5, 0.5) * step
-        )
-        own = STEEPER * step * np.sqrt(2.0 * scale / bend)
-        # what is left beyond noise is a misfit of form or traction
-        missed = np.sqrt(1.0 + ALIKE * np.maximum(1.0 - 1.0 / scale, 0.0))
-        shared = np.hypot(np.hypot(LEAST_ERROR, form_error), BY_RATIO * friction.se)
-        error = np.hypot(own * missed, shared * L)
-        reason = np.full(best.size, "", object)
-        reason[rival - left < ALONE * scale] = NOT_ALONE
-        reason[(own > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
-        reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE
-        reason[~known] = NO_FORM
-        nan = np.where(reason == "", 1.0, np.nan)
-        # beside an onset at the edge lies nothing that would tell how the length goes with it
-        apiece = np.where(reason == AT_EDGE, 0.0, 0.5 * (longer - shorter) / step)
-        length_se = np.hypot(scatter * length_se, np.where(apiece == 0.0, 0.0, error) * apiece)
-        return SlipOnset(
-            onset * nan, error * nan, 2.0 * (L + length), 2.0 * length_se, left / scatter**2, reason
-        )
+    `form_error` of an onset as a share of the half length; that of `friction` adds to it;
+    `scatter` of the log (`FreeRollingReference`).
+    """
+    found, L, onsets = row_onsets["found"], row_onsets["half_length_m"], onset_grid(1.0)
+    step = (onsets[1] - onsets[0]) * L
+    best, middle, rival = (found[n] for n in ("best", "middle", "rival"))
+    a, b, c = found["chi2_before"], found["chi2_middle"], found["chi2_after"]
+    shorter, longer = found["length_before"], found["length_after"]
+    left, length, length_se = found["chi2"], found["length"], found["length_se"]
+    scale, known = _scale(found, scatter), np.isfinite(best)
+    bend = np.maximum(a - 2.0 * b + c, 1e-300)
+    onset = (
+        onsets[np.where(known, middle, 0.0).astype(int)] * L
+        + np.clip(0.5 * (a - c) / bend, -0.5, 0.5) * step
+    )
+    own = STEEPER * step * np.sqrt(2.0 * scale / bend)
+    # what is left beyond noise is a misfit of form or traction
+    missed = np.sqrt(1.0 + ALIKE * np.maximum(1.0 - 1.0 / scale, 0.0))
+    shared = np.hypot(np.hypot(LEAST_ERROR, form_error), BY_RATIO * friction.se)
+    error = np.hypot(own * missed, shared * L)
+    reason = np.full(best.size, "", object)
+    reason[rival - left < ALONE * scale] = NOT_ALONE
+    reason[(own > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
+    reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE
+    reason[~known] = NO_FORM
+    nan = np.where(reason == "", 1.0, np.nan)
+    # beside an onset at the edge lies nothing that would tell how the length goes with it
+    apiece = np.where(reason == AT_EDGE, 0.0, 0.5 * (longer - shorter) / step)
+    length_se = np.hypot(scatter * length_se, np.where(apiece == 0.0, 0.0, error) * apiece)
+    return records(
+        SLIP,
+        onset_m=onset * nan,
+        onset_se_m=error * nan,
+        length_m=2.0 * (L + length),
+        length_se_m=2.0 * length_se,
+        left=left / scatter**2,
+        reason=reason,
+    )
 
 
 def form_error(learnt: EdgeForm) -> float:

@@ -26,12 +26,11 @@ from tirelog.data.setup import PLAUSIBLE
 from tirelog.errors import SetupError, UsageError
 from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages import passage_flags
-from tirelog.strain.passages.fit import Signal
-from tirelog.strain.passages.match import MatchedPassages, match, one_turn
+from tirelog.strain.passages.match import MatchedPassages, Signal, match, one_turn
 from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_between
-from tirelog.strain.passages.search import AT_ONCE, Pulses, pulses_in, search_passages
+from tirelog.strain.passages.search import AT_ONCE, pulses_in, search_passages
 from tirelog.strain.passages.template import Template
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 
 # ---- Whether what was found are passages of a tire at all: the gate before any speed is told.
@@ -73,7 +72,7 @@ MOST_UNEVEN, FEWEST_TRIPLES = 0.15, 6
 
 
 def doubt(
-    channel: Channel, raw: Pulses, matched: MatchedPassages, noise: float, radius_m: float
+    channel: Channel, raw: Records, matched: MatchedPassages, noise: float, radius_m: float
 ) -> str:
     """Why the pulses are no passages of a tire; '' if nothing speaks against it.
 
@@ -86,15 +85,15 @@ def doubt(
             f"each lasts {100 * share:.0f} % of the time to the next, and a patch at most "
             f"{100 * WIDEST_TURNS:.0f} %"
         )
-    time_s, omega = matched.time_s, matched.start.omega
+    time_s, omega = matched.time_s, matched.start["omega_rad_s"]
     if time_s.size < 3:
         return ""
     period = np.diff(time_s)
     linked = one_turn(turns_between(time_s, omega))
     pairs, unlinked = linked.size, float(np.mean(~linked))
     broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > _stopping_speed(radius_m))
-    height = np.abs(matched.fit.height)
-    faint = noise > FAINT * float(np.median(matched.pulses.height))
+    height = np.abs(matched.fit["height"])
+    faint = noise > FAINT * float(np.median(matched.pulses["height"]))
     if (
         (pairs >= FEWEST_FAST and broken.sum() > MOST_BROKEN * pairs)
         or (pairs >= FEWEST_PAIRS and unlinked > MOST_UNLINKED)
@@ -105,7 +104,7 @@ def doubt(
             "the speed that their widths tell"
         )
     if matched.template is not None and time_s.size > FEWEST_FAST:
-        beyond = np.sqrt(np.maximum(matched.fit.misfit**2 - noise**2, 0.0)) / height
+        beyond = np.sqrt(np.maximum(matched.fit["misfit"] ** 2 - noise**2, 0.0)) / height
         if np.median(beyond) > MOST_MISFIT:
             return f"their shapes differ by {100 * np.median(beyond):.0f} % of their height"
     uneven = np.abs(np.log(period[1:-1] / np.sqrt(period[2:] * period[:-2])))[
@@ -137,15 +136,15 @@ def _stopping_speed(radius_m: float) -> float:
     return float(np.sqrt(2.0 * STOPPING_M_S2 * TURN_RAD * radius_m))
 
 
-def _width_turns(channel: Channel, pulses: Pulses) -> float:
+def _width_turns(channel: Channel, pulses: Records) -> float:
     """Median width of the pulses over the time from one to the next.
 
     Of few pulses the least, as the wheel may have stood in others.
     """
     if len(pulses) < 3:
         return 0.0
-    time_s = channel.axis.at(pulses.middle)
-    share = 2.0 * pulses.width[1:-1] / channel.axis.rate_Hz / (time_s[2:] - time_s[:-2])
+    time_s = channel.axis.at(pulses["middle"])
+    share = 2.0 * pulses["width"][1:-1] / channel.axis.rate_Hz / (time_s[2:] - time_s[:-2])
     return float(np.median(share) if share.size > 3 else share.min())
 
 
@@ -204,8 +203,8 @@ class Passages:
     index: FloatArray
     time_s: FloatArray
     time_se_s: FloatArray
-    turn_before: NDArray[np.bool_]
-    turn_after: NDArray[np.bool_]
+    turn_before: BoolArray
+    turn_after: BoolArray
     break_after: QualityFlags
     omega_rad_s: FloatArray
     omega_se_rad_s: FloatArray
@@ -214,7 +213,7 @@ class Passages:
     height: FloatArray
     offset: FloatArray
     misfit: FloatArray
-    measured: NDArray[np.bool_]
+    measured: BoolArray
     quality: QualityFlags
     doubt: str = ""
 
@@ -299,7 +298,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     return found
 
 
-def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
+def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
     """The passages that the `pulses` are; no rows if there are none."""
     channel, sign, noise = signal.channel, signal.sign, signal.noise
     if not len(pulses):
@@ -308,12 +307,12 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
     template, found, omega, time_s = (
         matched.template,
         matched.fit,
-        matched.start.omega,
+        matched.start["omega_rad_s"],
         matched.time_s,
     )
     turns = turns_between(time_s, omega)
     turned = matched.backwards[1:] != matched.backwards[:-1]
-    index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
+    index = matched.start["index"] + (time_s - matched.start["time_s"]) * channel.axis.rate_Hz
     untimed = passage_flags.clock_between(channel, index)
     linked, rolled = one_turn(turns) & ~turned & ~untimed, passage_flags.rolled_on(omega, radius_m)
     whole = np.where(turned | untimed, 0, passage_flags.whole_turns(time_s, linked, rolled))
@@ -321,7 +320,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
     window_rad = (
         template.window_rad
         if template
-        else float(np.median(matched.pulses.width * omega) / channel.axis.rate_Hz)
+        else float(np.median(matched.pulses["width"] * omega) / channel.axis.rate_Hz)
     )
     lost = (
         passage_flags.lost_between(channel, time_s, omega, turns, window_rad)
@@ -332,7 +331,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
     turns_after = np.where(np.append(lost, 0) > 0, np.append(lost, 0) + 1, linked)
     shortest_s = 2.0 * window_rad / np.maximum(omega[1:], omega[:-1])
     motion = kinematics(time_s, matched.time_se_s, turns_after.astype(float))
-    alone = motion.sides == 0
+    alone = motion["sides"] == 0
     blind = matched.standing | (time_s.size < 3)
     quality = (
         passage_flags.window_quality(
@@ -340,7 +339,7 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
         )
         | marked(matched.standing, Quality.STANDSTILL)
         | marked(matched.backwards, Quality.REVERSING)
-        | marked((found.used < FEWEST) & (template is not None), Quality.FEW_SAMPLES)
+        | marked((found["used"] < FEWEST) & (template is not None), Quality.FEW_SAMPLES)
     )
     measured = Passages(
         channel=channel.name,
@@ -357,13 +356,17 @@ def _measured(signal: Signal, radius_m: float, pulses: Pulses) -> Passages:
         break_after=passage_flags.breaks(
             channel, index, turns, shortest_s, turns_after > 0, turned, rolled, untimed
         ),
-        omega_rad_s=np.where(alone, np.where(blind, np.nan, found.omega), motion.omega),
-        omega_se_rad_s=np.where(alone, np.where(blind, np.nan, found.omega_se), motion.omega_se),
-        alpha_rad_s2=motion.alpha,
-        sides=motion.sides,
-        height=found.height,
-        offset=found.offset,
-        misfit=found.misfit,
+        omega_rad_s=np.where(
+            alone, np.where(blind, np.nan, found["omega_rad_s"]), motion["omega_rad_s"]
+        ),
+        omega_se_rad_s=np.where(
+            alone, np.where(blind, np.nan, found["omega_se_rad_s"]), motion["omega_se_rad_s"]
+        ),
+        alpha_rad_s2=motion["alpha_rad_s2"],
+        sides=motion["sides"],
+        height=found["height"],
+        offset=found["offset"],
+        misfit=found["misfit"],
         measured=np.ones(time_s.size, bool),
         quality=quality,
     )

@@ -12,30 +12,224 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import NORMAL_MEDIAN
-from tirelog.strain.passages.fit import (
-    PassageFit,
-    Signal,
-    Start,
-    Windows,
-    curve_sums,
-    fit_blocks,
-    fit_passages,
-    gather,
-    residuals,
-)
+from tirelog.strain.passages import template as kernels
 from tirelog.strain.passages.passage_flags import (
     TURN_RAD,
     kinematics,
     may_have_stopped,
     turns_between,
 )
-from tirelog.strain.passages.search import AT_ONCE, Pulses, usual
-from tirelog.strain.passages.template import WIDEST_RAD, Template, learned_template
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.strain.passages.search import AT_ONCE, PULSE, usual
+from tirelog.strain.passages.template import (
+    FOUND,
+    ROW,
+    SEGMENT,
+    SPAN,
+    WIDEST_RAD,
+    CurveSums,
+    Source,
+    Template,
+    learned_template,
+    scratch,
+    spline_sums,
+)
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
+
+# ---- The centre of each passage by a matched filter.
+#
+# Offset, height, shift and stretch of the template, least squares, row by row.
+#
+#     samples around rough centres
+#         --Gauss-Newton on the template (`template`)--> centre, its standard error, height
+#
+# With phi the angle that the wheel has turned since the rough centre, the model of a row is y = a +
+# b
+# T(phi (1 + e) - s). Where the speed is known from the neighbouring passages the stretch e is held
+# near 0; else it tells the speed. The standard error is the Cramer-Rao bound of the template at the
+# noise of the log.
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A channel as the fits see it.
+
+    `sign` turns the patch upward, `noise` is one sample's sigma, `extremes` are the channel's least
+    and largest sample.
+    """
+
+    channel: Channel
+    sign: float
+    noise: float
+    extremes: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Windows:
+    """The windows of some rows in pieces of a channel.
+
+    `samples` (N,) as recorded, and their `times` [s], empty if the axis tells them; `spans` (n,):
+    each row's window, of SPAN; `outside` (n,): part of the window lies outside the log.
+    """
+
+    signal: Signal
+    samples: FloatArray
+    times: FloatArray
+    spans: Records
+    outside: BoolArray
+
+    @classmethod
+    def concatenate(cls, parts: list[Windows]) -> Windows:
+        begins = np.cumsum([0] + [part.samples.size for part in parts])
+        spans = [part.spans.copy() for part in parts]
+        for part, begin in zip(spans, begins, strict=False):
+            part["shift"] += begin
+        samples, times = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("samples", "times")
+        )
+        return cls(
+            parts[0].signal,
+            samples,
+            times,
+            np.concatenate(spans),
+            np.concatenate([part.outside for part in parts]),
+        )
+
+    def take(self, which: BoolArray) -> Windows:
+        return replace(self, spans=self.spans[which], outside=self.outside[which])
+
+    @property
+    def source(self) -> Source:
+        """The samples as the kernels take them."""
+        signal, axis = self.signal, self.signal.channel.axis
+        segments = records(SEGMENT, first=axis.first, start_s=axis.start_s, period_s=axis.period_s)
+        return Source(self.samples, self.times, segments, signal.sign, *signal.extremes)
+
+
+def _spans(signal: Signal, start: Records, window_rad: float) -> tuple[Records, BoolArray]:
+    """Each row's window (n,) of SPAN, not shifted; which of them leave the log (n,)."""
+    axis = signal.channel.axis
+    reach = window_rad / start["omega_rad_s"] * axis.rate_Hz
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = np.ceil(start["index"] - reach), np.floor(start["index"] + reach) + 1
+    # a row without a finite guess gets a window of one sample, in which nothing is fitted
+    first = np.clip(np.nan_to_num(low), 0, axis.size - 1).astype(np.int64)
+    stop = np.clip(np.nan_to_num(high), first + 1, axis.size).astype(np.int64)
+    spans = np.zeros(first.size, SPAN)
+    spans["first"], spans["stop"] = first, stop
+    return spans, (low < 0) | (high > axis.size)
+
+
+def _read(signal: Signal, spans: Records) -> tuple[FloatArray, FloatArray]:
+    """Samples and times from the first to the last window.
+
+    The shift of `spans` (n,) becomes what leads there.
+    """
+    channel = signal.channel
+    if not spans.size:  # no row has a first guess
+        return np.zeros(0), np.zeros(0)
+    begin, end = int(spans["first"].min()), int(spans["stop"].max())
+    spans["shift"] = -begin
+    samples = np.ascontiguousarray(channel.read(begin, end), dtype=np.float64)
+    explicit = channel.axis.explicit
+    return samples, np.asarray(
+        explicit(begin, end), np.float64
+    ) if explicit is not None else np.zeros(0)
+
+
+def gather(signal: Signal, start: Records, window_rad: float) -> Windows:
+    """The windows of all rows of `start`, which must lie within one block's reach."""
+    spans, outside = _spans(signal, start, window_rad)
+    samples, times = _read(signal, spans)
+    return Windows(signal, samples, times, spans, outside)
+
+
+def residuals(
+    windows: Windows, template: Template, found: Records, alpha: FloatArray, which: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Angles [rad] of the samples of the rows `which`, and what the template leaves of them (N,).
+
+    What is left is a share of the height. Lost samples and those outside of the template do not
+    count; offset, height and shift are of those inside.
+    """
+    rows = records(ROW, alpha_rad_s2=alpha[which])
+    phi, left = np.empty((2, which.size * kernels.MOST_SAMPLES))
+    used = kernels.leave_rows(
+        windows.source,
+        template.table,
+        template.window_rad,
+        rows,
+        windows.spans[which],
+        found[which],
+        scratch(),
+        phi,
+        left,
+    )
+    return phi[:used], left[:used]
+
+
+def fit_passages(
+    windows: Windows, template: Template, start: Records, height: FloatArray
+) -> Records:
+    """Each row's centre by the template, (n,) of FOUND; `height` (n,) a first guess."""
+    found = np.zeros(height.size, FOUND)
+    found["outside"] = windows.outside
+    _fit(windows, template, start, height, found)
+    return found
+
+
+def fit_blocks(
+    signal: Signal, template: Template, start: Records, height: FloatArray, block_samples: int
+) -> Records:
+    """`fit_passages` of rows from all over the log, in order, a block of it at a time."""
+    found = np.zeros(height.size, FOUND)
+    spans, found["outside"] = _spans(signal, start, template.window_rad)
+    block = np.floor(start["index"] / block_samples)
+    ends = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]])
+    for low, high in pairwise(ends.tolist()):
+        part = slice(low, high)
+        samples, times = _read(signal, spans[part])
+        windows = Windows(signal, samples, times, spans[part], found["outside"][part])
+        _fit(windows, template, start[part], height[part], found[part])
+    return found
+
+
+def _fit(
+    windows: Windows, template: Template, start: Records, height: FloatArray, found: Records
+) -> None:
+    """Fills all of `found` (n,) of FOUND but which rows leave the log."""
+    rows = start.copy()
+    rows["height"] = height
+    kernels.fit_rows(
+        windows.source, windows.signal.noise, template.table, template.window_rad, rows,
+        windows.spans, found, scratch(),
+    )  # fmt: skip
+
+
+def curve_sums(
+    windows: Windows, start: Records, offset: FloatArray, height: FloatArray, window_rad: float
+) -> CurveSums:
+    """The rows' samples, scaled to height 1, as what a template's curve is learnt from.
+
+    The curve is over +-`window_rad`.
+    """
+    sums = CurveSums()
+    rows = start.copy()
+    rows["height"] = height
+    sums.count = spline_sums(
+        windows.source,
+        rows,
+        offset,
+        windows.spans,
+        window_rad,
+        sums.normal,
+        sums.right,
+        scratch(),
+    )
+    return sums
+
 
 # ---- The template of a log's own passages.
 #
@@ -71,7 +265,9 @@ def _clusters(good: IntArray) -> list[IntArray]:
     return [good[k : k + size] for k in firsts]
 
 
-def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses) -> Template | None:
+def learn_template(
+    signal: Signal, start: Records, good: IntArray, pulses: Records
+) -> Template | None:
     """The template from the passages `good` (indices), or None.
 
     Each round fits them with the template of the round before. None if there is no such passage, or
@@ -85,36 +281,35 @@ def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses)
         WIDEST_RAD,
         LEARNT_HALF_WIDTHS
         * 0.5
-        * float(np.median(pulses.width[good] / rate_Hz * start.omega[good])),
+        * float(np.median(pulses["width"][good] / rate_Hz * start["omega_rad_s"][good])),
     )
     chosen = np.concatenate(clusters)
-    windows = Windows.concatenate(
-        [gather(signal, start.take(cluster), window) for cluster in clusters]
-    )
-    at, offset, height = start.take(chosen), pulses.base[chosen], pulses.height[chosen]
+    windows = Windows.concatenate([gather(signal, start[cluster], window) for cluster in clusters])
+    at, offset, height = start[chosen].copy(), pulses["base"][chosen], pulses["height"][chosen]
     like = np.ones(chosen.size, bool)
     template: Template | None = None
     for _ in range(LEARNING_ROUNDS):
         template = learned_template(
-            curve_sums(windows.take(like), at.take(like), offset[like], height[like], window),
+            curve_sums(windows.take(like), at[like], offset[like], height[like], window),
             window,
         )
         if template is None:
             return None
         found = fit_passages(windows, template, at, height)
-        like = (found.height > 0.5 * np.median(height)) & (
-            found.misfit < np.maximum(ALIKE * found.height, 3 * signal.noise)
+        like = (found["height"] > 0.5 * np.median(height)) & (
+            found["misfit"] < np.maximum(ALIKE * found["height"], 3 * signal.noise)
         )
-        at = replace(at, time_s=np.where(like, found.time_s, at.time_s))
-        offset, height = np.where(like, found.offset, offset), np.where(like, found.height, height)
+        at["time_s"] = np.where(like, found["time_s"], at["time_s"])
+        offset, height = (
+            np.where(like, found["offset"], offset),
+            np.where(like, found["height"], height),
+        )
     if template is None or chosen.size < FEWEST:
         return template
-    return replace(template, scatter=_scatter(windows, template, found, at.alpha))
+    return replace(template, scatter=_scatter(windows, template, found, at["alpha_rad_s2"]))
 
 
-def _scatter(
-    windows: Windows, template: Template, found: PassageFit, alpha: FloatArray
-) -> FloatArray:
+def _scatter(windows: Windows, template: Template, found: Records, alpha: FloatArray) -> FloatArray:
     """Standard deviation between turns beyond the noise over the height, (g,).
 
     At each angle of the template's table. By medians over short stretches of angle, so that a few
@@ -131,7 +326,7 @@ def _scatter(
             for k in range(SCATTER_PARTS)
         ]
     )
-    noise = windows.signal.noise / np.median(np.abs(found.height))
+    noise = windows.signal.noise / np.median(np.abs(found["height"]))
     padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)
     widest = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
     middles = ((np.arange(SCATTER_PARTS) + 0.5) / SCATTER_PARTS * 2.0 - 1.0) * template.window_rad
@@ -177,45 +372,52 @@ def width_turns(middle: FloatArray, width: FloatArray) -> float:
     return share if 0.01 < share < 0.25 else USUAL_WIDTH_TURNS
 
 
-def one_turn(turns: FloatArray) -> NDArray[np.bool_]:
+def one_turn(turns: FloatArray) -> BoolArray:
     """Whether that many turns, from speeds that are good to some 20 %, are one."""
     return (turns > ONE_TURN[0]) & (turns < ONE_TURN[1])
 
 
-def screen(channel: Channel, pulses: Pulses) -> Pulses:
+def screen(channel: Channel, pulses: Records) -> Records:
     """The pulses of `channel` that may be passages."""
     if not len(pulses):
         return pulses
     # places as if no sample were missing, so that a gap counts
-    place = channel.axis.at(pulses.middle) * channel.axis.rate_Hz
-    kept = _screened(replace(pulses, middle=place))
-    return replace(kept, middle=np.interp(kept.middle, place, pulses.middle))
+    place = channel.axis.at(pulses["middle"]) * channel.axis.rate_Hz
+    gapless = pulses.copy()
+    gapless["middle"] = place
+    kept = _screened(gapless)
+    kept["middle"] = np.interp(kept["middle"], place, pulses["middle"])
+    return kept
 
 
-def _screened(pulses: Pulses) -> Pulses:
+def _screened(pulses: Records) -> Records:
     """`pulses`, their places on a gapless axis, without halves and strangers."""
     pulses = _joined(pulses)
     for _ in range(SCREENING_ROUNDS):
         strange = _strangers(pulses)
         if not strange.any():
             break
-        pulses = pulses.take(~strange)
+        pulses = pulses[~strange]
     return pulses
 
 
-def _joined(pulses: Pulses) -> Pulses:
+def _joined(pulses: Records) -> Records:
     """The pulses with pairs that are too close made one.
 
     Their hull if that has the usual width, else the one whose width is more usual.
     """
     if len(pulses) < 3:
         return pulses
-    width_around = usual(pulses.width)
-    period = width_around / width_turns(pulses.middle, pulses.width)
+    width_around = usual(pulses["width"])
+    period = width_around / width_turns(pulses["middle"], pulses["width"])
     close = np.flatnonzero(
-        np.diff(pulses.middle) < TOO_CLOSE_TURNS * np.minimum(period[1:], period[:-1])
+        np.diff(pulses["middle"]) < TOO_CLOSE_TURNS * np.minimum(period[1:], period[:-1])
     )
-    middle, width, kept = pulses.middle.copy(), pulses.width.copy(), np.ones(len(pulses), bool)
+    middle, width, kept = (
+        pulses["middle"].copy(),
+        pulses["width"].copy(),
+        np.ones(len(pulses), bool),
+    )
     for first in close:
         second = first + 1
         if not kept[first]:
@@ -227,17 +429,19 @@ def _joined(pulses: Pulses) -> Pulses:
         else:
             unusual = np.abs(np.log(width[[first, second]] / width_around[first]))
             kept[second if unusual[0] <= unusual[1] else first] = False
-    return Pulses(middle, width, pulses.height, pulses.base).take(kept)
+    return records(PULSE, middle=middle, width=width, height=pulses["height"], base=pulses["base"])[
+        kept
+    ]
 
 
-def _strangers(pulses: Pulses) -> NDArray[np.bool_]:
+def _strangers(pulses: Records) -> BoolArray:
     """Pulses less than a turn from both neighbours, which are just one turn apart, shape (n,)."""
     strange = np.zeros(len(pulses), bool)
     if len(pulses) < 4:
         return strange
-    rate = width_turns(pulses.middle, pulses.width) / usual(pulses.width)
-    step = np.diff(pulses.middle) * 0.5 * (rate[1:] + rate[:-1])
-    over = (pulses.middle[2:] - pulses.middle[:-2]) * 0.5 * (rate[2:] + rate[:-2])
+    rate = width_turns(pulses["middle"], pulses["width"]) / usual(pulses["width"])
+    step = np.diff(pulses["middle"]) * 0.5 * (rate[1:] + rate[:-1])
+    over = (pulses["middle"][2:] - pulses["middle"][:-2]) * 0.5 * (rate[2:] + rate[:-2])
     strange[1:-1] = one_turn(over) & (np.maximum(step[1:], step[:-1]) < 0.9 * over)
     # of neighbours only the one goes without which the others are nearest to one turn apart; the
     # rest is judged again
@@ -277,12 +481,12 @@ class MatchedPassages:
     """
 
     template: Template | None
-    pulses: Pulses
-    start: Start
-    fit: PassageFit
+    pulses: Records
+    start: Records
+    fit: Records
     time_se_s: FloatArray
-    standing: NDArray[np.bool_]
-    backwards: NDArray[np.bool_]
+    standing: BoolArray
+    backwards: BoolArray
 
     @property
     def time_s(self) -> FloatArray:
@@ -290,10 +494,10 @@ class MatchedPassages:
 
         Of a passage in which the wheel stood: the middle of its pulse.
         """
-        return np.where(self.standing, self.start.time_s, self.fit.time_s)
+        return np.where(self.standing, self.start["time_s"], self.fit["time_s"])
 
 
-def match(signal: Signal, pulses: Pulses) -> MatchedPassages:
+def match(signal: Signal, pulses: Records) -> MatchedPassages:
     """Template and fit of the pulses, without those that are no passage."""
     pulses = screen(signal.channel, pulses)
     start = _start(signal.channel, pulses)
@@ -301,161 +505,153 @@ def match(signal: Signal, pulses: Pulses) -> MatchedPassages:
     template = _learn(signal, start, pulses, everything) if len(pulses) > 1 else None
     if template is None:
         return _matched(signal, None, pulses, start, _rough(signal, start, pulses), ~everything)
-    found = _fit_all(signal, start, pulses.height, template)
+    found = _fit_all(signal, start, pulses["height"], template)
     kept = ~_foreign(found, start, signal.noise)
     if not kept.all():
-        pulses = pulses.take(kept)
+        pulses = pulses[kept]
         start = _start(signal.channel, pulses)
-        found = _fit_all(signal, start, pulses.height, template)
+        found = _fit_all(signal, start, pulses["height"], template)
     back = _backwards(signal, template, start, found)
     if back.any():
         start = _start(signal.channel, pulses, back[1:] != back[:-1])
         template = _learn(signal, start, pulses, ~back) or template
-        found = _fit_all(signal, start, pulses.height, template)
-        found = PassageFit.choose(
-            back, _fit_all(signal, start, pulses.height, template.mirrored()), found
+        found = _fit_all(signal, start, pulses["height"], template)
+        found = np.where(
+            back, _fit_all(signal, start, pulses["height"], template.mirrored()), found
         )
     return _matched(signal, template, pulses, start, found, back)
 
 
-def _learn(
-    signal: Signal, start: Start, pulses: Pulses, usable: NDArray[np.bool_]
-) -> Template | None:
+def _learn(signal: Signal, start: Records, pulses: Records, usable: BoolArray) -> Template | None:
     """The template from the passages of known speed among the `usable`.
 
     From all of these if none has a known speed.
     """
-    known = np.flatnonzero(usable & (start.stretch == STRETCH_NEIGHBOURS))
+    known = np.flatnonzero(usable & (start["stretch"] == STRETCH_NEIGHBOURS))
     return learn_template(signal, start, known if known.size else np.flatnonzero(usable), pulses)
 
 
 def _matched(
     signal: Signal,
     template: Template | None,
-    pulses: Pulses,
-    start: Start,
-    found: PassageFit,
-    back: NDArray[np.bool_],
+    pulses: Records,
+    start: Records,
+    found: Records,
+    back: BoolArray,
 ) -> MatchedPassages:
     """The fits with what they say about themselves."""
-    height = np.abs(found.height)
-    usual = USUAL_MISFITS * float(np.median(found.misfit / height)) if len(pulses) else 0.0
-    bad = found.misfit > np.maximum(max(STANDING_MISFIT, usual) * height, 3 * signal.noise)
-    standing = bad & (start.stretch == STRETCH_WIDTH) & ~found.spike
-    quarter_s = 0.25 * pulses.width / signal.channel.axis.rate_Hz
+    height = np.abs(found["height"])
+    usual = USUAL_MISFITS * float(np.median(found["misfit"] / height)) if len(pulses) else 0.0
+    bad = found["misfit"] > np.maximum(max(STANDING_MISFIT, usual) * height, 3 * signal.noise)
+    standing = bad & (start["stretch"] == STRETCH_WIDTH) & ~found["holds_spike"]
+    quarter_s = 0.25 * pulses["width"] / signal.channel.axis.rate_Hz
     return MatchedPassages(
         template,
         pulses,
         start,
         found,
-        np.where(standing, quarter_s, found.time_se_s * _doubt(found, signal.noise)),
+        np.where(standing, quarter_s, found["time_se_s"] * _doubt(found, signal.noise)),
         standing,
         back,
     )
 
 
-def _foreign(found: PassageFit, start: Start, noise: float) -> NDArray[np.bool_]:
+def _foreign(found: Records, start: Records, noise: float) -> BoolArray:
     """Pulses that are no passage by their fit.
 
     Of another height than those around, or a bad fit between two that are one turn apart.
     """
-    around = usual(np.abs(found.height))
-    foreign = (found.height < FOREIGN_HEIGHTS[0] * around) | (
-        found.height > FOREIGN_HEIGHTS[1] * around
+    around = usual(np.abs(found["height"]))
+    foreign = (found["height"] < FOREIGN_HEIGHTS[0] * around) | (
+        found["height"] > FOREIGN_HEIGHTS[1] * around
     )
-    foreign &= start.stretch == STRETCH_WIDTH
-    bad = found.misfit > np.maximum(FOREIGN_MISFIT * np.abs(found.height), 3 * noise)
+    foreign &= start["stretch"] == STRETCH_WIDTH
+    bad = found["misfit"] > np.maximum(FOREIGN_MISFIT * np.abs(found["height"]), 3 * noise)
     if bad.size > 2:
         skip = (
-            (found.time_s[2:] - found.time_s[:-2])
+            (found["time_s"][2:] - found["time_s"][:-2])
             * 0.5
-            * (start.omega[2:] + start.omega[:-2])
+            * (start["omega_rad_s"][2:] + start["omega_rad_s"][:-2])
             / TURN_RAD
         )
         foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
     return foreign
 
 
-def _doubt(found: PassageFit, noise: float) -> FloatArray:
+def _doubt(found: Records, noise: float) -> FloatArray:
     """Factor on the standard error of rows that fit far worse than most, (n,).
 
     Their residual is no white noise.
     """
-    if not found.misfit.size or not np.isfinite(found.misfit).any() or not noise > 0:
-        return np.ones(found.misfit.size)
-    share = found.misfit / np.abs(found.height)
-    expected = np.maximum(float(np.nanmedian(share)) * np.abs(found.height), noise)
-    return np.where(found.misfit > DOUBTFUL * expected, 2.0 * found.misfit / noise, 1.0)
+    if not found["misfit"].size or not np.isfinite(found["misfit"]).any() or not noise > 0:
+        return np.ones(found["misfit"].size)
+    share = found["misfit"] / np.abs(found["height"])
+    expected = np.maximum(float(np.nanmedian(share)) * np.abs(found["height"]), noise)
+    return np.where(found["misfit"] > DOUBTFUL * expected, 2.0 * found["misfit"] / noise, 1.0)
 
 
-def _start(channel: Channel, pulses: Pulses, turned: NDArray[np.bool_] | None = None) -> Start:
+def _start(channel: Channel, pulses: Records, turned: BoolArray | None = None) -> Records:
     """Rough centres, speeds and accelerations.
 
     From the neighbours if these are one turn away, else from the pulse's width. `turned` (n - 1,):
     whether the wheel is known to have rolled back before the next passage.
     """
-    time_s = channel.axis.at(pulses.middle)
-    width_s = pulses.width / channel.axis.rate_Hz
+    time_s = channel.axis.at(pulses["middle"])
+    width_s = pulses["width"] / channel.axis.rate_Hz
     from_width = TURN_RAD * width_turns(time_s, width_s) / width_s
     turns = turns_between(time_s, from_width)
     linked = np.append(one_turn(turns) & (True if turned is None else ~turned), False)
     motion = kinematics(time_s, 0.02 * width_s, linked.astype(float))
     with np.errstate(invalid="ignore"):
-        near = np.abs(motion.omega / from_width - 1) < 0.5
-    known = near & (motion.sides == 2)
-    extrapolated = near & (motion.sides == 1)
-    return Start(
-        time_s,
-        pulses.middle,
-        np.where(known | extrapolated, motion.omega, from_width),
-        np.where(known | extrapolated, motion.alpha, 0.0),
-        np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
+        near = np.abs(motion["omega_rad_s"] / from_width - 1) < 0.5
+    known = near & (motion["sides"] == 2)
+    extrapolated = near & (motion["sides"] == 1)
+    return records(
+        ROW,
+        time_s=time_s,
+        index=pulses["middle"],
+        omega_rad_s=np.where(known | extrapolated, motion["omega_rad_s"], from_width),
+        alpha_rad_s2=np.where(known | extrapolated, motion["alpha_rad_s2"], 0.0),
+        stretch=np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
     )
 
 
-def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Template) -> PassageFit:
+def _fit_all(signal: Signal, start: Records, height: FloatArray, template: Template) -> Records:
     """All rows, a block of the log at a time."""
     return fit_blocks(signal, template, start, height, AT_ONCE)
 
 
-def _rough(signal: Signal, start: Start, pulses: Pulses) -> PassageFit:
+def _rough(signal: Signal, start: Records, pulses: Records) -> Records:
     """Rows without a template: the middle of the half-level crossings.
 
     With an error of a tenth of the width.
     """
-    n = len(pulses)
-    no, nan = np.zeros(n, bool), np.full(n, np.nan)
-    width_s = pulses.width / signal.channel.axis.rate_Hz
-    return PassageFit(
-        start.time_s,
-        0.1 * width_s,
-        nan,
-        nan,
-        pulses.height,
-        pulses.base,
-        nan,
-        np.zeros(n, np.int64),
-        no,
-        no,
-        no,
-        no,
+    nan = np.nan
+    return records(
+        FOUND,
+        time_s=start["time_s"],
+        time_se_s=0.1 * pulses["width"] / signal.channel.axis.rate_Hz,
+        omega_rad_s=nan,
+        omega_se_rad_s=nan,
+        height=pulses["height"],
+        offset=pulses["base"],
+        misfit=nan,
     )
 
 
-def _backwards(
-    signal: Signal, template: Template, start: Start, found: PassageFit
-) -> NDArray[np.bool_]:
+def _backwards(signal: Signal, template: Template, start: Records, found: Records) -> BoolArray:
     """Passages of a wheel that rolled backwards, shape (n,).
 
     They are stretches whose waveform fits better the other way round. Stretches end if the next
     passage is not one turn away, or the wheel may have stopped between two. Most of a log's
     passages are taken as forwards, and a waveform that is the same both ways tells nothing.
     """
-    n = found.time_s.size
+    n = found["time_s"].size
     back = np.zeros(n, bool)
     ends = (
         np.flatnonzero(
-            ~one_turn(turns_between(found.time_s, start.omega)) | may_have_stopped(found.time_s)
+            ~one_turn(turns_between(found["time_s"], start["omega_rad_s"]))
+            | may_have_stopped(found["time_s"])
         )
         + 1
     )
@@ -463,13 +659,14 @@ def _backwards(
         return back
     for first, stop in pairwise(np.concatenate([[0], ends, [n]])):
         rows = np.arange(first, min(stop, first + TRIED_BACKWARDS))
-        some = replace(start, time_s=found.time_s, omega=found.omega).take(rows)
+        some = start[rows]
+        some["time_s"], some["omega_rad_s"] = found["time_s"][rows], found["omega_rad_s"][rows]
         windows = gather(signal, some, template.window_rad)
-        height = np.abs(found.height[rows])
+        height = np.abs(found["height"][rows])
         forth, other = (
             fit_passages(windows, shape, some, height) for shape in (template, template.mirrored())
         )
         floor = signal.noise**2
-        ratio = (forth.misfit**2 + floor) / (other.misfit**2 + floor)
-        back[first:stop] = 0.5 * float(np.sum(forth.used * np.log(ratio))) > BACKWARDS_EVIDENCE
+        ratio = (forth["misfit"] ** 2 + floor) / (other["misfit"] ** 2 + floor)
+        back[first:stop] = 0.5 * float(np.sum(forth["used"] * np.log(ratio))) > BACKWARDS_EVIDENCE
     return back if 2 * back.sum() <= n else ~back

@@ -8,14 +8,10 @@ shoulders on either side).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.strain.passages.fit import PassageFit
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Records, records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
 # ---- How fast the wheel turns at each passage.
@@ -54,18 +50,11 @@ STOPS_WITHIN = 3.0
 UNSEEN = 0.05
 
 
-@dataclass(frozen=True)
-class Kinematics:
-    """Speeds and accelerations at the passages, each of shape (n,).
-
-    `omega` [rad/s], `omega_se`, `alpha` [rad/s^2]; `sides`: neighbours on how many sides were used
-    (2 centred, 1 extrapolated from the next, 0 none: NaN).
-    """
-
-    omega: FloatArray
-    omega_se: FloatArray
-    alpha: FloatArray
-    sides: IntArray
+#: a passage's wheel speed with standard error, wheel acceleration, and neighbours on how many sides
+#: told these: 2 centred, 1 extrapolated from the next, 0 none (NaN)
+KINEMATICS = np.dtype(
+    [("omega_rad_s", "f8"), ("omega_se_rad_s", "f8"), ("alpha_rad_s2", "f8"), ("sides", "i8")]
+)
 
 
 def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
@@ -73,7 +62,7 @@ def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
     return np.diff(time_s) * 0.5 * (omega[1:] + omega[:-1]) / TURN_RAD
 
 
-def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
+def may_have_stopped(time_s: FloatArray) -> BoolArray:
     """Whether the wheel may have come to rest between each passage and the next, (n - 1,).
 
     The next is one turn or less away. The deceleration of the two turns before and the acceleration
@@ -115,16 +104,16 @@ def _residual() -> tuple[FloatArray, float]:
 RESIDUAL, RESIDUAL_NOISE = _residual()
 
 
-def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArray) -> Kinematics:
+def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArray) -> Records:
     """Speeds at the passages.
 
     `turns_after` (n,): whole turns to the next passage, 0 if that is not known (and for the
     last).
     """
     n = time_s.size
-    nan = np.full(n, np.nan)
     if n < 3:
-        return Kinematics(nan, nan.copy(), nan.copy(), np.zeros(n, np.int64))
+        nan = np.full(n, np.nan)
+        return records(KINEMATICS, omega_rad_s=nan, omega_se_rad_s=nan, alpha_rad_s2=nan)
     linked = turns_after > 0
     after = np.where(linked, np.diff(time_s, append=np.nan), np.nan)
     before = np.concatenate([[np.nan], after[:-1]])
@@ -138,7 +127,9 @@ def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArra
     sides = np.where(centred, 2, 0)
     for step in (1, -1):
         _one_sided(step, time_s, time_se_s, linked, omega, omega_se, alpha, sides)
-    return Kinematics(omega, omega_se, alpha, sides)
+    return records(
+        KINEMATICS, omega_rad_s=omega, omega_se_rad_s=omega_se, alpha_rad_s2=alpha, sides=sides
+    )
 
 
 def _near(values: FloatArray, offset: int) -> FloatArray:
@@ -209,7 +200,7 @@ def _one_sided(
     step: int,
     time_s: FloatArray,
     time_se_s: FloatArray,
-    linked: NDArray[np.bool_],
+    linked: BoolArray,
     omega: FloatArray,
     omega_se: FloatArray,
     alpha: FloatArray,
@@ -255,14 +246,14 @@ NEARLY_WHOLE, ALIKE_TURNS = 0.25, 1.5
 
 
 def window_quality(
-    channel: Channel, found: PassageFit, index: FloatArray, reach: FloatArray
+    channel: Channel, found: Records, index: FloatArray, reach: FloatArray
 ) -> QualityFlags:
     """Quality words of each row's window, which lies within `reach` [samples] of `index`; (n,)."""
     flags = (
-        marked(found.lost, Quality.LOST_PEAK)
-        | marked(found.spike, Quality.SPIKE)
-        | marked(found.clipped, Quality.CLIPPED)
-        | marked(found.outside, Quality.EDGE_OF_LOG)
+        marked(found["holds_lost"], Quality.LOST_PEAK)
+        | marked(found["holds_spike"], Quality.SPIKE)
+        | marked(found["holds_clipped"], Quality.CLIPPED)
+        | marked(found["outside"], Quality.EDGE_OF_LOG)
     )
     flags |= marked(in_gap(channel.axis, index, reach), Quality.GAP)
     for word in {word for _, _, word in channel.flags}:
@@ -270,9 +261,7 @@ def window_quality(
     return flags
 
 
-def in_gap(
-    axis: TimeAxis, index: FloatArray, reach: FloatArray, longer: float = 0.0
-) -> NDArray[np.bool_]:
+def in_gap(axis: TimeAxis, index: FloatArray, reach: FloatArray, longer: float = 0.0) -> BoolArray:
     """Whether the recording has a gap within `reach` [samples] of each `index`, (n,).
 
     `longer` than so many samples; 0 takes every gap.
@@ -283,17 +272,13 @@ def in_gap(
     return _touched(index - reach, index + reach, gaps, gaps)
 
 
-def doubted(
-    channel: Channel, word: Quality, begin: FloatArray, end: FloatArray
-) -> NDArray[np.bool_]:
+def doubted(channel: Channel, word: Quality, begin: FloatArray, end: FloatArray) -> BoolArray:
     """Which stretches [begin, end] (n,) [samples] of `channel` hold what the `word` was said of."""
     ranges = [(a, b - 1) for a, b, own in channel.flags if own == word]
     return _touched(begin, end, *np.array(ranges, float).reshape(-1, 2).T)
 
 
-def _touched(
-    begin: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray
-) -> NDArray[np.bool_]:
+def _touched(begin: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
     """Which windows [begin, end] (n,) share a place with one of the ranges [low, high] (m,)."""
     if not low.size:
         return np.zeros(begin.size, bool)
@@ -301,19 +286,17 @@ def _touched(
     furthest = np.maximum.accumulate(high[order])
     # of the ranges that begin before a window ends, the one that ends last decides
     before = np.searchsorted(low[order], end, side="right")
-    reached: NDArray[np.bool_] = furthest[np.maximum(before, 1) - 1] >= begin
+    reached: BoolArray = furthest[np.maximum(before, 1) - 1] >= begin
     return (before > 0) & reached
 
 
-def rolled_on(omega: FloatArray, radius_m: float) -> NDArray[np.bool_]:
+def rolled_on(omega: FloatArray, radius_m: float) -> BoolArray:
     """Whether the wheel was too fast to stop between each passage and the next, (n - 1,)."""
     slower = radius_m * np.minimum(omega[1:], omega[:-1])
     return np.asarray(slower > np.sqrt(2.0 * STOPPING_M_S2 * TURN_RAD * radius_m))
 
 
-def whole_turns(
-    time_s: FloatArray, linked: NDArray[np.bool_], rolled: NDArray[np.bool_]
-) -> IntArray:
+def whole_turns(time_s: FloatArray, linked: BoolArray, rolled: BoolArray) -> IntArray:
     """Whole turns from each passage to the next, as the turns around tell; 0 if they do not.
 
     Of a wheel that `rolled` on (n - 1,), at a speed between those of the nearest pairs before and
@@ -379,7 +362,7 @@ def between(t0: float, t1: float, omega0: float, omega1: float, count: int) -> F
     )
 
 
-def clock_between(channel: Channel, index: FloatArray) -> NDArray[np.bool_]:
+def clock_between(channel: Channel, index: FloatArray) -> BoolArray:
     """Whether the clock was set back between each passage at `index` (n,) and the next, (n - 1,).
 
     Its time runs on, as if no sample lacked or came twice: what lies between is not known.
@@ -396,10 +379,10 @@ def breaks(
     index: FloatArray,
     turns: FloatArray,
     shortest_s: FloatArray,
-    linked: NDArray[np.bool_],
-    turned: NDArray[np.bool_],
-    rolled: NDArray[np.bool_],
-    untimed: NDArray[np.bool_],
+    linked: BoolArray,
+    turned: BoolArray,
+    rolled: BoolArray,
+    untimed: BoolArray,
 ) -> QualityFlags:
     """Why a passage and the next are not known to be one turn apart, shape (n,).
 

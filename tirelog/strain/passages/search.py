@@ -4,7 +4,7 @@ Pulses that stand out of their surroundings by half of the usual height.
 
     channel --decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
-            --half-level crossings--> Pulses: middle and width [samples], one row per passage
+            --half-level crossings--> Records: middle and width [samples], one row per passage
             --those of few buckets--> the same with shorter buckets there
 
 A pulse counts if the signal climbs to it and falls from it by the same least height, found from the
@@ -40,8 +40,8 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 # Each goes over its input once and writes into arrays that the caller gives.
 
 
-#: a pulse: middle of its half-level crossings and width between them [places], height above the
-#: higher valley and that valley's level [channel's unit]
+#: a pulse, patch upward: middle of its half-level crossings and width between them [places, later
+#: samples], height above the higher valley and that valley's level [channel's unit]
 PULSE = np.dtype([("middle", "f8"), ("width", "f8"), ("height", "f8"), ("base", "f8")])
 
 
@@ -442,29 +442,6 @@ REACH = 3
 LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 
 
-@dataclass(frozen=True)
-class Pulses:
-    """One row per pulse, shape (n,), patch upward.
-
-    `middle` of the half-level crossings and `width` between them [samples], `height` [channel's
-    unit], `base` the level of the higher valley beside it.
-    """
-
-    middle: FloatArray
-    width: FloatArray
-    height: FloatArray
-    base: FloatArray
-
-    def __len__(self) -> int:
-        return int(self.middle.size)
-
-    def take(self, which: NDArray[np.bool_]) -> Pulses:
-        return Pulses(self.middle[which], self.width[which], self.height[which], self.base[which])
-
-
-NO_PULSES = Pulses(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
-
-
 def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
     """Places of the alternating extremes of `values` whose rises and falls are at least `least`."""
     points = np.empty(values.size + 1, np.int32)
@@ -481,7 +458,7 @@ def usual_height(heights: FloatArray) -> float:
     return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
 
 
-def find_pulses(data: Decimated, without: int = 0) -> Pulses:
+def find_pulses(data: Decimated, without: int = 0) -> Records:
     """The pulses of `data`; `without`: how many times the highest are no patch's heights."""
     noise = data.noise
     bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
@@ -496,7 +473,7 @@ def find_pulses(data: Decimated, without: int = 0) -> Pulses:
         if heights.size:
             heights = heights[heights < LEAST_HEIGHT * usual_height(heights)]
     if not heights.size:
-        return NO_PULSES
+        return np.zeros(0, PULSE)
     least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
     found = []
     for points in rough:
@@ -541,21 +518,21 @@ class _Level:
 
 def search_passages(
     channel: Channel, sign: float, block_samples: int = AT_ONCE
-) -> tuple[Pulses, Decimated]:
+) -> tuple[Records, Decimated]:
     """The pulses of `channel`, and what they were found in. `sign` turns the patch upward."""
     return pulses_in(channel, decimate(channel, sign, block_samples), sign)
 
 
 def pulses_in(
     channel: Channel, data: Decimated, sign: float, without: int = 0
-) -> tuple[Pulses, Decimated]:
+) -> tuple[Records, Decimated]:
     """The pulses of `channel` in its `data`, and those with shorter buckets where it takes them.
 
     `without` as `find_pulses` has it. Radial acceleration, whose pulses grow with the square of
     the speed, is searched in units of its level outside the patch.
     """
     if not data.values.size or not np.isfinite(data.noise):
-        return NO_PULSES, data
+        return np.zeros(0, PULSE), data
     level = _level(channel, data) if channel.kind == "radial_acceleration" else None
     pulses = _found(data, level, without)
     while (stretches := _fast_stretches(channel, data, pulses)).size:
@@ -564,15 +541,17 @@ def pulses_in(
     return _seen(channel.axis, pulses), data
 
 
-def _found(data: Decimated, level: _Level | None, without: int) -> Pulses:
+def _found(data: Decimated, level: _Level | None, without: int) -> Records:
     """The pulses of `data`, searched in units of a `level` if there is one."""
     if level is None:
         return find_pulses(data, without)
     at = level.at(data.index(np.arange(data.values.size)))
     noise = data.noise / float(np.median(at))
     pulses = find_pulses(replace(data, values=data.values / at, noise=noise), without)
-    scale = level.at(pulses.middle).astype(np.float64)
-    return replace(pulses, height=pulses.height * scale, base=pulses.base * scale)
+    scale = level.at(pulses["middle"]).astype(np.float64)
+    pulses["height"] *= scale
+    pulses["base"] *= scale
+    return pulses
 
 
 def _level(channel: Channel, data: Decimated) -> _Level:
@@ -585,43 +564,48 @@ def _level(channel: Channel, data: Decimated) -> _Level:
     return _Level(middles, np.maximum(medians, least))
 
 
-def _fast_stretches(channel: Channel, data: Decimated, pulses: Pulses) -> IntArray:
+def _fast_stretches(channel: Channel, data: Decimated, pulses: Records) -> IntArray:
     """Samples [from, to) in which pulses are too narrow for their buckets, (n, 2).
 
     With REACH pulses on either side, between which and the others none was overlooked.
     """
-    bucket = data.bucket[np.searchsorted(data.first[1:], pulses.middle, side="right")]
-    narrow = (usual(pulses.width / bucket) < FEWEST_BUCKETS) & (bucket > 1)
+    bucket = data.bucket[np.searchsorted(data.first[1:], pulses["middle"], side="right")]
+    narrow = (usual(pulses["width"] / bucket) < FEWEST_BUCKETS) & (bucket > 1)
     if not narrow.any():
         return np.zeros((0, 2), np.int64)
     around = np.convolve(narrow, np.ones(2 * REACH + 1))[REACH:-REACH] > 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], around, [False]])))
-    between = 0.5 * (pulses.middle[1:] + pulses.middle[:-1])
+    between = 0.5 * (pulses["middle"][1:] + pulses["middle"][:-1])
     bounds = np.concatenate([[0.0], between, [float(channel.size)]])
     return bounds[edges].astype(np.int64).reshape(-1, 2)
 
 
-def _seen(axis: TimeAxis, pulses: Pulses) -> Pulses:
+def _seen(axis: TimeAxis, pulses: Records) -> Records:
     """The `pulses` of which at least half was recorded, with their widths as in time."""
-    entry, leave = pulses.middle - 0.5 * pulses.width, pulses.middle + 0.5 * pulses.width
+    entry, leave = (
+        pulses["middle"] - 0.5 * pulses["width"],
+        pulses["middle"] + 0.5 * pulses["width"],
+    )
     missing = axis.missing_before(np.ceil(leave)) - axis.missing_before(np.floor(entry))
-    return replace(pulses, width=pulses.width + missing).take(missing <= pulses.width)
+    seen = missing <= pulses["width"]
+    pulses["width"] += missing
+    return pulses[seen]
 
 
 def usual(values: FloatArray) -> FloatArray:
     """Median of the values within REACH pulses, shape (n,)."""
     medians = np.empty(values.size)
-    medians_around(values, REACH, np.empty(2 * REACH + 1), medians)
+    medians_around(np.ascontiguousarray(values), REACH, np.empty(2 * REACH + 1), medians)
     return medians
 
 
-def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:
+def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Records:
     """The pulses at `peak` between the valleys `left` and `right`.
 
     By linear interpolation between buckets.
     """
     pulses = np.empty(peak.size, PULSE)
     half_level(data.values, peak, left, right, pulses)
-    middle, width, height, base = (pulses[name].copy() for name in PULSE.names or ())
-    width = np.maximum(data.samples(middle) * width, 1.0)
-    return Pulses(data.index(middle), width, height, base)
+    pulses["width"] = np.maximum(data.samples(pulses["middle"]) * pulses["width"], 1.0)
+    pulses["middle"] = data.index(pulses["middle"])
+    return pulses

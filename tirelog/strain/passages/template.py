@@ -28,11 +28,12 @@ from tirelog.vocabulary.arrays import FloatArray, Record, Records
 # A window is a row's SPAN of the channel, thinned to MOST_SAMPLES.
 
 
-#: a row as its fit begins: patch centre [s], the wheel's rate [rad/s] and its change [rad/s^2], how
-#: far the rate may be off (standard deviation, relative), height of the passage [channel's unit]
+#: a row as its fit begins: patch centre [s] and [samples], the wheel's rate [rad/s] and its change
+#: [rad/s^2], how far the rate may be off (standard deviation, relative), height of the passage
+#: [channel's unit]
 ROW = np.dtype(
-    [("time_s", "f8"), ("omega_rad_s", "f8"), ("alpha_rad_s2", "f8"), ("stretch", "f8"),
-     ("height", "f8")]
+    [("time_s", "f8"), ("index", "f8"), ("omega_rad_s", "f8"), ("alpha_rad_s2", "f8"),
+     ("stretch", "f8"), ("height", "f8")]
 )  # fmt: skip
 #: a row's window: first sample of the channel and the one behind, and what to add to their numbers
 #: to find them in a `Source`
@@ -42,12 +43,12 @@ SEGMENT = np.dtype([("first", "f8"), ("start_s", "f8"), ("period_s", "f8")])
 #: a template at one angle: value (height 1), slope [1/rad], scatter between turns over the height
 POINT = np.dtype([("value", "f8"), ("slope", "f8"), ("scatter", "f8")])
 #: a row's fit: patch centre [s], rate [rad/s] with the stretch in it, their standard errors, height
-#: and offset [channel's unit], rms of the residual in that unit, samples used, and what the window
-#: holds
+#: and offset [channel's unit], rms of the residual in that unit, samples used, what the window
+#: holds, and whether it leaves the log
 FOUND = np.dtype(
     [("time_s", "f8"), ("time_se_s", "f8"), ("omega_rad_s", "f8"), ("omega_se_rad_s", "f8"),
      ("height", "f8"), ("offset", "f8"), ("misfit", "f8"), ("used", "i8"), ("holds_lost", "?"),
-     ("holds_spike", "?"), ("holds_clipped", "?")],
+     ("holds_spike", "?"), ("holds_clipped", "?"), ("outside", "?")],
     align=True,
 )  # fmt: skip
 
