@@ -22,8 +22,9 @@ import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing, contextmanager
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager, suppress
 from typing import Any, TypeVar
 
 from tirelog.runtime import end_with_parent, processes, share_work
@@ -64,9 +65,12 @@ def in_processes(count: int, workers: int, make: Callable[[int], Made]) -> Gener
         with warnings.catch_warnings():
             # Python warns of other threads: that of a terminal's line, and no process needs it
             warnings.simplefilter("ignore", DeprecationWarning)
-            answers = deque(pool.submit(_made, number) for number in range(count))
+            answers: deque[Future[Made]] = deque()
+            with suppress(BrokenProcessPool):  # one has ended already: the rest is made here
+                for number in range(count):
+                    answers.append(pool.submit(_made, number))
         for number in range(count):
-            try:
+            try:  # also of what was not given to any
                 made = answers.popleft().result()
             except Exception:  # its process has ended, or met what this one meets too, and says
                 made = make(number)
