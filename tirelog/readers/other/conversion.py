@@ -185,7 +185,13 @@ def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, Co
     ReadError: its library is not installed, or it holds no numbers that can be read.
     """
     what = FORMATS[format]
-    _check_library(what, log)
+    if find_spec(what.library) is None:
+        raise ReadError(
+            f"is {what.name}, which {what.package} reads, and that is not installed",
+            allowed="read without an extra are text, MCAP, HDF5, MATLAB, Parquet, Feather and WAV",
+            do=f"install it: pip install 'tirelog[{what.extra}]'",
+            file=log,
+        )
     target, answer = folder / "log.made", folder / "answer.json"
     ended = _run(format, source, target, answer)
     try:
@@ -208,16 +214,6 @@ def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, Co
             file=log,
         )
     return target, Converted(**told)
-
-
-def _check_library(what: ExtraFormat, log: str) -> None:
-    if find_spec(what.library) is None:
-        raise ReadError(
-            f"is {what.name}, which {what.package} reads, and that is not installed",
-            allowed="read without an extra are text, MCAP, HDF5, MATLAB, Parquet, Feather and WAV",
-            do=f"install it: pip install 'tirelog[{what.extra}]'",
-            file=log,
-        )
 
 
 def _run(format: str, source: Path, target: Path, answer: Path) -> int:
