@@ -37,8 +37,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: the rest
 MOST_PLANS = 64
 MOST_FAILURES = 8
-#: kinds of faults of one channel that are told apart
-MOST_FAULTS = 100
 #: bytes of messages decoded at once
 PIECE_BYTES = 1 << 21
 #: bytes of one message: ten seconds of 64 channels at 1 kHz are 5 MB.  A library's decoder makes 30
@@ -83,7 +81,7 @@ class ChannelDecoder:
         self.failures = 0
 
     def _add_fault(self, what: str, messages: int = 1) -> None:
-        if what in self.faults or len(self.faults) < MOST_FAULTS:
+        if what in self.faults or len(self.faults) < 100:  # no more kinds are told apart
             self.faults[what] += messages
 
     def message(self, data: bytes) -> Any:
@@ -142,18 +140,13 @@ class ChannelDecoder:
                     values.append(None)
                 continue
             for want, values in zip(wants, found, strict=True):
-                values.append(self._extract(message, want))
+                try:
+                    values.append(extract(message, want.tokens))
+                except FieldError as problem:
+                    near = nearest(problem.name, problem.known) if problem.known else ""
+                    self._add_fault(f"{want.path} {problem}{near}")
+                    values.append(None)
         return [_field_column(values) for values in found]
-
-    def _extract(self, message: Any, want: RequestedField) -> float | FloatArray | None:
-        try:
-            return extract(message, want.tokens)
-        except FieldError as problem:
-            self._add_fault(
-                f"{want.path} "
-                f"{problem}{nearest(problem.name, problem.known) if problem.known else ''}"
-            )
-            return None
 
     def _read_by_plans(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
         """Layout by layout; messages for which no plan can be made go to the library."""

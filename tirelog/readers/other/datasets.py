@@ -128,7 +128,11 @@ def convert_excel(source: Path, target: Path, answer: Converted) -> None:
             sheet = book.get_sheet_by_name(name)
             rows = sheet.iter_rows()
             some = [row for row, _ in zip(rows, range(_LOOKED_AT), strict=False)]
-            if sum(any(_is_number(cell) for cell in row) for row in some) < _FEWEST_ROWS:
+            with_numbers = (
+                any(isinstance(cell, int | float) and not isinstance(cell, bool) for cell in row)
+                for row in some
+            )
+            if sum(with_numbers) < _FEWEST_ROWS:
                 continue
             with target.open("w", encoding="utf-8", newline="\n") as made:
                 for row in chain(some, rows):
@@ -142,10 +146,6 @@ def convert_excel(source: Path, target: Path, answer: Converted) -> None:
                 )
             return
     raise NoNumbers("no sheet has rows of numbers")
-
-
-def _is_number(cell: object) -> bool:
-    return isinstance(cell, int | float) and not isinstance(cell, bool)
 
 
 def _text(cell: object) -> str:
@@ -590,11 +590,7 @@ def _write(to: Datasets, name: str, one: dict[str, Any]) -> None:
     attributes = {"units": unit if unit.upper() != "NONE" else None}
     if even:
         attributes["dt"] = one.get("abscissa_inc")
-    to.add(group, "values", [np.asarray(one["data"])[: _declared(one)]], attributes)
+    many = max(int(one.get("num_pts", 0)), 0)  # behind them stand line ends and padding
+    to.add(group, "values", [np.asarray(one["data"])[:many]], attributes)
     if not even:
-        to.add(group, "time", [np.asarray(one["x"])[: _declared(one)]], {"units": "s"})
-
-
-def _declared(one: dict[str, Any]) -> int:
-    """How many values the set says it has: behind them stand line ends and padding."""
-    return max(int(one.get("num_pts", 0)), 0)
+        to.add(group, "time", [np.asarray(one["x"])[:many]], {"units": "s"})

@@ -221,7 +221,8 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         names,
         unit_row,
         width,
-        _ragged(rows, width),
+        # more than a stray row differs in width
+        sum(len(row) != width for row in rows[:-1]) > max(1, len(rows) // 50),
         tuple(
             _column_kind([row[k] for row in rows if k < len(row)], decimal)
             for k in range(max(map(len, rows)))
@@ -414,11 +415,6 @@ def _rows_above(
     like = Counter(tuple(_kind(cell, decimal) for cell in row) for row in rows).most_common(1)[0][0]
     many = sum(tuple(_kind(cell, decimal) for cell in cells[i]) == like for i in above)
     return many if many >= _FEWEST_ABOVE else 0
-
-
-def _ragged(rows: list[list[str]], width: int) -> bool:
-    """True if more than a stray row differs in width."""
-    return sum(len(row) != width for row in rows[:-1]) > max(1, len(rows) // 50)
 
 
 def _spoilt(above: list[int], cells: dict[int, list[str]], width: int, decimal: str) -> bool:
