@@ -139,13 +139,16 @@ class LogReader(Protocol):
 _MOST_SAID = 5
 
 
-@dataclass(frozen=True)
+@dataclass
 class Converted:
-    """What a log's numbers were made: `losses` make status 3, `start` as ISO 8601 if it tells."""
+    """What is said of a conversion, gathered on its way.
 
-    losses: tuple[str, ...] = ()
-    passed_over: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    `losses` make status 3; `start` is the log's start in ISO 8601 if it tells that.
+    """
+
+    losses: list[str] = field(default_factory=list)
+    passed_over: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
     start: str | None = None
 
     @property

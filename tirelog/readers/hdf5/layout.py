@@ -87,19 +87,15 @@ class Scale:
         with np.errstate(
             over="ignore", invalid="ignore"
         ):  # a damaged number may leave the range of floats, and is lost then
-            self._scale(values)
+            if self.decimals is not None:
+                values /= 10.0**self.decimals  # correctly rounded, as a product with 0.001 is not
+            elif self.factor != 1.0:
+                values *= self.factor
+            if self.offset:
+                values += self.offset
         if gone is not None:
             values[gone] = np.nan
         return values
-
-    def _scale(self, values: NDArray[np.float64]) -> None:
-        """Makes stored numbers into values, in place."""
-        if self.decimals is not None:
-            values /= 10.0**self.decimals  # correctly rounded, which a product with 0.001 is not
-        elif self.factor != 1.0:
-            values *= self.factor
-        if self.offset:
-            values += self.offset
 
 
 class Attributes:
@@ -290,13 +286,8 @@ def find_columns(file: h5py.File, source: str) -> SourceColumn:
         return _fixed_frame(path, item, field, index)
     if kind.endswith("_table"):
         return _table_frame(file, path, field, index)
-    if kind == "series":
-        values = f"{path}/values"
-        return column(values, _dataset(walk(file, values), values), field, index)
-    if signal := _signal(item):
-        return column(
-            f"{path}/{signal}", _dataset(walk(file, f"{path}/{signal}"), path), field, index
-        )
+    if below := "values" if kind == "series" else _signal(item):
+        return column(f"{path}/{below}", _dataset(file, f"{path}/{below}"), field, index)
     near = nearest(path, names(file))
     raise ReadError(
         f"{path} is a group{near}",
@@ -305,7 +296,8 @@ def find_columns(file: h5py.File, source: str) -> SourceColumn:
     )
 
 
-def _dataset(item: h5py.Group | h5py.Dataset, path: str) -> h5py.Dataset:
+def _dataset(file: h5py.File, path: str) -> h5py.Dataset:
+    item = walk(file, path)
     if not isinstance(item, h5py.Dataset):
         raise ReadError(
             f"{path} leads to a group",
@@ -342,23 +334,21 @@ def _fixed_frame(
         known += labels
         if field in labels:
             values = f"{path}/block{block}_values"
-            dataset = _dataset(walk(group.file, values), values)
+            dataset = _dataset(group.file, values)
             turned = Attributes(dataset).number("transposed") == 1  # stored (samples, columns)
             at = labels.index(field)
-            _no_index(path, field, dataset.shape[:1] if turned else dataset.shape[1:], index)
+            # an index to a frame's column, which has one axis alone, is refused
+            time_axis(f"{path}:{field}", dataset.shape[:1] if turned else dataset.shape[1:], index)
             return column(values, dataset, None, (None, at) if turned else (at, None))
-    raise ReadError(
-        f"{path} is a pandas frame without {field!r}{nearest(field or '', known)}",
+    raise _no_label(f"{path} is a pandas frame", field, known)
+
+
+def _no_label(what: str, field: str | None, known: list[str]) -> ReadError:
+    return ReadError(
+        f"{what} without {field!r}{nearest(field or '', known)}",
         allowed=f"it has {', '.join(known[:20])}",
         do="mend source",
     )
-
-
-def _no_index(
-    path: str, field: str | None, shape: tuple[int, ...], index: tuple[int | None, ...]
-) -> None:
-    """ReadError if a source gives an index to a frame's column, which has one axis alone."""
-    time_axis(f"{path}:{field}", shape, index)
 
 
 def column_labels(item: h5py.Group | h5py.Dataset) -> list[str]:
@@ -376,7 +366,7 @@ def _table_frame(
     file: h5py.File, path: str, field: str | None, index: tuple[int | None, ...]
 ) -> SourceColumn:
     where = f"{path}/table"
-    table = _dataset(walk(file, where), where)
+    table = _dataset(file, where)
     if table.dtype.names and field in table.dtype.names:
         return column(where, table, field, index)
     known: list[str] = []
@@ -384,13 +374,9 @@ def _table_frame(
         labels = pickled_labels(Attributes(table).raw(f"{block}_kind"))
         known += labels
         if field in labels:
-            _no_index(path, field, table.shape, index)
+            time_axis(f"{path}:{field}", table.shape, index)
             return column(where, table, block, (labels.index(field),))
-    raise ReadError(
-        f"{path} is a pandas table without {field!r}{nearest(field or '', known)}",
-        allowed=f"it has {', '.join(known[:20])}",
-        do="mend source",
-    )
+    raise _no_label(f"{path} is a pandas table", field, known)
 
 
 def pickled_labels(raw: object) -> list[str]:

@@ -419,11 +419,7 @@ def _rows(clock: _Clock) -> int:
     columns = [c.column for c in clock.channels]
     widest = max(c.dataset.dtype.itemsize if c.field else c.dtype.itemsize for c in columns)
     rows = max(min(BLOCK_VALUES // len(columns), SLAB_BYTES // widest), 1)
-    chunk = (
-        max(c.chunk for c in columns if c.dataset.chunks)
-        if any(c.dataset.chunks for c in columns)
-        else 1
-    )
+    chunk = max((c.chunk for c in columns if c.dataset.chunks), default=1)
     return rows - rows % chunk if chunk <= rows else rows
 
 
@@ -458,12 +454,7 @@ def datasets(path: Path, log: str) -> SeriesList:
             sized = [one for name in names(file) for one in _columns(file, name)]
             times = [name for name in names(file) if _last(name) in TIME_NAMES]
     except LIBRARY_ERRORS as problem:
-        raise ReadError(
-            f"is no readable HDF5 file ({str(problem)[:120]})",
-            allowed="allowed is HDF5",
-            do="repair it or record it again",
-            file=log,
-        ) from None
+        raise _unreadable(problem, log) from None
     longest = max((size for _, size in sized), default=0)
     found = [one for one, size in sized if size * _SHORT >= longest]
     short = [one.source for one, size in sized if size * _SHORT < longest]

@@ -159,6 +159,13 @@ def refuse(path: str, what: str, allowed: str, action: str) -> ReadError:
     return ReadError(f"{path} {what}", allowed=f"allowed is {allowed}", do=action)
 
 
+def refuse_first(path: str, problems: tuple[tuple[bool, str, str, str], ...]) -> None:
+    """ReadError: the first of the problems (is it one, what it is, what is allowed, action)."""
+    for is_one, *sentence in problems:
+        if is_one:
+            raise refuse(path, *sentence)
+
+
 def walk(file: h5py.File, path: str, links: int = MOST_LINKS) -> h5py.Group | h5py.Dataset:
     """The object at `path`, link by link, soft links within the file followed.
 
@@ -329,21 +336,13 @@ def check_storage(path: str, dataset: h5py.Dataset) -> None:
         )
     if dataset.is_virtual:
         for source in dataset.virtual_sources():
-            if source.file_name != ".":
-                raise refuse(
-                    path,
-                    f"is virtual and points to {source.file_name!r}",
-                    "data inside the log",
-                    "run h5repack on it",
-                )
-            target = walk(dataset.file, source.dset_name)
-            if not isinstance(target, h5py.Dataset) or target.is_virtual or target.external:
-                raise refuse(
-                    path,
-                    "is virtual over something that is no plain dataset",
-                    "data inside the log",
-                    "run h5repack on it",
-                )
+            what = f"is virtual and points to {source.file_name!r}"
+            if source.file_name == ".":
+                target = walk(dataset.file, source.dset_name)
+                if isinstance(target, h5py.Dataset) and not (target.is_virtual or target.external):
+                    continue
+                what = "is virtual over something that is no plain dataset"
+            raise refuse(path, what, "data inside the log", "run h5repack on it")
     creation = dataset.id.get_create_plist()
     for which in range(creation.get_nfilters()):
         code, _, _, name = creation.get_filter(which)
@@ -358,26 +357,35 @@ def check_storage(path: str, dataset: h5py.Dataset) -> None:
 
 
 def check_type(path: str, dtype: np.dtype[Any]) -> None:
-    if h5py.check_ref_dtype(dtype) is not None:
-        raise refuse(
-            path, "holds object references", "numbers", "name the dataset that it refers to"
-        )
-    if dtype.kind in "SU" or h5py.check_string_dtype(dtype) is not None:
-        raise refuse(path, "holds text", "numbers", "name another dataset in source")
-    if dtype.kind == "O":
-        raise refuse(
-            path,
-            "is an object array (lists of varying length, or pickles)",
-            "numbers of one fixed type",
-            "store it as numbers",
-        )
-    if dtype.kind not in "iufb" or dtype.itemsize > 16:
-        raise refuse(
-            path,
-            f"has the type {dtype}",
-            "integers or real numbers",
-            "name another dataset in source",
-        )
+    refuse_first(
+        path,
+        (
+            (
+                h5py.check_ref_dtype(dtype) is not None,
+                "holds object references",
+                "numbers",
+                "name the dataset that it refers to",
+            ),
+            (
+                dtype.kind in "SU" or h5py.check_string_dtype(dtype) is not None,
+                "holds text",
+                "numbers",
+                "name another dataset in source",
+            ),
+            (
+                dtype.kind == "O",
+                "is an object array (lists of varying length, or pickles)",
+                "numbers of one fixed type",
+                "store it as numbers",
+            ),
+            (
+                dtype.kind not in "iufb" or dtype.itemsize > 16,
+                f"has the type {dtype}",
+                "integers or real numbers",
+                "name another dataset in source",
+            ),
+        ),
+    )
 
 
 def time_axis(
@@ -394,12 +402,11 @@ def time_axis(
             "a dataset with an axis of time",
             "name another dataset in source",
         )
-    if None in index and index.count(None) == 1 and len(index) == len(shape):
+    others = [i for i in index if i is not None]
+    if index.count(None) == 1 and len(index) == len(shape):
         axis = index.index(None)
-        others = [i for i in index if i is not None]
     else:
         axis = shape.index(max(shape))
-        others = [i for i in index if i is not None]
         wide = [k for k, n in enumerate(shape) if k != axis and n != 1]
         if None in index or len(others) not in (len(wide), len(shape) - 1):
             what = f"has the shape {shape} and source gives {len(index)} index(es)"
@@ -431,31 +438,40 @@ def check_shape(found: SourceColumn) -> None:
     Also such as declare more than their file can hold.
     """
     dataset, path = found.dataset, found.path
-    declared = math.prod(dataset.shape) * dataset.dtype.itemsize
-    if len(found) == 0 or declared == 0:
-        raise refuse(
-            path, "holds no samples", "one sample or more", "name another dataset in source"
-        )
+    size = dataset.dtype.itemsize
+    declared = math.prod(dataset.shape) * size
     stored = dataset.id.get_storage_size()
-    if not dataset.is_virtual and (stored == 0 or declared > stored * LARGEST_RATIO):
-        what = f"declares {'x'.join(map(str, dataset.shape))} values and stores {stored} bytes"
-        raise refuse(
-            path, what, "what the file really holds", "repair the file where it was written"
-        )
-    creation = dataset.id.get_create_plist()
-    chunk = math.prod(dataset.chunks) * dataset.dtype.itemsize if dataset.chunks else 0
-    if chunk > LARGEST_CHUNK_BYTES and creation.get_nfilters():
-        what = f"has compressed chunks of {chunk >> 20} MB"
-        raise refuse(
-            path, what, f"{LARGEST_CHUNK_BYTES >> 20} MB", f"h5repack -l {path}:CHUNK=65536"
-        )
-    if dataset.dtype.itemsize > LARGEST_ROW_BYTES:
-        raise refuse(
-            path,
-            f"has rows of {dataset.dtype.itemsize} bytes",
-            f"{LARGEST_ROW_BYTES} bytes",
-            "store fewer columns",
-        )
+    chunk = math.prod(dataset.chunks) * size if dataset.chunks else 0
+    filtered = dataset.id.get_create_plist().get_nfilters() > 0
+    refuse_first(
+        path,
+        (
+            (
+                declared == 0,
+                "holds no samples",
+                "one sample or more",
+                "name another dataset in source",
+            ),
+            (
+                not dataset.is_virtual and (stored == 0 or declared > stored * LARGEST_RATIO),
+                f"declares {'x'.join(map(str, dataset.shape))} values and stores {stored} bytes",
+                "what the file really holds",
+                "repair the file where it was written",
+            ),
+            (
+                filtered and chunk > LARGEST_CHUNK_BYTES,
+                f"has compressed chunks of {chunk >> 20} MB",
+                f"{LARGEST_CHUNK_BYTES >> 20} MB",
+                f"h5repack -l {path}:CHUNK=65536",
+            ),
+            (
+                size > LARGEST_ROW_BYTES,
+                f"has rows of {size} bytes",
+                f"{LARGEST_ROW_BYTES} bytes",
+                "store fewer columns",
+            ),
+        ),
+    )
 
 
 def first_number(found: SourceColumn, is_lost: Callable[[SourceColumn, int, int], bool]) -> Any:

@@ -13,21 +13,19 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections import Counter
 from collections.abc import Callable
 from contextlib import redirect_stderr, suppress
-from dataclasses import dataclass, field
 from io import StringIO
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.errors import ReadError, nearest
 from tirelog.readers.mcap.records import MessageTable
 from tirelog.readers.mcap.source import (
     FieldColumn,
     FieldError,
-    FrozenPlan,
     MessagePlan,
     NoPlanError,
     RequestedField,
@@ -49,17 +47,6 @@ DECODE_ERRORS = (Exception,)  # three libraries, each with a tree of its own
 PlanMaker = Callable[[bytes, list[RequestedField]], MessagePlan]
 
 
-@dataclass
-class Faults:
-    """Messages that gave no number, by what was wrong."""
-
-    count: dict[str, int] = field(default_factory=dict)
-
-    def add(self, what: str) -> None:
-        if what in self.count or len(self.count) < 100:
-            self.count[what] = self.count.get(what, 0) + 1
-
-
 class ChannelDecoder:
     """Decodes the messages of one channel.
 
@@ -67,7 +54,8 @@ class ChannelDecoder:
     """
 
     def __init__(self, topic: str, encoding: str, schema: Any) -> None:
-        self.topic, self.encoding, self.faults = topic, encoding, Faults()
+        self.topic, self.encoding = topic, encoding
+        self.faults: Counter[str] = Counter()  # messages that gave no number, by what was wrong
         self.refused_size = False
         try:
             decode, self.plan_of = _decoder(encoding, schema)
@@ -89,9 +77,12 @@ class ChannelDecoder:
                 do="record it in one of them",
             )
         self.decode: Callable[[bytes], Any] = decode
-        self.plans: list[FrozenPlan] = []
+        self.plans: list[MessagePlan] = []
         self.failures = 0
-        self.encoding = encoding
+
+    def _add_fault(self, what: str, messages: int = 1) -> None:
+        if what in self.faults or len(self.faults) < 100:  # no more kinds are told apart
+            self.faults[what] += messages
 
     def message(self, data: bytes) -> Any:
         """One decoded message.  FieldError if it does not decode."""
@@ -109,9 +100,10 @@ class ChannelDecoder:
         if small.all():
             return table
         self.refused_size = True
-        for _ in range(int((~small).sum()) if count else 0):
-            self.faults.add(
-                f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message"
+        if count:
+            self._add_fault(
+                f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message",
+                int((~small).sum()),
             )
         return table.take(small)
 
@@ -130,14 +122,8 @@ class ChannelDecoder:
             sizes, np.arange(PIECE_BYTES, int(sizes[-1]) if sizes.size else 0, PIECE_BYTES)
         )
         cuts = np.unique([0, *edges.tolist(), len(table)]).tolist()
-        return [
-            self.read_piece(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)
-        ]
-
-    def read_piece(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
-        if self.plan_of is None:
-            return self.read_slowly(table, wants)
-        return self._read_by_plans(table, wants)
+        way = self.read_slowly if self.plan_of is None else self._read_by_plans
+        return [way(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)]
 
     def read_slowly(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
         """Message by message through the library.
@@ -149,23 +135,18 @@ class ChannelDecoder:
             try:
                 message = self.message(data)
             except FieldError as problem:
-                self.faults.add(str(problem))
+                self._add_fault(str(problem))
                 for values in found:
                     values.append(None)
                 continue
             for want, values in zip(wants, found, strict=True):
-                values.append(self._extract(message, want))
+                try:
+                    values.append(extract(message, want.tokens))
+                except FieldError as problem:
+                    near = nearest(problem.name, problem.known) if problem.known else ""
+                    self._add_fault(f"{want.path} {problem}{near}")
+                    values.append(None)
         return [_field_column(values) for values in found]
-
-    def _extract(self, message: Any, want: RequestedField) -> float | FloatArray | None:
-        try:
-            return extract(message, want.tokens)
-        except FieldError as problem:
-            self.faults.add(
-                f"{want.path} "
-                f"{problem}{nearest(problem.name, problem.known) if problem.known else ''}"
-            )
-            return None
 
     def _read_by_plans(self, table: MessageTable, wants: list[RequestedField]) -> list[FieldColumn]:
         """Layout by layout; messages for which no plan can be made go to the library."""
@@ -179,7 +160,7 @@ class ChannelDecoder:
                 right = table.sizes[rest] == plan.size
                 if right.any():
                     fits = right.copy()
-                    fits[right], columns = _by_plan(plan, table.take(rest[right]))
+                    fits[right], columns = plan.read(table.take(rest[right]))
                     pieces.append((rest[fits], columns))
                     rest = rest[~fits]
             if rest.size and not self._learn(table.take(rest[:1]).messages()[0], wants):
@@ -202,13 +183,8 @@ class ChannelDecoder:
         if self._given_up() or self.plan_of is None:
             return False
         try:
-            plan = self.plan_of(data, wants).freeze()
-            _, columns = _by_plan(
-                plan,
-                MessageTable(
-                    data, np.zeros(1, np.int64), np.array([len(data)]), np.zeros(1, np.int64)
-                ),
-            )
+            plan, start = self.plan_of(data, wants), np.zeros(1, np.int64)
+            _, columns = plan.read(MessageTable(data, start, np.array([len(data)]), start))
             message = self.decode(data)
             for want, column in zip(wants, columns, strict=True):
                 truth = extract(message, want.tokens)
@@ -220,15 +196,6 @@ class ChannelDecoder:
             return False
         self.plans.append(plan)
         return True
-
-
-def _by_plan(plan: FrozenPlan, table: MessageTable) -> tuple[NDArray[np.bool_], list[FieldColumn]]:
-    fits, numbers = plan.read(table)
-    columns = []
-    for place, values in zip(plan.places, numbers, strict=True):
-        lengths = np.full(values.shape[0], values.shape[1]) if place.batch else None
-        columns.append(FieldColumn(values.ravel(), lengths))
-    return fits, columns
 
 
 def _assemble(n: int, pieces: list[tuple[IntArray, FieldColumn]]) -> FieldColumn:
@@ -288,7 +255,12 @@ def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None,
     if encoding == "cdr":
         from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 
-        from tirelog.readers.mcap.serial import MOST_PARTS, cdr_plan, is_bounded, parse_definitions
+        from tirelog.readers.mcap.serial import (
+            MOST_PARTS,
+            CdrTemplate,
+            is_bounded,
+            parse_definitions,
+        )
 
         with redirect_stderr(StringIO()):  # its parser writes there before it raises
             decode = Ros2Factory().decoder_for(encoding, schema)
@@ -301,5 +273,5 @@ def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None,
                 raise ValueError(f"more than {MOST_PARTS} structures")
             return decode(data)
 
-        return decode_bounded, lambda data, wants: cdr_plan(data, root, definitions, wants)
+        return decode_bounded, lambda data, wants: CdrTemplate(data, definitions, wants).walk(root)
     return None, None

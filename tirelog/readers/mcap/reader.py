@@ -272,7 +272,7 @@ class McapLog:
                     "are left out"
                 )
         for decoder in filter(None, self.decoders.values()):
-            for what, count in decoder.faults.count.items():
+            for what, count in decoder.faults.items():
                 self.report.losses.append(f"{count} messages of {decoder.topic}: {what}")
         if total := sum(self.unknown.values()):
             self.report.losses.append(

@@ -84,6 +84,14 @@ def _sections(name: str, text: str) -> list[tuple[str, str]]:
     return sections
 
 
+def _place(at: int, dtype: str, chosen: int | range) -> Place:
+    """The place of one number, or of some of them, of a list of `dtype` from the byte `at` on."""
+    width = int(dtype[2])
+    if isinstance(chosen, int):
+        return Place(at + chosen * width, dtype)
+    return Place(at + chosen.start * width, dtype, len(chosen), chosen.step * width, batch=True)
+
+
 class CdrTemplate:
     """The walk over one message."""
 
@@ -93,15 +101,17 @@ class CdrTemplate:
         if len(data) < ENCAPSULATION or data[1] not in (0, 1):
             raise NoPlanError
         self.data, self.definitions = data, definitions
+        self.wants = [(which, want.tokens) for which, want in enumerate(wants)]
         self.order = "<" if data[1] else ">"
         self.at = ENCAPSULATION
         self.parts = 0
         self.plan = MessagePlan(len(data), [None] * len(wants))
         self.plan.guard_exact(data, 0, 2)
 
-    def walk(self, root: str, wants: list[tuple[int, tuple[Token, ...]]]) -> MessagePlan:
+    def walk(self, root: str) -> MessagePlan:
+        """The plan of the message.  NoPlanError if it has none."""
         try:
-            self._structure(root, wants, 0)
+            self._structure(root, self.wants, 0)
         except (struct.error, KeyError, IndexError):
             raise NoPlanError from None
         return self.plan
@@ -169,18 +179,9 @@ class CdrTemplate:
             token = tokens[0] if tokens else slice(None)
             if len(tokens) > 1 or isinstance(token, str):
                 continue
-            if isinstance(token, int):
-                if token < length:
-                    self.plan.places[which] = Place(self.at + token * width, self.order + dtype)
+            if isinstance(token, int) and token >= length:
                 continue
-            chosen = range(length)[token]
-            self.plan.places[which] = Place(
-                self.at + chosen.start * width,
-                self.order + dtype,
-                len(chosen),
-                chosen.step * width,
-                batch=True,
-            )
+            self.plan.places[which] = _place(self.at, self.order + dtype, range(length)[token])
         self.at += length * width
 
     def _length(self) -> int:
@@ -201,18 +202,9 @@ def is_bounded(data: bytes, root: str, definitions: dict[str, list[CdrMember]]) 
     numbers.
     """
     try:
-        return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root, []))
+        return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root))
     except NoPlanError:
         return False
-
-
-def cdr_plan(
-    data: bytes, root: str, definitions: dict[str, list[CdrMember]], wants: list[RequestedField]
-) -> MessagePlan:
-    """The plan of one ROS 2 message.  NoPlanError if it has none."""
-    return CdrTemplate(data, definitions, wants).walk(
-        root, [(i, want.tokens) for i, want in enumerate(wants)]
-    )
 
 
 # ---- Protobuf messages as templates.
@@ -316,13 +308,7 @@ class ProtobufTemplate:
             token = tokens[0] if tokens else slice(None)
             if len(tokens) > 1 or isinstance(token, str):
                 raise NoPlanError
-            chosen = range(length // width)[token]
-            if isinstance(chosen, int):
-                self.plan.places[which] = Place(at + chosen * width, dtype)
-            else:
-                self.plan.places[which] = Place(
-                    at + chosen.start * width, dtype, len(chosen), chosen.step * width, batch=True
-                )
+            self.plan.places[which] = _place(at, dtype, range(length // width)[token])
 
     def _varint(self, at: int, end: int) -> tuple[int, int]:
         value = shift = 0

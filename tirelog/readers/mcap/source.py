@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -230,39 +231,30 @@ class MessagePlan:
             raise NoPlanError
         self.guards += [(at, 0xFF, data[at]) for at in range(start, stop)]
 
-    def freeze(self) -> FrozenPlan:
-        """The plan as arrays.  NoPlanError if a wanted path has no place."""
-        if any(place is None for place in self.places):
-            raise NoPlanError
+    @cached_property
+    def _guard_arrays(self) -> tuple[IntArray, NDArray[np.uint8], NDArray[np.uint8]]:
+        """(offsets, masks, values) of the guards, of which no more come once this is asked for."""
         table = np.array(self.guards, np.int64).reshape(-1, 3)
-        places = [place for place in self.places if place is not None]
-        return FrozenPlan(
-            self.size,
-            places,
-            table[:, 0],
-            table[:, 1].astype(np.uint8),
-            table[:, 2].astype(np.uint8),
-        )
+        return table[:, 0], table[:, 1].astype(np.uint8), table[:, 2].astype(np.uint8)
 
-
-@dataclass(frozen=True)
-class FrozenPlan:
-    size: int
-    places: list[Place]
-    at: NDArray[np.int64]
-    mask: NDArray[np.uint8]
-    value: NDArray[np.uint8]
-
-    def read(self, table: MessageTable) -> tuple[NDArray[np.bool_], list[FloatArray]]:
+    def read(self, table: MessageTable) -> tuple[NDArray[np.bool_], list[FieldColumn]]:
         """(which of the messages have this layout, their numbers for each wanted path).
 
-        All messages are of this size; the numbers have shape (m, count).
+        All messages are of this size.  NoPlanError if a wanted path has no place.
         """
         bytes_ = message_rows(table.data, table.starts, self.size)
-        fits = ((bytes_[:, self.at] & self.mask) == self.value).all(axis=1)
+        at, mask, value = self._guard_arrays
+        fits = ((bytes_[:, at] & mask) == value).all(axis=1)
         if not fits.all():
             bytes_ = bytes_[fits]
-        return fits, [_numbers(bytes_, place) for place in self.places]
+        columns = []
+        for place in self.places:
+            if place is None:
+                raise NoPlanError
+            values = _numbers(bytes_, place)
+            lengths = np.full(values.shape[0], values.shape[1]) if place.batch else None
+            columns.append(FieldColumn(values.ravel(), lengths))
+        return fits, columns
 
 
 def _numbers(bytes_: NDArray[np.uint8], place: Place) -> FloatArray:

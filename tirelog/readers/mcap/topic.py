@@ -261,14 +261,10 @@ class Topic:
                 values[spread(starts, own), k] = column.values
             if self.setup.channels[group.group.channels[k]].kind in WAVELENGTH_KINDS:
                 values[~(values[:, k] > 0.0), k] = np.nan
-        within = (
-            spread(np.zeros(keys.size, np.int64), lengths)
-            if group.batched
-            else np.zeros(keys.size, np.int64)
-        )
-        if within.size != values.shape[0]:  # single samples were expected, and batches came
-            group.batched = True
-            within = spread(np.zeros(keys.size, np.int64), lengths)
+        group.batched |= values.shape[0] != keys.size  # though single samples were expected
+        within = np.zeros(keys.size, np.int64)
+        if group.batched:
+            within = spread(within, lengths)
         return np.repeat(keys, lengths), np.repeat(stamps, lengths), within, values
 
 

@@ -15,7 +15,7 @@ import re
 import subprocess
 import sys
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -32,23 +32,6 @@ _MOST_SAID, _MOST_LETTERS = 50, 300
 
 class NoNumbers(Exception):
     """A sentence on why nothing of the log can be read."""
-
-
-@dataclass
-class Answer:
-    """What is said of a conversion, gathered on its way."""
-
-    losses: list[str] = field(default_factory=list)
-    passed_over: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
-    start: str | None = None
-
-    def told(self) -> dict[str, object]:
-        """All of it, shortened."""
-        return {
-            name: [one_line(sentence) for sentence in getattr(self, name)[:_MOST_SAID]]
-            for name in ("losses", "passed_over", "remarks")
-        } | {"start": self.start}
 
 
 def one_line(sentence: object) -> str:
@@ -77,16 +60,23 @@ def limit(memory_bytes: int, disk_bytes: int, seconds: int) -> None:
 
 
 def main() -> None:
-    """MODULE LOG MADE ANSWER MEMORY DISK SECONDS: converts, and writes the answer as JSON."""
-    module, source, target, answer_file, *limits = sys.argv[1:]
-    answer = Answer()
+    """FORMAT LOG MADE ANSWER MEMORY DISK SECONDS: converts, and writes the answer as JSON."""
+    format, source, target, answer_file, *limits = sys.argv[1:]
+    answer = Converted()
     try:
         converters = importlib.import_module("tirelog.readers.other.datasets")
-        load, convert = (getattr(converters, f"{act}_{module}") for act in ("load", "convert"))
-        load()
+        for module in FORMATS[format].imports or (FORMATS[format].library,):
+            importlib.import_module(module)
+        if format == "Feather":
+            converters.start_arrow()
         limit(*(int(most) for most in limits))
+        convert = getattr(converters, f"convert_{FORMATS[format].module}")
         convert(Path(source), Path(target), answer)
-        told = answer.told()
+        told: dict[str, object] = {
+            name: [one_line(sentence) for sentence in sentences[:_MOST_SAID]]
+            for name, sentences in vars(answer).items()
+            if name != "start"
+        } | {"start": answer.start}
     except MemoryError:
         told = {"error": "it takes too much memory"}
     except NoNumbers as problem:
@@ -110,7 +100,8 @@ _OFFICE = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetype")
 class ExtraFormat:
     """A format that `convert_MODULE` in `datasets` makes the format `made`.
 
-    `name` in sentences, `library` as it is imported, `package` and `extra` as they are installed.
+    `name` in sentences, `library` as it is imported, `package` and `extra` as they are installed;
+    `imports` are loaded before the limits are set, if not the library alone.
     """
 
     name: str
@@ -119,6 +110,7 @@ class ExtraFormat:
     library: str
     package: str = ""
     extra: str = ""
+    imports: tuple[str, ...] = ()
 
 
 FORMATS = {
@@ -131,10 +123,24 @@ FORMATS = {
         "python-calamine",
         "excel",
     ),
-    "ROS bag": ExtraFormat("a ROS bag", "bag", "MCAP", "rosbags", "rosbags", "ros"),
+    "ROS bag": ExtraFormat(
+        "a ROS bag",
+        "bag",
+        "MCAP",
+        "rosbags",
+        "rosbags",
+        "ros",
+        ("mcap.writer", "rosbags.rosbag1", "rosbags.rosbag2", "rosbags.typesys", "zstandard"),
+    ),
     "MDF": ExtraFormat("an MDF measurement", "mdf", "HDF5", "asammdf", "asammdf", "mdf"),
     "UFF": ExtraFormat("a universal file (UFF)", "uff", "HDF5", "pyuff", "pyuff", "uff"),
-    "Feather": ExtraFormat("an Arrow or Feather file", "feather", "Parquet", "pyarrow"),
+    "Feather": ExtraFormat(
+        "an Arrow or Feather file",
+        "feather",
+        "Parquet",
+        "pyarrow",
+        imports=("pyarrow.ipc", "pyarrow.parquet"),
+    ),
 }
 
 
@@ -179,9 +185,15 @@ def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, Co
     ReadError: its library is not installed, or it holds no numbers that can be read.
     """
     what = FORMATS[format]
-    _check_library(what, log)
+    if find_spec(what.library) is None:
+        raise ReadError(
+            f"is {what.name}, which {what.package} reads, and that is not installed",
+            allowed="read without an extra are text, MCAP, HDF5, MATLAB, Parquet, Feather and WAV",
+            do=f"install it: pip install 'tirelog[{what.extra}]'",
+            file=log,
+        )
     target, answer = folder / "log.made", folder / "answer.json"
-    ended = _run(what, source, target, answer)
+    ended = _run(format, source, target, answer)
     try:
         with answer.open("rb") as file:
             told = json.loads(file.read(_ANSWER_BYTES))
@@ -201,29 +213,17 @@ def convert(format: str, source: Path, folder: Path, log: str) -> tuple[Path, Co
             do="copy it again, save it without a password, or export the signals in parts",
             file=log,
         )
-    return target, Converted(
-        tuple(told["losses"]), tuple(told["passed_over"]), tuple(told["remarks"]), told["start"]
-    )
+    return target, Converted(**told)
 
 
-def _check_library(what: ExtraFormat, log: str) -> None:
-    if find_spec(what.library) is None:
-        raise ReadError(
-            f"is {what.name}, which {what.package} reads, and that is not installed",
-            allowed="read without an extra are text, MCAP, HDF5, MATLAB, Parquet, Feather and WAV",
-            do=f"install it: pip install 'tirelog[{what.extra}]'",
-            file=log,
-        )
-
-
-def _run(what: ExtraFormat, source: Path, target: Path, answer: Path) -> int:
+def _run(format: str, source: Path, target: Path, answer: Path) -> int:
     """The exit status of the child, which is never waited for longer than it may work."""
     seconds = _START_SECONDS + source.stat().st_size // _BYTES_PER_SECOND
     code = (
         f"import sys; sys.path[:] = {sys.path!r}; "
         "from tirelog.readers.other.conversion import main; main()"
     )
-    words = [what.module, str(source.resolve()), str(target), str(answer)]
+    words = [format, str(source.resolve()), str(target), str(answer)]
     limits = [str(n) for n in (MEMORY_BYTES, DISK_BYTES, seconds)]
     try:
         return subprocess.run(

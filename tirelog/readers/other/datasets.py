@@ -10,6 +10,7 @@ import datetime as dt
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,7 +19,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.other.conversion import Answer, NoNumbers, one_line
+from tirelog.readers.base import Converted
+from tirelog.readers.other.conversion import NoNumbers, one_line
 
 # ---- An HDF5 file of columns, which a converter fills piece by piece.
 
@@ -39,7 +41,7 @@ def proper(name: object) -> str:
 class Datasets:
     """The HDF5 file at `path`; what is no number is passed over in the answer."""
 
-    def __init__(self, path: Path, answer: Answer) -> None:
+    def __init__(self, path: Path, answer: Converted) -> None:
         self.file, self.answer, self.many = h5py.File(path, "w"), answer, 0
 
     def __enter__(self) -> Self:
@@ -116,12 +118,7 @@ class Datasets:
 _FEWEST_ROWS, _LOOKED_AT = 2, 10_000
 
 
-def load_excel() -> None:
-    """Imports what reads it."""
-    import python_calamine  # noqa: F401
-
-
-def convert_excel(source: Path, target: Path, answer: Answer) -> None:
+def convert_excel(source: Path, target: Path, answer: Converted) -> None:
     """Writes the rows of one sheet to `target`.  NoNumbers: no sheet has rows of numbers."""
     from python_calamine import CalamineWorkbook
 
@@ -131,13 +128,15 @@ def convert_excel(source: Path, target: Path, answer: Answer) -> None:
             sheet = book.get_sheet_by_name(name)
             rows = sheet.iter_rows()
             some = [row for row, _ in zip(rows, range(_LOOKED_AT), strict=False)]
-            if sum(any(_is_number(cell) for cell in row) for row in some) < _FEWEST_ROWS:
+            with_numbers = (
+                any(isinstance(cell, int | float) and not isinstance(cell, bool) for cell in row)
+                for row in some
+            )
+            if sum(with_numbers) < _FEWEST_ROWS:
                 continue
             with target.open("w", encoding="utf-8", newline="\n") as made:
-                for row in some:
-                    made.write(_line(row))
-                for row in rows:
-                    made.write(_line(row))
+                for row in chain(some, rows):
+                    made.write("\t".join(map(_text, row)).rstrip("\t") + "\n")
             others = [one_line(other) for other in names if other != name]
             if others:
                 told = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
@@ -147,14 +146,6 @@ def convert_excel(source: Path, target: Path, answer: Answer) -> None:
                 )
             return
     raise NoNumbers("no sheet has rows of numbers")
-
-
-def _is_number(cell: object) -> bool:
-    return isinstance(cell, int | float) and not isinstance(cell, bool)
-
-
-def _line(row: list[Any]) -> str:
-    return "\t".join(map(_text, row)).rstrip("\t") + "\n"
 
 
 def _text(cell: object) -> str:
@@ -174,11 +165,10 @@ def _text(cell: object) -> str:
 # ---- Feather 2 and Arrow files as Parquet, batch by batch, each checked before it is used.
 
 
-def load_feather() -> None:
-    """Imports what reads it, and starts the threads that it would start later."""
+def start_arrow() -> None:
+    """Starts the threads that arrow would start later, when memory is limited."""
     import pyarrow as pa
     import pyarrow.ipc as ipc
-    import pyarrow.parquet
 
     pa.set_cpu_count(1)
     pa.set_io_thread_count(1)
@@ -190,7 +180,7 @@ def load_feather() -> None:
         file.get_batch(0)
 
 
-def convert_feather(source: Path, target: Path, answer: Answer) -> None:
+def convert_feather(source: Path, target: Path, answer: Converted) -> None:
     """Writes the columns of numbers and of times to `target`.  NoNumbers: it has none."""
     import pyarrow as pa
     import pyarrow.ipc as ipc
@@ -226,16 +216,7 @@ _MESSAGE_BYTES, _CHUNK_BYTES = 1 << 23, 1 << 20
 _MOST_TYPES, _MOST_VALUES = 500, 1 << 16
 
 
-def load_bag() -> None:
-    """Imports what reads it."""
-    import mcap.writer  # noqa: F401
-    import rosbags.rosbag1
-    import rosbags.rosbag2
-    import rosbags.typesys  # noqa: F401
-    import zstandard  # noqa: F401
-
-
-def convert_bag(source: Path, target: Path, answer: Answer) -> None:
+def convert_bag(source: Path, target: Path, answer: Converted) -> None:
     """Writes the messages of the bag's topics to `target`.  NoNumbers: it has none."""
     from mcap.writer import CompressionType, Writer
 
@@ -275,7 +256,7 @@ def _opened(source: Path, target: Path, first: bool) -> Iterator[Any]:
 class _Topics:
     """The channels of the MCAP that is written."""
 
-    def __init__(self, writer: Any, answer: Answer) -> None:
+    def __init__(self, writer: Any, answer: Converted) -> None:
         self.writer, self.answer = writer, answer
         self.channels: dict[int, tuple[int, Any]] = {}  # with the store that makes ROS 1 CDR
         self.names: dict[int, str] = {}
@@ -406,12 +387,7 @@ _FORMULA = re.compile(r"(?:[-+*/() \t]|\d+\.?\d*(?:[eE][-+]?\d+)?|[Xx]1?)*")
 _MDF_LETTERS, _MOST_DEPTH = 200, 8
 
 
-def load_mdf() -> None:
-    """Imports what reads it."""
-    import asammdf  # noqa: F401
-
-
-def convert_mdf(source: Path, target: Path, answer: Answer) -> None:
+def convert_mdf(source: Path, target: Path, answer: Converted) -> None:
     """Writes the channels of numbers to `target`, with the times of each group."""
     from asammdf import MDF
 
@@ -440,7 +416,7 @@ def convert_mdf(source: Path, target: Path, answer: Answer) -> None:
                     to.add(
                         made,
                         "time" if is_time else channel.name,
-                        _all(first, pieces),
+                        chain([first], pieces),
                         {"units": "s" if is_time else unit[0]},
                     )
                 except MemoryError:
@@ -449,11 +425,6 @@ def convert_mdf(source: Path, target: Path, answer: Answer) -> None:
                 except Exception as problem:
                     kind = type(problem).__name__
                     answer.losses.append(f"{proper(channel.name)} cannot be read ({kind})")
-
-
-def _all(first: NDArray[Any], rest: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:
-    yield first
-    yield from rest
 
 
 def _pieces(
@@ -488,23 +459,18 @@ def unsafe_formula(conversion: Any, depth: int = 0) -> str:
     if long or "**" in formula or not _FORMULA.fullmatch(formula):
         return str(formula)[:40] or "of formulas"
     inside = getattr(conversion, "referenced_blocks", None) or {}
-    found = (unsafe_formula(one, depth + 1) for one in inside.values() if not _is_text(one))
+    found = (
+        unsafe_formula(one, depth + 1)
+        for one in inside.values()
+        if not isinstance(one, bytes | str)
+    )
     return next((formula for formula in found if formula), "")
-
-
-def _is_text(block: object) -> bool:
-    return isinstance(block, bytes | str)
 
 
 # ---- LabVIEW's TDMS as HDF5: /group/channel, with its unit and the step of its samples.
 
 
-def load_tdms() -> None:
-    """Imports what reads it."""
-    import nptdms  # noqa: F401
-
-
-def convert_tdms(source: Path, target: Path, answer: Answer) -> None:
+def convert_tdms(source: Path, target: Path, answer: Converted) -> None:
     """Writes the channels of numbers and of times to `target`."""
     from nptdms import TdmsFile
 
@@ -566,12 +532,7 @@ _END_BYTES = 400
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
-def load_uff() -> None:
-    """Imports what reads it."""
-    import pyuff  # noqa: F401
-
-
-def convert_uff(source: Path, target: Path, answer: Answer) -> None:
+def convert_uff(source: Path, target: Path, answer: Converted) -> None:
     """Writes the sets that are signals in time to `target`."""
     import pyuff
 
@@ -629,11 +590,7 @@ def _write(to: Datasets, name: str, one: dict[str, Any]) -> None:
     attributes = {"units": unit if unit.upper() != "NONE" else None}
     if even:
         attributes["dt"] = one.get("abscissa_inc")
-    to.add(group, "values", [np.asarray(one["data"])[: _declared(one)]], attributes)
+    many = max(int(one.get("num_pts", 0)), 0)  # behind them stand line ends and padding
+    to.add(group, "values", [np.asarray(one["data"])[:many]], attributes)
     if not even:
-        to.add(group, "time", [np.asarray(one["x"])[: _declared(one)]], {"units": "s"})
-
-
-def _declared(one: dict[str, Any]) -> int:
-    """How many values the set says it has: behind them stand line ends and padding."""
-    return max(int(one.get("num_pts", 0)), 0)
+        to.add(group, "time", [np.asarray(one["x"])[:many]], {"units": "s"})

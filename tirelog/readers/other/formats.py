@@ -40,22 +40,13 @@ def is_hdf5(head: bytes) -> bool:
     return any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048))
 
 
-def is_matlab(head: bytes) -> bool:
-    """True for MATLAB 5 to 7.2; 7.3 is HDF5."""
-    return len(head) >= 128 and head[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
-
-
-def is_wav(head: bytes) -> bool:
-    return head[:4] in (b"RIFF", b"RF64", b"BW64") and head[8:12] == b"WAVE"
-
-
 def name_of(head: bytes) -> str:
     """HDF5, MCAP, ..., a name of `FORMATS`, or '' for a log of text."""
     tests = {
         "HDF5": is_hdf5(head),
-        "MATLAB": is_matlab(head),
+        "MATLAB": head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),  # 5 to 7.2; 7.3 is HDF5
         "Parquet": head.startswith(PARQUET_MAGIC),
-        "WAV": is_wav(head),
+        "WAV": head[:4] in (b"RIFF", b"RF64", b"BW64") and head[8:12] == b"WAVE",
         "MCAP": head.startswith(MCAP_MAGIC),
     }
     return next((name for name, found in tests.items() if found), "") or extra_format(head)

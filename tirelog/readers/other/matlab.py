@@ -15,7 +15,6 @@ import math
 import re
 import struct
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -76,14 +75,14 @@ def convert(source: Path, target: Path, log: str) -> Converted:
         work = _Conversion(file, made, target.with_name("element"))
         work.run()
     if not work.arrays:
-        told = "; ".join([*work.losses[:3], *work.passed_over[:3]])
+        told = "; ".join([*work.said.losses[:3], *work.said.passed_over[:3]])
         raise ReadError(
             f"holds no array of numbers that can be read{f' ({told})' if told else ''}",
             allowed="allowed are real arrays of numbers",
             do="save them as such, or with -v7.3",
             file=log,
         )
-    return Converted(tuple(work.losses), tuple(work.passed_over))
+    return work.said
 
 
 class _Conversion:
@@ -91,8 +90,7 @@ class _Conversion:
 
     def __init__(self, file: BinaryIO, made: h5py.File, scratch: Path) -> None:
         self.file, self.made, self.scratch = file, made, scratch
-        self.losses: list[str] = []
-        self.passed_over: list[str] = []
+        self.said = Converted()
         self.arrays = 0
         self.left = _MOST_TOTAL_BYTES
         head = file.read(128)
@@ -106,19 +104,15 @@ class _Conversion:
             number += 1
             self.file.seek(at)
             try:
-                kind, length = self._top()
+                kind, length = struct.unpack(self.order + "II", self.file.read(8))
                 self._element(kind, at + 8, min(length, size - at - 8))
                 if length > size - at - 8:
                     raise _Damaged("the file is cut off")
             except (_Damaged, struct.error, *_LIBRARY_ERRORS) as problem:
-                self.losses.append(f"variable {number}: {problem}; copy the file again")
+                self.said.losses.append(f"variable {number}: {problem}; copy the file again")
                 if at + 8 >= size or isinstance(problem, struct.error):
                     return
             at += 8 + length
-
-    def _top(self) -> tuple[int, int]:
-        kind, length = struct.unpack(self.order + "II", self.file.read(8))
-        return kind, length
 
     def _element(self, kind: int, start: int, length: int) -> None:
         if kind == _MATRIX:
@@ -139,8 +133,9 @@ class _Conversion:
     def _unpack(self, start: int, length: int, plain: BinaryIO) -> None:
         """The element's bytes, as far as they are whole."""
         unpacker, room = zlib.decompressobj(), min(_MOST_BYTES, self.left)
-        for piece in self._pieces(start, length):
-            rest = piece
+        self.file.seek(start)
+        while length > 0 and (rest := self.file.read(min(length, 1 << 16))):
+            length -= len(rest)
             while not unpacker.eof:
                 try:
                     part = unpacker.decompress(rest, _PIECE_BYTES)
@@ -154,12 +149,6 @@ class _Conversion:
                 plain.write(part)
                 if not part and not rest:
                     break
-
-    def _pieces(self, start: int, length: int) -> Iterator[bytes]:
-        self.file.seek(start)
-        while length > 0 and (piece := self.file.read(min(length, 1 << 16))):
-            length -= len(piece)
-            yield piece
 
 
 def _text(name: bytes) -> str:
@@ -203,7 +192,7 @@ class _Matrices:
         kind = flags[0] & 0xFF if flags else 0
         if kind == _OPAQUE:  # which has no axes
             name, _ = self._bytes(at, _MOST_NAME_BYTES)
-            self.work.passed_over.append(f"{path or '/' + _text(name)} is {_KINDS[kind]}")
+            self.work.said.passed_over.append(f"{path or '/' + _text(name)} is {_KINDS[kind]}")
             return self.end
         dims, at = self._whole(at, _MOST_AXES)
         name, at = self._bytes(at, _MOST_NAME_BYTES)
@@ -221,7 +210,7 @@ class _Matrices:
         deep = "structures within structures" if kind in (_STRUCT, _CELL) else "an unknown kind"
         told = "complex" if flags[0] & _COMPLEX else _KINDS.get(kind, deep)
         if kind != _TEXT:
-            self.work.passed_over.append(f"{path} is {told}")
+            self.work.said.passed_over.append(f"{path} is {told}")
         return self.end
 
     def _nested(self, at: int, path: str, depth: int) -> int:
@@ -267,13 +256,13 @@ class _Matrices:
         there = max(min(length, self.end - first), 0) // dtype.itemsize
         parts = re.split(r"/", path[1:])
         if not all(re.fullmatch(r"[A-Za-z]\w{0,62}[\w(){}]{0,40}", part) for part in parts):
-            self.work.passed_over.append(f"{path[:40]!r} has no proper name")
+            self.work.said.passed_over.append(f"{path[:40]!r} has no proper name")
             return behind
-        shape = tuple(size for size in dims[::-1])
+        shape = dims[::-1]
         if there < total:
             missing = f"{path}: {total - there} of {total} numbers are not in the file"
             rows = there // (total // shape[0])
-            self.work.losses.append(f"{missing}; copy it again")
+            self.work.said.losses.append(f"{missing}; copy it again")
             shape = (rows, *shape[1:])
             if len(dims) == 2 and shape[0] * shape[1] == 0 and dims[1] == 1:
                 shape = (1, there)  # a column that is cut keeps what is there
@@ -281,10 +270,12 @@ class _Matrices:
             if not total:
                 return behind
         if path in self.work.made:
-            self.work.passed_over.append(f"{path} is there twice; the first is taken")
+            self.work.said.passed_over.append(f"{path} is there twice; the first is taken")
             return behind
         if len(shape) > 2 and math.prod(shape[1:]) * dtype.itemsize > _MOST_ROW_BYTES:
-            self.work.passed_over.append(f"{path} has rows of more than {_MOST_ROW_BYTES >> 20} MB")
+            self.work.said.passed_over.append(
+                f"{path} has rows of more than {_MOST_ROW_BYTES >> 20} MB"
+            )
             return behind
         self._copy(path, dtype, first, shape)
         self.work.arrays += 1

@@ -469,11 +469,11 @@ def placed(layout: Layout) -> Layout:
     names = layout.names
     if not names or layout.ragged or layout.counts or len(names) == layout.width:
         return _lone_mark(layout)
-    if _trailing(layout):
+    blank = layout.kinds[layout.width - 1] == "blank"
+    if len(names) == layout.width - 1 and blank:  # a separator behind the last cell
         return layout
     if len(names) == layout.width + 1 and _REMARKS.fullmatch(bare(names[-1])):
         return replace(layout, width=len(names), kinds=(*layout.kinds[: layout.width], "blank"))
-    blank = layout.kinds[layout.width - 1] == "blank"
     if len(names) == layout.width - blank - 1 and _is_row_number(layout):
         more = ("",) * blank
         return replace(
@@ -571,11 +571,6 @@ def _keeps_places(layout: Layout) -> bool:
     """
     blanks = any("" in row[: filled(row)] for row in layout.rows)
     return blanks and max(map(filled, layout.rows)) <= len(layout.names)
-
-
-def _trailing(layout: Layout) -> bool:
-    """True if the rows merely have a separator behind the last cell."""
-    return len(layout.names) == layout.width - 1 and layout.kinds[layout.width - 1] == "blank"
 
 
 def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:

@@ -27,7 +27,7 @@ from tirelog.vocabulary import units
 
 
 #: for `str.translate`: a number stays one, whatever its digits
-DIGITS_ALIKE = dict.fromkeys(map(ord, "123456789"), "0")
+_DIGITS_ALIKE = dict.fromkeys(map(ord, "123456789"), "0")
 #: a time of day that ends with a colon and stands before the first separator
 TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
 
@@ -67,7 +67,7 @@ class LineCells(dict[int, list[str]]):
     def __init__(self, lines: list[str], separator: str, timed: bool) -> None:
         super().__init__()
         self._lines, self._how = lines, (separator, timed)
-        self.alike = "\n".join(lines).translate(DIGITS_ALIKE).split("\n")
+        self.alike = "\n".join(lines).translate(_DIGITS_ALIKE).split("\n")
 
     def enclose(self, number: int, width: int) -> bool:
         """True if a line of `width` cells has separators within them."""
@@ -221,7 +221,8 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         names,
         unit_row,
         width,
-        _ragged(rows, width),
+        # more than a stray row differs in width
+        sum(len(row) != width for row in rows[:-1]) > max(1, len(rows) // 50),
         tuple(
             _column_kind([row[k] for row in rows if k < len(row)], decimal)
             for k in range(max(map(len, rows)))
@@ -355,20 +356,9 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
     return choice
 
 
-def _is_row(cells: list[str], decimal: str, like: str, plain: set[str]) -> bool:
-    """True if a line's first cell is of the rows' kind and half of it can be read.
-
-    At least half of its cells. `plain`: how cells behind the first look that were all numbers, each
-    digit as a 0; it grows. Most rows look like one before, and are not read cell by cell.
-    """
-    behind = "\n".join(cells[1:]).translate(DIGITS_ALIKE)
-    kinds = [_kind(cells[0], decimal)]
-    if behind in plain:
-        kinds += ["number"] * (len(cells) - 1)
-    else:
-        kinds += [_kind(cell, decimal) for cell in cells[1:]]
-        if all(kind == "number" for kind in kinds[1:]):
-            plain.add(behind)
+def _is_row(cells: list[str], decimal: str, like: str) -> bool:
+    """True if a line's first cell is of the rows' kind and at least half of its cells are read."""
+    kinds = [_kind(cell, decimal) for cell in cells]
     readable = sum(kind != "text" for kind in kinds)
     first = kinds[0] == like or {kinds[0], like} <= {"number", "blank"}
     return (
@@ -384,17 +374,14 @@ def _first_row(full: list[int], cells: LineCells, decimal: str, most: int) -> in
     like = Counter(_kind(cells[i][0], decimal) for i in tail[len(tail) // 4 :]).most_common(1)[0][0]
     if like == "text":
         return None
-    plain: set[str] = set()
     rows: dict[int, bool] = {}
     widths: dict[int, int] = {}
-    of_numbers: dict[str, tuple[bool, int]] = {}  # what lines of nothing but numbers look like
+    looks: dict[str, tuple[bool, int]] = {}  # most lines look like one before, and are not cut
     for i in full:
-        known = of_numbers.get(cells.alike[i])
-        if known is None:
-            known = _is_row(cells[i], decimal, like, plain), len(cells[i])
-            if all(is_number(cell, decimal) for cell in cells[i]):
-                of_numbers[cells.alike[i]] = known
-        rows[i], widths[i] = known
+        look = cells.alike[i]
+        if look not in looks:
+            looks[look] = _is_row(cells[i], decimal, like), len(cells[i])
+        rows[i], widths[i] = looks[look]
     usual = Counter(widths[i] for i in tail if rows[i]).most_common(1)
     if not usual:
         return None
@@ -428,11 +415,6 @@ def _rows_above(
     like = Counter(tuple(_kind(cell, decimal) for cell in row) for row in rows).most_common(1)[0][0]
     many = sum(tuple(_kind(cell, decimal) for cell in cells[i]) == like for i in above)
     return many if many >= _FEWEST_ABOVE else 0
-
-
-def _ragged(rows: list[list[str]], width: int) -> bool:
-    """True if more than a stray row differs in width."""
-    return sum(len(row) != width for row in rows[:-1]) > max(1, len(rows) // 50)
 
 
 def _spoilt(above: list[int], cells: dict[int, list[str]], width: int, decimal: str) -> bool:

@@ -14,10 +14,11 @@ could not read.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,12 +223,30 @@ def without_lost(wavelengths: FloatArray) -> FloatArray:
     return np.where((wavelengths == 0.0) | (wavelengths == -1.0), np.nan, wavelengths)
 
 
-def joined_blocks(stamps: list[Nanoseconds]) -> Nanoseconds:
-    """Date plus time of day."""
-    if len(stamps) == 1:
-        return stamps[0]
-    total = stamps[0] + np.where(stamps[1] == MISSING, 0, stamps[1])
-    return np.where((stamps[0] == MISSING) | (stamps[1] == MISSING), MISSING, total)
+def stamps_ns(
+    plan: RowPlan, data: NDArray[np.uint8], span: Callable[[int], tuple[IntArray, IntArray]]
+) -> Nanoseconds:
+    """The stamps of rows, a date plus a time of day if these are two columns.
+
+    `span` gives the first bytes of a column's cells and the bytes behind them.
+    """
+    columns = plan.columns
+    parts = [
+        column_ns(data, *span(k), form, plan.us)
+        for k, form in ((columns.time, columns.form), (columns.clock, "hms"))
+        if k is not None
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    date, clock = parts
+    return np.where((date == MISSING) | (clock == MISSING), MISSING, date + clock)
+
+
+def error_counts(block: Block, starts: IntArray, stops: IntArray) -> IntArray:
+    """How many error codes of each cell are not 0."""
+    cells = [block[a:b].decode("latin-1") for a, b in zip(starts.tolist(), stops.tolist())]
+    codes = {cell: len(re.findall(ERROR_CODE, cell)) for cell in set(cells)}
+    return np.array([codes[cell] for cell in cells], np.int64)
 
 
 # ---- A block of text cell by cell.
@@ -341,7 +360,7 @@ class _Rows:
         out.number = None if columns.number is None else at[columns.number]
         out.stamps = None if stamps is None else stamps[rows]
         if columns.errors is not None:
-            out.errors = self._errors(rows, columns.errors)
+            out.errors = error_counts(self.block, *self._span(rows, columns.errors))
         if columns.peaks:
             self._peaks(out, rows)
         out.size = rows.size
@@ -407,14 +426,7 @@ class _Rows:
             return None
         rows = np.arange(self.first.size - 1)
         if columns.form != "number":
-            parts = [(columns.time, columns.form), (columns.clock, "hms")]
-            return joined_blocks(
-                [
-                    column_ns(self.data, *self._span(rows, k), form, self.plan.us)
-                    for k, form in parts
-                    if k is not None
-                ]
-            )
+            return stamps_ns(self.plan, self.data, partial(self._span, rows))
         if not self.plan.exact:
             return self._column(rows, columns.time, np.ones(rows.size, bool))
         text = [
@@ -422,10 +434,6 @@ class _Rows:
             for a, b in zip(*self._span(rows, columns.time))
         ]
         return np.array([_tick(cell, self.plan.tick_places) for cell in text], np.int64)
-
-    def _errors(self, rows: IntArray, k: int) -> IntArray:
-        cells = [self.block[a:b].decode("latin-1") for a, b in zip(*self._span(rows, k))]
-        return np.array([len(re.findall(ERROR_CODE, cell)) for cell in cells], np.int64)
 
     def _peaks(self, out: Parsed, rows: IntArray) -> None:
         """The flat list of peaks behind the other columns, and the counts in front of it."""
@@ -607,7 +615,7 @@ class _Table:
         if columns.number is not None:
             out.number = self.floats[self.slots[columns.number], : self.size]
         if columns.errors is not None:
-            out.errors = self._errors(columns.errors)
+            out.errors = error_counts(self.block, *self._spans(columns.errors))
         for row, column, start, stop in self.hard[self.unread].tolist():
             if column in out.values:
                 out.bad_cells.append(
@@ -643,28 +651,11 @@ class _Table:
             return (self.ticks if self.plan.exact else self.floats)[
                 self.slots[columns.time], : self.size
             ]
-        data = bytes_of(self.block)
-        parts = [(columns.time, columns.form), (columns.clock, "hms")]
-        return joined_blocks(
-            [
-                column_ns(data, *self._spans(k), form, self.plan.us)
-                for k, form in parts
-                if k is not None
-            ]
-        )
+        return stamps_ns(self.plan, bytes_of(self.block), self._spans)
 
     def _spans(self, k: int) -> tuple[IntArray, IntArray]:
         spans = self.spans[self.slots[k], : self.size]
         return spans["first"], spans["stop"]
-
-    def _errors(self, k: int) -> IntArray:
-        """How many error codes of each row are not 0."""
-        cells = [
-            self.block[a:b].decode("latin-1")
-            for a, b in zip(*(edge.tolist() for edge in self._spans(k)))
-        ]
-        codes = {cell: len(re.findall(ERROR_CODE, cell)) for cell in set(cells)}
-        return np.array([codes[cell] for cell in cells], np.int64)
 
 
 _OUTPUTS = (COUNT, FLOAT, TICK, SPAN)

@@ -93,14 +93,7 @@ class TextReader:
 
     def __init__(self, source: ByteSource, setup: Setup, name: str) -> None:
         self.name, self._source = name, source
-        head = source.head()
-        if source.problem and not head.strip():
-            raise ReadError(
-                f"{source.problem}; nothing before that could be unpacked",
-                do="copy the log again",
-                file=name,
-            )
-        self.layout = placed(sniff(head, name, setup.log))
+        self.layout = placed(sniff(source.head(), name, setup.log))
         self.columns = assign_columns(self.layout, setup, name)
         setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
         self.setup = setup
@@ -451,14 +444,7 @@ _WAVELENGTHS_NM = (600.0, 2500.0)
 def columns(source: ByteSource, log: str) -> SeriesList:
     """The columns of numbers, or the gratings of a list of peaks.  ReadError: no rows."""
     try:
-        head = source.head()
-        if source.problem and not head.strip():
-            raise ReadError(
-                f"{source.problem}; nothing before that could be unpacked",
-                do="copy the log again",
-                file=log,
-            )
-        layout = placed(sniff(head, log))
+        layout = placed(sniff(source.head(), log))
     finally:
         source.close()
     taken, time = clock_columns(layout, Setup())

@@ -210,10 +210,16 @@ class ByteSource:
             )
 
     def head(self) -> bytes:
-        """The first bytes, which `blocks` gives again."""
+        """The first bytes, which `blocks` gives again.  ReadError: none could be unpacked."""
         if len(self._held) < HEAD_BYTES:
             more = bytearray(HEAD_BYTES - len(self._held))
             self._held += more[: self._into(more)]
+        if self.problem and not self._held.strip():
+            raise ReadError(
+                f"{self.problem}; nothing before that could be unpacked",
+                do="copy the log again",
+                file=self.name,
+            )
         return self._held
 
     def damage(self) -> str:
