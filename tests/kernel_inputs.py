@@ -760,7 +760,7 @@ def _(rng: np.random.Generator) -> Arguments:
     for tire in tires:
         tire.u += 1e-3 * rng.normal(size=size)
     drive = orders(9, speed=8.0, load=2000.0, torque=20.0, step=step)
-    rider = strain_rider(made, 0.3).rows
+    rider = strain_rider(made, 0.3)
 
     def work() -> Any:
         return kernel.StepRoom(*rng.normal(size=(8, size)), np.zeros(11))

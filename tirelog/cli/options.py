@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from importlib.util import find_spec
+from importlib import util
 from inspect import Parameter, Signature
 from pathlib import Path
 from pkgutil import resolve_name
@@ -98,7 +98,7 @@ def drawable(path: Path | None) -> Path | None:
     if path is None:
         return None
     refuse_no_picture(path)
-    if find_spec("matplotlib") is None:
+    if util.find_spec("matplotlib") is None:
         raise no_matplotlib()
     return in_a_folder(path)
 

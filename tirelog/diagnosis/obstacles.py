@@ -524,7 +524,7 @@ class HitResult:
         covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
         # A hit of which the model covers less than this share may be something else than the
         # obstacle. Twice as much marks also hits of which a third is explained.
-        quality = quality_text(0 if covered > 0.2 else Quality.UNLIKE)
+        unlike = 0 if covered > 0.2 else Quality.UNLIKE
         return {
             **self._name(),
             "time_s": hit.time_s,
@@ -536,7 +536,7 @@ class HitResult:
             "samples": int(hit.since_s.size),
             **errors,
             "covered": covered,
-            "quality": quality,
+            "quality": quality_text(unlike),
         }
 
     def time_rows(self) -> list[dict[str, Any]]:
