@@ -454,7 +454,7 @@ def step_beside_form(base: Base, without: Sequence[Assessed], known: Known) -> S
 
     The contenders are those `without` the form; the name is the one with which nothing is left,
     where the form alone leaves something. None if there is no such name. Its p is by flips of what
-    it gains in each manoeuvre, over all contenders.
+    it gains in each manoeuvre, times the number of candidates.
     """
     reasons = known[1]
     contenders = contend(base, without, reasons)
@@ -462,7 +462,7 @@ def step_beside_form(base: Base, without: Sequence[Assessed], known: Known) -> S
         return None
     gains = base.held_white - contenders[0].base.held_white
     as_much = flip_signs(gains.size) @ gains >= gains.sum() * (1.0 - 1e-9)
-    p = float(min(1.0, len(contenders) * as_much.mean()))
+    p = float(min(1.0, len(without) * as_much.mean()))
     if p > ALARM_P or not worth_it(base, contenders[0].base, p):
         return None
     best = replace(contenders[0], assessed=replace(contenders[0].assessed, p=p))

@@ -96,6 +96,11 @@ def groups_of(base: Base) -> tuple[str, ...]:
     return (*linear, *made_free)
 
 
+def newest(base: Base, before: Base) -> str:
+    """The nuisance that a base holds beyond those of the base `before` it."""
+    return next(name for name in groups_of(base) if name not in groups_of(before))
+
+
 def _all_free(model: Model, names: Sequence[str]) -> bool:
     return all(name in model.parameters and model.parameters[name].free for name in names)
 
@@ -235,8 +240,8 @@ def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
         more = best_nuisance(base, allowed, least)
         if more is None:
             break
-        base = with_scatter_estimated(more)
-        if groups_of(more)[-1] == FORM:
+        came_in, base = newest(more, base), with_scatter_estimated(more)
+        if came_in == FORM:
             break
     return base
 

@@ -38,6 +38,7 @@ from tirelog.diagnosis.candidates.nuisances import (
     form_explains,
     groups_of,
     needed_nuisances,
+    newest,
     rival_nuisances,
     with_nuisance,
     with_nuisances,
@@ -198,7 +199,7 @@ def _search(
     rivals = climb.rivals
     if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
-        progress(f"once more with {groups_of(climb.passed_over)[-1]} first")
+        progress(f"once more with {newest(climb.passed_over, base)} first")
         other = _climb(with_scatter_estimated(climb.passed_over), extra, progress, allowed)
         if other.after.reduced_chi2 < climb.after.reduced_chi2:
             climb = other
@@ -254,9 +255,9 @@ def _with_one_to_begin(
     """
     known = rival_nuisances(base, allowed) if rivals is None else rivals
     first = best_of(base, known, least=0.0)
-    if first is None or groups_of(first)[-1] in groups_of(climb.after):
+    if first is None or newest(first, base) in groups_of(climb.after):
         return climb
-    progress(f"once more with {groups_of(first)[-1]} to begin with")
+    progress(f"once more with {newest(first, base)} to begin with")
     other = _climb(with_scatter_estimated(first), extra, progress, allowed)
     came_in = len(groups_of(other.after)) - len(groups_of(base)) + other.named
     left = (other.after.reduced_chi2 - 1.0) / (base.reduced_chi2 - 1.0)
@@ -325,9 +326,9 @@ def _climb(
             step = step_beside_form(after, without, known) or step
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now):
-            climb.alike.append((groups_of(rival)[-1], named_now.id))
+            climb.alike.append((newest(rival, after), named_now.id))
         if rival is not None and (step is None or _leaves_less(rival, step)):
-            progress(f"beside the model: {groups_of(rival)[-1]}")
+            progress(f"beside the model: {newest(rival, after)}")
             climb.after = with_scatter_estimated(rival)
             if climb.steps:
                 climb.ground = None
@@ -365,13 +366,9 @@ def _leaves_less(rival: Base, step: Step) -> bool:
     """
     if step.named is None:
         return True
-    numbers = len(frees(rival.model, FORM)) if _is_form(rival) else 0
+    form = newest(rival, step.before) == FORM
+    numbers = len(frees(rival.model, FORM)) if form else 0
     return float(rival.held_white.sum()) + numbers < float(step.named.base.held_white.sum())
-
-
-def _is_form(rival: Base) -> bool:
-    """Is the tire's form the nuisance that came in last?"""
-    return groups_of(rival)[-1] == FORM
 
 
 def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
@@ -382,7 +379,8 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     clearly worse as soon as it leaves more than the floor, and is never alike to an effect that
     does the same under all conditions: one number that does it is the cause.
     """
-    if _is_form(rival) and not named.assessed.signature.effect.followed:
+    form = newest(rival, base) == FORM
+    if form and not named.assessed.signature.effect.followed:
         return False
     better, worse = sorted((rival, named.base), key=lambda refitted: refitted.noise_chi2)
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
@@ -392,7 +390,7 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     return not (
         quiet_waveforms(right)
         and not quiet_waveforms(worse)
-        and (_is_form(rival) or clearly_worse(worse, better))
+        and (form or clearly_worse(worse, better))
     )
 
 

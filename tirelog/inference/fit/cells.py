@@ -204,8 +204,8 @@ def errors_of(slopes: FloatArray, variance: float) -> Errors:
     return Errors(se, covariance, np.concatenate([blind, unseen]))
 
 
-#: a condition that changes by less than this share of its mean is one: of what follows it nothing
-#: is told; twice as much says the same of all logs seen
+#: a condition that changes by less than this share of its mean counts as constant: what follows
+#: it cannot be seen; twice the share decides the same in all logs seen
 LEAST_CHANGE = 0.02
 #: starts: factors on the start values of some parameters
 STARTS: tuple[Mapping[str, float], ...] = (

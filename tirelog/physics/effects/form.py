@@ -26,7 +26,7 @@ from tirelog.data.setup import (
     share_of_degree,
 )
 from tirelog.physics.effects.base import Drive, Site, Structure, effect, number
-from tirelog.physics.spectral import MODES, ComplexArray
+from tirelog.physics.spectral import MODES, ComplexArray, Parameter
 from tirelog.vocabulary.arrays import FloatArray
 
 #: degrees n of the shapes P_(n-1) - P_(n+1) beside the parabola
@@ -87,45 +87,24 @@ def _no_pull() -> tuple[FloatArray, FloatArray]:
     return rows / _PULL, 1.5 * (1.0 - u**2) / _PULL
 
 
+def _learnt(words: str, limit: float, size: float) -> Parameter:
+    """A number of a form: a share, of mean zero and this standard deviation before any data."""
+    return number(0.0, -limit, limit, "1", words, probe=0.1, prior=(0.0, size))
+
+
 def _numbers() -> dict[str, Any]:
     """A number with a prior for each shape of the pressure, and for each bell of the stiffness."""
-    degrees = (*SMOOTH, *STEPS)
+    share = [share_of_degree(n) for n in (*SMOOTH, *STEPS)]
     pressure = {
-        name: number(
-            0.0,
-            -3.0,
-            3.0,
-            "1",
-            f"pressure of the shape {name} over the mean",
-            probe=0.1,
-            prior=(0.0, FORM_PRESSURE * share_of_degree(n)),
-        )
-        for name, n in zip(PRESSURE, degrees, strict=True)
+        name: _learnt(f"pressure of the shape {name} over the mean", 3.0, FORM_PRESSURE * size)
+        for name, size in zip(PRESSURE, share, strict=True)
     }
     by_load = {
-        name: number(
-            0.0,
-            -10.0,
-            10.0,
-            "1",
-            f"change of {shape} per relative change of the load",
-            probe=0.1,
-            prior=(0.0, share_of_degree(n)),
-        )
-        for name, shape, n in zip(BY_LOAD, PRESSURE, degrees, strict=True)
+        name: _learnt(f"change of {shape} per relative change of the load", 10.0, size)
+        for name, shape, size in zip(BY_LOAD, PRESSURE, share, strict=True)
     }
-    stiffness = {
-        name: number(
-            0.0,
-            -2.0,
-            2.0,
-            "1",
-            "logarithm of the stiffness over the model's",
-            probe=0.1,
-            prior=(0.0, FORM_STIFFNESS),
-        )
-        for name in STIFFNESS
-    }
+    words = "logarithm of the stiffness over the model's"
+    stiffness = {name: _learnt(words, 2.0, FORM_STIFFNESS) for name in STIFFNESS}
     return pressure | by_load | stiffness
 
 
@@ -138,13 +117,11 @@ def form(drive: Drive, site: Site, **numbers: float) -> ComplexArray:
     Source: Legendre series of a pressure on a strip; a factor by wavelength
     """
     sizes, by_load = (np.array([numbers[n] for n in names]) for names in (PRESSURE, BY_LOAD))
-    more = site.load_N / site.reference_load_N - 1.0 if by_load.any() else np.zeros((1, 1))
+    more = site.load_N / site.reference_load_N - 1.0
     shares = (sizes + more * by_load) @ _SHARES * _TURNS
-    waves: ComplexArray = np.empty((max(len(shares), site.legendre.shape[1]), MODES), np.complex128)
-    if len(shares) == 1:
-        waves.imag = np.tensordot(shares[0, ::2].imag, site.legendre[::2], 1)
-        waves.real = np.tensordot(shares[0, 1::2].real, site.legendre[1::2], 1)
-    else:
-        waves.imag = np.einsum("ck,kcm->cm", shares[:, ::2].imag, site.legendre[::2])
-        waves.real = np.einsum("ck,kcm->cm", shares[:, 1::2].real, site.legendre[1::2])
+    odd, even = (
+        np.einsum("ck,kcm->cm", part, site.legendre[first::2])
+        for first, part in enumerate((shares[:, ::2].imag, shares[:, 1::2].real))
+    )
+    waves: ComplexArray = even + 1j * odd
     return site.load_N / (2.0 * np.pi * site.radius_m) * waves
