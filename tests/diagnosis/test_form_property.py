@@ -20,6 +20,7 @@ from tirelog.vocabulary.arrays import FloatArray
 RADIUS_M, LOAD_N, HALF_M, RATE_HZ, POINTS = 0.31, 3600.0, 0.056, 2000.0, 2048
 STIFFNESS = {"EJ": 3.4, "k": 2.1e6, "mu": 4.5}
 LOAD_PER_G = 0.22
+FILM, FILM_LENGTH = 0.12, 0.4
 
 
 def pressure(xi_m: FloatArray, half_m: float) -> FloatArray:
@@ -32,17 +33,20 @@ def parabola(xi_m: FloatArray, half_m: float) -> FloatArray:
     return 1.5 * np.maximum(1.0 - (xi_m / half_m) ** 2, 0.0)
 
 
-def strain(speed: float, load_N: float, by_load: float = 0.0) -> FloatArray:
+def strain(speed: float, load_N: float, by_load: float = 0.0, film: float = 0.0) -> FloatArray:
     """Strain around the wheel from angle -pi on, (POINTS,).
 
-    `by_load`: how much more of the flat pressure the patch has per relative change of the load.
+    `by_load`: how much more of the flat pressure the patch has per relative change of the load;
+    `film`: height of a wedge of water ahead of the patch at 20 m/s, over the mean pressure.
     """
     step = 2.0 * np.pi * RADIUS_M / POINTS
     half = HALF_M * np.sqrt(load_N / LOAD_N)
     within = (np.arange(16) + 0.5) / 16 - 0.5  # the edges fall between points
     xi = (np.arange(POINTS)[:, None] - POINTS // 2 + within) * step
     rounder = by_load * (1.0 - load_N / LOAD_N)
-    p = ((1.0 - rounder) * pressure(xi, half) + rounder * parabola(xi, half)).mean(axis=1)
+    p = (1.0 - rounder) * pressure(xi, half) + rounder * parabola(xi, half)
+    ahead = np.maximum(-half - xi, 0.0) / (FILM_LENGTH * half)
+    p = (p + film * (speed / 20.0) ** 2 * ahead * np.exp(1.0 - ahead)).mean(axis=1)
     q = 2.0 * np.pi * np.fft.rfftfreq(POINTS, step)
     answer = STIFFNESS["EJ"] * q**4 + STIFFNESS["k"] - STIFFNESS["mu"] * speed**2 * q**2
     modes = np.fft.rfft(np.fft.ifftshift(p * load_N / (p.sum() * step))) / answer
@@ -50,7 +54,12 @@ def strain(speed: float, load_N: float, by_load: float = 0.0) -> FloatArray:
 
 
 def write_log(
-    path: Path, seed: int, load_per_g: float, load_N: float = LOAD_N, by_load: float = 0.0
+    path: Path,
+    seed: int,
+    load_per_g: float,
+    load_N: float = LOAD_N,
+    by_load: float = 0.0,
+    film: float = 0.0,
 ) -> Path:
     """A log of a drive with five cruises, and its setup beside it."""
     rng = np.random.default_rng(seed)
@@ -71,14 +80,14 @@ def write_log(
         middle = rows[np.argmin(np.abs(angle[rows] - 2.0 * np.pi * number))]
         load = load_N * (1.0 + load_per_g * acceleration[middle] / 9.81)
         load *= 1.0 + 0.004 * rng.standard_normal()
-        wave = strain(float(speed[middle]), load, by_load)
+        wave = strain(float(speed[middle]), load, by_load, film)
         read[rows] = np.interp(angle[rows] - 2.0 * np.pi * number, grid, wave)
     noisy = 1e6 * read + 0.7 * rng.standard_normal(read.size)
     lines = (f"{i / RATE_HZ:.4f},{value:.3f}" for i, value in enumerate(noisy))
     path.write_text("time_s,strain\n" + "\n".join(lines) + "\n", encoding="utf-8")
     path.with_suffix(".toml").write_text(
         f"[tire]\nunloaded_radius_m = {RADIUS_M * 1.02}\nrolling_radius_m = {RADIUS_M}\n"
-        f"[conditions]\nload_N = {load_N}\ndriven = true\n"
+        f"[conditions]\nload_N = {load_N}\ndriven = true\nwater_depth_mm = 1.0\n"
         '[channels.s]\nkind = "strain"\nsource = "strain"\nunit = "microstrain"\n'
         'surface = "outer"\n',
         encoding="utf-8",
@@ -235,6 +244,26 @@ def test_a_form_may_follow_the_load(tmp_path: Path, capsys: pytest.CaptureFixtur
     own = rows[rows["quantity"] == "contact_pressure"]
     off = own["contact_pressure_N_m"] * 2.0 * HALF_M / LOAD_N - pressure(own["xi_m"], HALF_M)
     assert np.sqrt((off**2).mean()) < 0.05
+
+
+@pytest.mark.slow
+def test_an_effect_that_a_form_has_learnt_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Beside a form that was fitted without it, slopes show another effect in its place."""
+    loads = (0.84 * LOAD_N, 1.16 * LOAD_N)
+    logs = [
+        str(write_log(tmp_path / f"l{seed}.csv", seed, 0.0, load, 2.5, FILM))
+        for seed, load in zip((11, 12), loads, strict=True)
+    ]
+    model = str(tmp_path / "beam.toml")
+    assert run(["model", "new", "--setup", str(tmp_path / "l11.toml"), "-o", model]) == 0
+    answer = answer_json(capsys, "diagnose", *logs, "--model", model)
+    assert (answer["verdict"], answer["selected"]) == ("missing", ["water_film"])
+    (named,) = [e for e in answer["effects"] if e["selected"]]
+    assert named["p_adjusted"] <= 0.01
+    strengths = {name: number["value"] for name, number in named["strengths"].items()}
+    assert strengths == pytest.approx({"amplitude": FILM, "length": FILM_LENGTH}, rel=0.1)
 
 
 def test_a_number_per_revolution_has_no_form(bare: tuple[list[str], str], tmp_path: Path) -> None:

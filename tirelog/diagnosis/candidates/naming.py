@@ -280,23 +280,29 @@ def not_among_candidates(base: Base) -> dict[str, str]:
     }
 
 
-def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
-    """The leading candidates refitted, by rising held-out loss; failed ones go to `reasons`."""
-    if not assessed:
-        return []
-    leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][
-        : int(MOST_CONTENDERS)
-    ]
+def leading(assessed: Sequence[Assessed]) -> list[Assessed]:
+    """Those of the candidates, which come by falling statistic, that are refitted."""
+    least = CONTENDER * max((a.statistic for a in assessed), default=0.0)
+    return [a for a in assessed if a.statistic >= least][: int(MOST_CONTENDERS)]
+
+
+def contend(base: Base, chosen: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
+    """The chosen candidates refitted, by rising held-out loss; failed ones go to `reasons`."""
     tried = []
-    for one, found in zip(leading, refits(base, leading), strict=True):
+    for one, found in zip(chosen, refits(base, chosen), strict=True):
         if isinstance(found, ModelError):
             reasons[one.id] = found.what
         else:
             tried.append(Refitted(one, found, sigmas=strength_sigmas(found, one.id)))
-    tried.sort(key=lambda r: (not r.established, float(r.base.held_white.sum())))
+    return ranked(base, tried)
+
+
+def ranked(base: Base, tried: Iterable[Refitted]) -> list[Refitted]:
+    """Contenders by rising held-out loss, established ones first; each with its likeness."""
+    order = sorted(tried, key=lambda r: (not r.established, float(r.base.held_white.sum())))
     return [
-        Refitted(r.assessed, r.base, *likenesses(base, tried[0].base, r.base), r.sigmas)
-        for r in tried
+        Refitted(r.assessed, r.base, *likenesses(base, order[0].base, r.base), r.sigmas)
+        for r in order
     ]
 
 
@@ -449,25 +455,30 @@ def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
 Known = tuple[list[Assessed], dict[str, str]]
 
 
-def step_beside_form(base: Base, without: Sequence[Assessed], known: Known) -> Step | None:
-    """A first effect beside a form that has learnt some of it, so that no slope shows it now.
+def step_beside_form(base: Base, without: Sequence[Assessed], step: Step) -> Step:
+    """A first effect beside a form that has learnt some of it, so that slopes show it badly now.
 
-    The contenders are those `without` the form; the name is the one with which nothing is left,
-    where the form alone leaves something. None if there is no such name. Its p is by flips of what
-    it gains in each manoeuvre, times the number of candidates.
+    The contenders are those `without` the form that the `step` by slopes has not refitted. One is
+    named if nothing is left with it, where the form and what the step names leave something. Its p
+    is by flips of what it gains in each manoeuvre, times the number of candidates. Else the step.
     """
-    reasons = known[1]
-    contenders = contend(base, without, reasons)
-    if not contenders or not right_to_the_floor(contenders[0]):
-        return None
-    gains = base.held_white - contenders[0].base.held_white
+    if step.named is not None and right_to_the_floor(step.named):
+        return step
+    refitted = {r.id for r in step.contenders}
+    more = contend(base, [a for a in leading(without) if a.id not in refitted], step.reasons)
+    if not more:
+        return step
+    best, *others = ranked(base, [*more, *step.contenders])
+    if best.id in refitted or not right_to_the_floor(best):
+        return step
+    gains = base.held_white - best.base.held_white
     as_much = flip_signs(gains.size) @ gains >= gains.sum() * (1.0 - 1e-9)
     p = float(min(1.0, len(without) * as_much.mean()))
-    if p > ALARM_P or not worth_it(base, contenders[0].base, p):
-        return None
-    best = replace(contenders[0], assessed=replace(contenders[0].assessed, p=p))
-    assessed = [best.assessed if a.id == best.id else a for a in known[0]]
-    return Step.of(base, assessed, reasons, [best, *contenders[1:]], named=True)
+    if p > ALARM_P or not worth_it(base, best.base, p):
+        return step
+    best = replace(best, assessed=replace(best.assessed, p=p))
+    assessed = [best.assessed if a.id == best.id else a for a in step.assessed]
+    return Step.of(base, assessed, step.reasons, [best, *others], named=True)
 
 
 def next_step(
@@ -487,7 +498,7 @@ def next_step(
     small = bool(named) and base.excess < LEAST_SHARE_OF_FLOOR * base.floor.square
     if small or not any(a.alarms(base) for a in assessed):
         return Step.of(base, assessed, reasons)
-    contenders = contend(base, assessed, reasons)
+    contenders = contend(base, leading(assessed), reasons)
     is_named = bool(contenders) and worth_it(base, contenders[0].base, contenders[0].assessed.p)
     if named and is_named:
         taken = base.square_held - contenders[0].base.square_held
@@ -530,7 +541,7 @@ def regrouped(
         rivals = [
             a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic
         ][: int(MOST_CONTENDERS)]
-        contenders = contend(without_it, rivals, reasons)
+        contenders = contend(without_it, leading(rivals), reasons)
         if contenders and contenders[0].id == name:
             groups[name] = group_of(contenders)
     return groups, untested

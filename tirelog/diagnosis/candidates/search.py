@@ -25,6 +25,7 @@ from tirelog.diagnosis.candidates.naming import (
     clearly_worse,
     contend,
     group_of,
+    leading,
     next_step,
     regrouped,
     step_beside_form,
@@ -103,7 +104,7 @@ def search_effects(
     """
     if base.cells.manoeuvres < FEWEST_MANOEUVRES:
         step = next_step(base, extra)
-        contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
+        contenders = step.contenders or tuple(contend(base, leading(step.assessed), step.reasons))
         group = group_of(contenders) if contenders else ()
         return SearchResult(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
@@ -322,8 +323,8 @@ def _climb(
             return _Climb(after, None)
         if rival is None or named or _may_do_as_well(after, rival, known[0]):
             step = next_step(after, extra, known, named=named, excess=excess)
-        if step is not None and not (named or step.named) and FORM in groups_of(after):
-            step = step_beside_form(after, without, known) or step
+        if step is not None and not named and FORM in groups_of(after):
+            step = step_beside_form(after, without, step)
         named_now = None if step is None else step.named
         if rival is not None and named_now and _as_much(after, rival, named_now):
             climb.alike.append((newest(rival, after), named_now.id))
