@@ -398,8 +398,13 @@ def draws(fit: Fit) -> list[Model]:
     rows, floor = inequalities(fit.model, names)
     mean = np.array([fit.model.values[name] for name in names])
     models = []
+    se = np.sqrt(np.diagonal(covariance))
+    # eigenvectors of like values turn with the rounding of a machine, a triangle does not
+    unit = np.where(se > 0.0, se, 1.0)
+    root = np.linalg.cholesky(covariance / np.outer(unit, unit) + 1e-12 * np.eye(len(se)))
     # models that are drawn for an error: with 200 of them it is known to a twentieth
-    for theta in np.random.default_rng(0).multivariate_normal(mean, covariance, 200):
+    for normal in np.random.default_rng(0).standard_normal((200, len(se))):
+        theta = mean + unit * (root @ normal)
         moved, below = theta, np.zeros(floor.size, bool)
         # rounds at most until a drawn model keeps what it must; more only matter if many places
         # pull
