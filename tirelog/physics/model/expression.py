@@ -1,10 +1,10 @@
-"""Do the units of a formula agree?  By walking it, with unknown units as unknowns.
+"""Do the units of a formula agree?  By walking it, with unknown units as any.
 
     formula, units of its names -> the dimension (m, kg, s, K) of every part
         -> '' or the part that does not fit, in words
 
-A parameter whose unit is not known may have any that makes the formula right, and so may a plain
-number that is added, is compared or divides (speed / 20); a plain factor is a number.
+A parameter whose unit is not known fits anywhere, and so does a plain number that is added, is
+compared or divides (speed / 20); a plain factor is a number.
 Powers of ten are not looked at: km and mm are lengths.
 """
 
@@ -14,7 +14,7 @@ import ast
 import functools
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -283,148 +283,99 @@ def said(dimension: FloatArray) -> str:
     return " ".join(parts) or "a number"
 
 
-@dataclass(frozen=True)
-class _Dimension:
-    """A dimension (4,) and how often each unknown one is a factor of it."""
-
-    known: FloatArray
-    unknown: Mapping[str, float] = field(default_factory=dict)
-
-    def plus(self, other: _Dimension, times: float = 1.0) -> _Dimension:
-        """That of a product with the other to a power."""
-        names = dict.fromkeys((*self.unknown, *other.unknown))
-        both = {n: self.unknown.get(n, 0.0) + times * other.unknown.get(n, 0.0) for n in names}
-        return _Dimension(
-            self.known + times * other.known, {n: x for n, x in both.items() if abs(x) > _SAME}
-        )
-
-    def scaled(self, power: float) -> _Dimension:
-        return _NUMBER.plus(self, power)
-
-
-_NUMBER = _Dimension(np.zeros(4))
-
-
 class _Disagreement(Exception):
     """A part of a formula whose units do not agree."""
 
 
-class _Walk:
-    """The dimensions of a formula's parts, and what was learnt of the unknown ones."""
+_NUMBER = np.zeros(4)
+#: units of names, by their powers (4,); None for one that is not known and fits anywhere
+_Units = Mapping[str, FloatArray | None]
 
-    def __init__(self, units: Mapping[str, FloatArray | None]) -> None:
-        self._units = units
-        self._learnt: dict[str, _Dimension] = {}
-        self._literals = 0
 
-    def settled(self, dimension: _Dimension) -> _Dimension:
-        """The dimension with what was learnt put in."""
-        for name, meaning in self._learnt.items():
-            if times := dimension.unknown.get(name, 0.0):
-                rest = {n: x for n, x in dimension.unknown.items() if n != name}
-                dimension = _Dimension(dimension.known, rest).plus(meaning, times)
-        return dimension
+def _dimension(node: ast.expr, units: _Units) -> FloatArray | None:
+    """The dimension (4,) of a part; None if it may have any.
 
-    def equal(self, one: _Dimension, other: _Dimension) -> bool:
-        """Make both alike by what is unknown; False if nothing unknown can."""
-        rest = self.settled(one.plus(other, -1.0))
-        if not rest.unknown:
-            return bool(np.abs(rest.known).max() < _SAME)
-        name, times = next(iter(rest.unknown.items()))
-        others = {n: x for n, x in rest.unknown.items() if n != name}
-        meaning = _Dimension(rest.known, others).scaled(-1.0 / times)
-        self._learnt = {n: self.replaced(known, name, meaning) for n, known in self._learnt.items()}
-        self._learnt[name] = meaning
-        return True
+    _Disagreement: its own parts do not fit.
+    """
+    if isinstance(node, ast.Name):
+        return _NUMBER if node.id in CONSTANTS else units.get(node.id)
+    if isinstance(node, ast.UnaryOp):
+        plain = isinstance(node.op, ast.Not | ast.Invert)
+        return _NUMBER if plain else _dimension(node.operand, units)
+    if isinstance(node, ast.BinOp):
+        return _of_operation(node, units)
+    if isinstance(node, ast.IfExp):
+        _dimension(node.test, units)
+        return _alike([node.body, node.orelse], node, units)
+    if isinstance(node, ast.Call):
+        return _of_call(node, units)
+    if isinstance(node, ast.Compare):
+        _alike([node.left, *node.comparators], node, units)
+    if isinstance(node, ast.BoolOp):
+        for part in node.values:
+            _dimension(part, units)
+    return _NUMBER
 
-    @staticmethod
-    def replaced(dimension: _Dimension, name: str, meaning: _Dimension) -> _Dimension:
-        times = dimension.unknown.get(name, 0.0)
-        rest = {n: x for n, x in dimension.unknown.items() if n != name}
-        return _Dimension(dimension.known, rest).plus(meaning, times) if times else dimension
 
-    def any_unit(self) -> _Dimension:
-        """The dimension of a plain number that takes what is asked of it."""
-        self._literals += 1
-        return _Dimension(np.zeros(4), {f"number {self._literals}": 1.0})
-
-    def number(self, node: ast.expr, what: str) -> None:
-        """The part must be a number."""
-        found = self.of(node)
-        if not self.equal(found, _NUMBER):
-            told = said(self.settled(found).known)
-            raise _Disagreement(f"{what} {ast.unparse(node)}, which is {told} and no number")
-
-    def alike(self, nodes: list[ast.expr], whole: ast.expr) -> _Dimension:
-        """The parts must be of one dimension, which comes back."""
-        first: _Dimension | None = None
-        for node in nodes:
-            found = self.any_unit() if _literal(node) else self.of(node)
-            if first is not None and not self.equal(first, found):
-                both = [said(self.settled(d).known) for d in (first, found)]
-                raise _Disagreement(f"{ast.unparse(whole)} mixes {both[0]} and {both[1]}")
-            first = first or found
-        return first or _NUMBER
-
-    def of(self, node: ast.expr) -> _Dimension:
-        """The dimension of a part.  _Disagreement: its own parts do not fit."""
-        if isinstance(node, ast.Name):
-            if node.id in CONSTANTS:
-                return _NUMBER
-            known = self._units.get(node.id)
-            return _Dimension(np.zeros(4), {node.id: 1.0}) if known is None else _Dimension(known)
-        if isinstance(node, ast.UnaryOp):
-            return _NUMBER if isinstance(node.op, ast.Not | ast.Invert) else self.of(node.operand)
-        if isinstance(node, ast.BinOp):
-            return self._binary(node)
-        if isinstance(node, ast.Compare):
-            self.alike([node.left, *node.comparators], node)
+def _of_operation(node: ast.BinOp, units: _Units) -> FloatArray | None:
+    """The dimension of a sum, product or power."""
+    if isinstance(node.op, ast.Add | ast.Sub | ast.Mod):
+        return _alike([node.left, node.right], node, units)
+    if isinstance(node.op, ast.Pow):
+        _refuse_dimension(node.right, "a power of", units)
+        power = _value(node.right)
+        if power is None:
+            _refuse_dimension(node.left, "a fitted power of", units)
             return _NUMBER
-        if isinstance(node, ast.BoolOp):
-            for part in node.values:
-                self.of(part)
-            return _NUMBER
-        if isinstance(node, ast.IfExp):
-            self.of(node.test)
-            return self.alike([node.body, node.orelse], node)
-        return self._call(node) if isinstance(node, ast.Call) else _NUMBER
-
-    def _binary(self, node: ast.BinOp) -> _Dimension:
-        if isinstance(node.op, ast.Add | ast.Sub | ast.Mod):
-            return self.alike([node.left, node.right], node)
-        if isinstance(node.op, ast.Mult):
-            return self.of(node.left).plus(self.of(node.right))
-        if isinstance(node.op, ast.Div):
-            right = self.any_unit() if _literal(node.right) else self.of(node.right)
-            return self.of(node.left).plus(right, -1.0)
-        if isinstance(node.op, ast.Pow):
-            self.number(node.right, "a power of")
-            power = _value(node.right)
-            if power is not None:
-                return self.of(node.left).scaled(power)
-            self.number(node.left, "a fitted power of")
-            return _NUMBER
-        self.of(node.left)
-        self.of(node.right)
+        return _raised(_dimension(node.left, units), power)
+    left, right = _dimension(node.left, units), _dimension(node.right, units)
+    if not isinstance(node.op, ast.Mult | ast.Div):
         return _NUMBER
+    divided = isinstance(node.op, ast.Div)
+    if left is None or right is None or (divided and _literal(node.right)):
+        return None
+    return left - right if divided else left + right
 
-    def _call(self, node: ast.Call) -> _Dimension:
-        name = getattr(node.func, "id", "")
-        if name in _PURE:
-            self.number(node.args[0], f"{name}() of")
-            return _NUMBER
-        if name in _POWERS:
-            return self.of(node.args[0]).scaled(_POWERS[name])
-        if name in _ALIKE:
-            return self.alike(list(node.args), node)
-        if name == "where":
-            self.of(node.args[0])
-            return self.alike(list(node.args[1:]), node)
-        if name == "arctan2":
-            self.alike(list(node.args), node)
-        else:  # sign, heaviside
-            self.of(node.args[0])
-        return _NUMBER
+
+def _of_call(node: ast.Call, units: _Units) -> FloatArray | None:
+    """The dimension of a function's value."""
+    name, parts = getattr(node.func, "id", ""), list(node.args)
+    if name in _POWERS:
+        return _raised(_dimension(parts[0], units), _POWERS[name])
+    if name in _ALIKE:
+        return _alike(parts, node, units)
+    if name == "where":
+        _dimension(parts[0], units)
+        return _alike(parts[1:], node, units)
+    if name in _PURE:
+        _refuse_dimension(parts[0], f"{name}() of", units)
+    elif name == "arctan2":
+        _alike(parts, node, units)
+    else:  # sign, heaviside
+        _dimension(parts[0], units)
+    return _NUMBER
+
+
+def _raised(dimension: FloatArray | None, power: float) -> FloatArray | None:
+    return None if dimension is None else power * dimension
+
+
+def _alike(nodes: list[ast.expr], whole: ast.expr, units: _Units) -> FloatArray | None:
+    """The one dimension of some parts; plain numbers take it."""
+    first: FloatArray | None = None
+    for node in nodes:
+        found = None if _literal(node) else _dimension(node, units)
+        if first is not None and found is not None and np.abs(first - found).max() > _SAME:
+            raise _Disagreement(f"{ast.unparse(whole)} mixes {said(first)} and {said(found)}")
+        first = found if first is None else first
+    return first
+
+
+def _refuse_dimension(node: ast.expr, what: str, units: _Units) -> None:
+    """_Disagreement: the part is no number."""
+    found = _dimension(node, units)
+    if found is not None and np.abs(found).max() > _SAME:
+        raise _Disagreement(f"{what} {ast.unparse(node)}, which is {said(found)} and no number")
 
 
 def _literal(node: ast.expr) -> bool:
@@ -448,16 +399,16 @@ def disagreement(text: str, units: Mapping[str, str], result: str) -> str:
     whole. The formula is one that `parse_expression` let through.
     """
     names = PLACE_UNITS | {c.symbol: c.unit for c in CONDITIONS.values()} | dict(units)
-    walk = _Walk({name: dimension_of(unit) if unit else None for name, unit in names.items()})
-    wanted = dimension_of(result)
     tree = ast.parse(text.strip(), mode="eval").body
     try:
-        whole = walk.any_unit() if _literal(tree) else walk.of(tree)
+        known = {name: dimension_of(unit) if unit else None for name, unit in names.items()}
+        whole = None if _literal(tree) else _dimension(tree, known)
     except _Disagreement as problem:
         return str(problem)
-    if wanted is None or walk.equal(whole, _Dimension(wanted)):
+    wanted = dimension_of(result)
+    if wanted is None or whole is None or np.abs(whole - wanted).max() < _SAME:
         return ""
-    return f"the whole is {said(walk.settled(whole).known)}, and {said(wanted)} is wanted"
+    return f"the whole is {said(whole)}, and {said(wanted)} is wanted"
 
 
 def unit_disagreements(model: Model) -> dict[str, str]:
