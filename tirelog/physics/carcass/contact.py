@@ -102,17 +102,6 @@ class _Yield:
     by_difference: FloatArray
     by_sum: FloatArray
 
-    def among(self, on: NDArray[np.int64]) -> FloatArray:
-        """A h among some angles of the half patch, (k, k); the other half presses likewise."""
-        whole = on[-1] == on.size - 1
-        here = np.s_[: on.size, : on.size] if whole else np.ix_(on, on)
-        f, g, cos = (table[here] for table in self.by_difference)
-        f_far, g_far, cos_far = (table[here] for table in self.by_sum)
-        matrix: FloatArray = f + g * cos_far
-        first = 0 if on[0] else 1  # the angle zero has no other half
-        matrix[:, first:] += (f_far + g_far * cos)[:, first:]
-        return matrix
-
     def of_first(self, at: slice, size: int) -> FloatArray:
         """A h at some angles of the half patch from its first ones, (k, size)."""
         f, g, cos = self.by_difference[:, at, :size]
@@ -164,13 +153,8 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
         found = None if nested is None else _widened(nested, carcass.R, load_N)
         if found is not None:
             return found
-    found = _balance(carcass, load_N)
-    if found is not None:
-        return found
-    raise ModelError(
-        "the contact with the flat road found no balance",
-        do="give a smaller stiffness contrast or patch_half_length_m",
-    )
+    wide = _searched(carcass, NONE, load_N, int(_BEGIN / STEP))
+    return Contact(wide.on * STEP, wide.pressure_N_m, wide.half_length_m, wide.drop_m)
 
 
 @dataclass(frozen=True)
@@ -228,51 +212,10 @@ def _widened(nested: _Nested, R: float, load_N: float) -> Contact | None:
     beyond = drop - above[right.size :: _SPARSE] - nested.beyond[:, :count] @ p
     if p.min() <= 0.0 or max(depth[count:].max(), beyond.max(initial=-1.0)) > 0.0:
         return None
-    return _contact(np.arange(count), p, depth, drop, R)
-
-
-def _balance(carcass: RingCarcass, load_N: float) -> Contact | None:
-    """The contact by any angles that touch; None if it is not found.
-
-    Newton's method on the max: the angles that press are those of the step before.
-    """
-    yielding, h = _yield(carcass), carcass.R * STEP
-    shape = carcass.R * (1.0 - _COS)
-    active = _PHI <= _BEGIN
-    for _ in range(_MOST_STEPS):
-        on = np.flatnonzero(active)
-        system = np.zeros((on.size + 1, on.size + 1))
-        system[:-1, :-1] = yielding.among(on)
-        system[np.arange(on.size), np.arange(on.size)] += 1.0 / carcass.k_t
-        system[:-1, -1], system[-1, :-1] = -1.0, h * _TWICE[on]
-        solution = np.linalg.solve(system, np.append(-shape[on], load_N))
-        p, drop = solution[:-1], float(solution[-1])
-        depth = drop - shape - _under(yielding.spectra, on, p)
-        pressing = depth > 0.0
-        if not pressing.any():
-            pressing[np.argmax(depth)] = True
-        beyond, pressing[-1] = pressing[-1], False  # on the way it may grow beyond
-        if np.array_equal(pressing, active):
-            if beyond:
-                raise ModelError(
-                    f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side",
-                    allowed="a shorter one is allowed",
-                    do="give a stiffer foundation or a lower load",
-                )
-            return _contact(on, p, depth, drop, carcass.R)
-        active = pressing
-    return None
-
-
-def _contact(
-    on: NDArray[np.int64], p: FloatArray, depth: FloatArray, drop: float, R: float
-) -> Contact:
-    """The whole patch; its edges where the depth crosses zero beyond the last node that presses."""
-    last = on[-1]
-    edge = float(_PHI[last] + STEP * depth[last] / (depth[last] - depth[last + 1]))
-    mirrored = slice(1 if on[0] == 0 else 0, None)
-    phi = np.concatenate([-_PHI[on][mirrored][::-1], _PHI[on]])
-    return Contact(phi, np.concatenate([p[mirrored][::-1], p]), R * edge, drop)
+    # the edge lies where the depth crosses zero beyond the last node that presses
+    edge = float(_PHI[count - 1] + STEP * depth[count - 1] / (depth[count - 1] - depth[count]))
+    phi = np.concatenate([-_PHI[1:count][::-1], _PHI[:count]])
+    return Contact(phi, np.concatenate([p[1:][::-1], p]), R * edge, drop)
 
 
 def by_stiffness(n: FloatArray, R: float) -> FloatArray:
@@ -367,9 +310,9 @@ def loss_shapes(n: FloatArray, R: float) -> FloatArray:
 class LossyContact:
     """A solved contact: pressure [N/m] at the grid's angles `on` (k,) of -NODES ... NODES.
 
-    Half length [m] of the patch; `factors` those of the equations for pressure and drop, `edges`
-    what each edge is told by: depth [m] of the last angle that touches and of the next one, and how
-    the next one yields under pressure (k,).
+    Half length [m] of the patch and the hub's drop [m]; `factors` of the equations for pressure and
+    drop; `edges` what each edge is told by: depth [m] of the last angle that touches and of the
+    next one, and how the next one yields under pressure (k,).
     """
 
     carcass: RingCarcass
@@ -377,6 +320,7 @@ class LossyContact:
     on: NDArray[np.int64]
     pressure_N_m: FloatArray
     half_length_m: float
+    drop_m: float
     factors: tuple[FloatArray, NDArray[np.int32]]
     edges: tuple[tuple[float, float, FloatArray], ...]
 
@@ -445,7 +389,13 @@ def solve_lossy(carcass: RingCarcass, losses: tuple[float, ...], load_N: float) 
     ModelError if the load is not above zero or the patch grows beyond REACH.
     """
     plain = solve_contact(carcass, load_N)
-    last = round(float(plain.phi_rad[-1]) / STEP)
+    return _searched(carcass, losses, load_N, round(float(plain.phi_rad[-1]) / STEP))
+
+
+def _searched(
+    carcass: RingCarcass, losses: tuple[float, ...], load_N: float, last: int
+) -> LossyContact:
+    """The contact by any angles that touch, sought from those up to the number `last` on."""
     spectra = _spectra(1.0 / _impedance(carcass, losses))
     kernels = irfft(spectra, GRID, axis=-1)
     farthest = last + max(_LEAST_MARGIN, int(_MARGIN * last))
@@ -456,10 +406,10 @@ def solve_lossy(carcass: RingCarcass, losses: tuple[float, ...], load_N: float) 
             return found
         if farthest == NODES:
             raise ModelError(
-                f"at {load_N:g} N the contact with the flat road found no balance within "
-                f"{REACH:g} rad to either side",
+                f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side, or its "
+                "contact with the flat road finds no balance",
                 allowed="a shorter patch is allowed",
-                do="give less damping, a stiffer foundation or a lower load",
+                do="give a stiffer foundation, less damping or a lower load",
             )
         farthest *= 2
 
@@ -481,15 +431,15 @@ def _lossy_balance(
     if found is None:
         return None
     on, p, drop, depth, factors = found
-    if on[-1] - on[0] + 1 != on.size or _touches_beyond(carcass, spectra, nodes[on], p, drop):
+    if _touches_beyond(carcass, spectra, nodes[on], p, drop):
         return None
     edges = tuple(
         (float(depth[inner]), float(depth[outer]), yields[outer, on])
         for inner, outer in ((on[0], on[0] - 1), (on[-1], on[-1] + 1))
     )
     beyond = sum(inner / (inner - outer) for inner, outer, _ in edges)
-    half = 0.5 * h * (on.size - 1 + beyond)
-    return LossyContact(carcass, losses, nodes[on], p, half, factors, edges)
+    half = 0.5 * h * (on[-1] - on[0] + beyond)
+    return LossyContact(carcass, losses, nodes[on], p, half, drop, factors, edges)
 
 
 #: the factors of `lu_factor`
