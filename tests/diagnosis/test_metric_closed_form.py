@@ -8,6 +8,7 @@ from tests.diagnosis.toy import stack
 from tirelog.inference.cells.cells import SharedEffects, make_cells
 from tirelog.inference.metric import (
     LeaveOneOut,
+    Normal,
     Offsets,
     ProjectedOut,
     orthonormal,
@@ -15,6 +16,16 @@ from tirelog.inference.metric import (
     solve_scaled,
     whitener,
 )
+
+
+def leave_one_out(columns, residual, offset, manoeuvre, log, prior=None):
+    columns = np.concatenate([offset[..., None], columns], axis=-1)
+    none = np.zeros(columns.shape[-1])
+    return LeaveOneOut(
+        Normal.of(columns, residual, manoeuvre),
+        np.unique(log, return_inverse=True)[1][np.unique(manoeuvre, return_index=True)[1]],
+        prior or (none, none),
+    )
 
 
 def test_whitener_is_the_inverse_root_of_noise_and_random_effects():
@@ -52,9 +63,9 @@ def test_left_out_solutions_are_those_of_the_other_manoeuvres_with_an_offset_a_l
         np.repeat(np.arange(6), 2),
         np.repeat([4, 4, 7], 4),
     )  # numbers as they come, two manoeuvres or more each
-    levelled = LeaveOneOut.of(columns, residual, offset, manoeuvre, log)
-    theta, level = levelled.left_out()
-    loss = levelled.loss(theta, level)
+    levelled = leave_one_out(columns, residual, offset, manoeuvre, log)
+    both = levelled.left_out()
+    (level, *_), theta, loss = both.T, both[:, 1:], levelled.loss(both)
     dense = np.concatenate(
         [columns, offset[..., None] * (log[:, None, None] == np.unique(log))], axis=-1
     )
@@ -77,7 +88,8 @@ def test_the_step_of_all_data_is_that_of_dense_least_squares_with_an_offset_a_lo
     columns, residual = random.standard_normal((12, 5, 3)), random.standard_normal((12, 5))
     offset = 1.0 + 0.2 * random.standard_normal((12, 5))
     manoeuvre, log = np.repeat(np.arange(6), 2), np.repeat([0, 0, 1], 4)
-    theta, level = LeaveOneOut.of(columns, residual, offset, manoeuvre, log).step_of_all(2)
+    both = leave_one_out(columns, residual, offset, manoeuvre, log).step_of_all(2)
+    (level, *_), (theta, *_) = both.T, both[:, 1:]
     own = (offset[..., None] * (log[:, None, None] == np.arange(2))).reshape(-1, 2)
     dense = np.concatenate([columns[..., :2].reshape(-1, 2), own], axis=-1)
     wanted = np.linalg.lstsq(dense, residual.reshape(-1), rcond=None)[0]
@@ -90,7 +102,8 @@ def test_an_offset_that_only_the_held_out_manoeuvre_shows_is_fitted_there():
     random = np.random.default_rng(1)
     columns, log = random.standard_normal((4, 6, 1)), np.array([0, 0, 0, 1])
     residual = 2.0 * columns[..., 0] + np.array([1.0, 1.0, 1.0, 5.0])[:, None]
-    theta, level = LeaveOneOut.of(columns, residual, np.ones((4, 6)), np.arange(4), log).left_out()
+    both = leave_one_out(columns, residual, np.ones((4, 6)), np.arange(4), log).left_out()
+    (level, *_), theta = both.T, both[:, 1:]
     np.testing.assert_allclose([theta[3, 0], level[3], level[0]], [2.0, 5.0, 1.0], rtol=1e-9)
 
 
@@ -164,12 +177,11 @@ def test_what_is_known_before_holds_an_effect_that_no_manoeuvre_shows():
     columns, residual = random.standard_normal((4, 6, 2)), random.standard_normal((4, 6))
     columns[..., 1] *= 1e-3
     level, log = np.zeros((4, 6)), np.zeros(4, int)
-    made = LeaveOneOut.of(columns, residual, level, np.arange(4), log)
-    prior = (np.array([0.0, 1e6]), np.array([0.0, 3e6]))
-    theta, _ = LeaveOneOut.joined([made], log, prior).left_out()
+    prior = (np.array([0.0, 0.0, 1e6]), np.array([0.0, 0.0, 3e6]))
+    theta = leave_one_out(columns, residual, level, np.arange(4), log, prior).left_out()[:, 1:]
     np.testing.assert_allclose(theta[:, 1], 3.0, rtol=1e-4)
     others = columns[1:].reshape(-1, 2)
     wanted = np.linalg.solve(
-        others.T @ others + np.diag(prior[0]), others.T @ residual[1:].ravel() + prior[1]
+        others.T @ others + np.diag(prior[0][1:]), others.T @ residual[1:].ravel() + prior[1][1:]
     )
     np.testing.assert_allclose(theta[0], wanted, rtol=1e-9)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tirelog.inference.metric import RANK, LeaveOneOut, solve_scaled
+from tirelog.inference.metric import RANK, LeaveOneOut, Normal, solve_scaled
 from tirelog.inference.scatter import Scatter, _deviations, agreement
 
 
@@ -64,13 +64,15 @@ def test_scatter_weighs_each_cell_with_its_own_deviation():
 
 def test_errors_of_parameters_add_the_trace_of_their_covariance():
     random = np.random.default_rng(5)
-    manoeuvre, log = np.repeat(np.arange(5), 2), np.zeros(10, np.int64)
+    manoeuvre, log, none = np.repeat(np.arange(5), 2), np.zeros(5, np.int64), np.zeros(4)
     columns, residual = random.standard_normal((10, 4, 3)), random.standard_normal((10, 4))
     other = random.standard_normal((10, 4, 3))
-    none = np.zeros((10, 4))
-    white = LeaveOneOut.of(columns, residual, none, manoeuvre, log)
-    white = LeaveOneOut.joined([white], np.zeros(5, np.int64))
-    plain = LeaveOneOut.of(other, residual, none, manoeuvre, log)
+    white, plain = (
+        LeaveOneOut(
+            Normal.of(np.pad(x, ((0, 0), (0, 0), (1, 0))), residual, manoeuvre), log, (none, none)
+        )
+        for x in (columns, other)
+    )
     for m, added in enumerate(white.of_errors(plain)):
         kept = columns[manoeuvre != m].reshape(-1, 3)
         own = other[manoeuvre == m].reshape(-1, 3)

@@ -25,6 +25,7 @@ from tirelog.inference.cells.joint import predicted
 from tirelog.inference.fit.cells import Fit, priors
 from tirelog.inference.metric import (
     LeaveOneOut,
+    Normal,
     Whitener,
     in_blocks,
     per_group,
@@ -234,10 +235,8 @@ def held_out_losses_with(
     for levelled in zip(
         *(_levelled(cells, metric, fit, additions) for metric in metrics), strict=True
     ):
-        theta, offset = levelled[0].left_out()
-        of_all, level_of_all = levelled[0].step_of_all(first)
-        theta, offset = theta - of_all, offset - level_of_all
-        losses.append((levelled[-2].loss(theta, offset), levelled[-1].loss(theta, offset)))
+        theta = levelled[0].left_out() - levelled[0].step_of_all(first)
+        losses.append((levelled[-2].loss(theta), levelled[-1].loss(theta)))
     return losses
 
 
@@ -265,9 +264,8 @@ def steps_left_out(cells: Cells, white: Whitener, fit: Fit) -> FloatArray:
     """
     (in_white,) = _levelled(cells, white, fit, [()])
     p = fit.jacobian.shape[-1]
-    theta, _ = in_white.left_out()
-    of_all, _ = in_white.step_of_all(p + fit.amplitudes.size)
-    return np.asarray((theta - of_all)[:, :p], dtype=np.float64)
+    moved: FloatArray = in_white.left_out() - in_white.step_of_all(p + fit.amplitudes.size)
+    return moved[:, 1 : 1 + p]
 
 
 def losses_of_errors(
@@ -292,17 +290,13 @@ def _levelled(
     No metric couples two manoeuvres, so some are worked on at a time.
     """
     shared = cells.shared if cells.shared is not None and len(cells.shared) else None
-    own = _own_levels(cells)
-    parts = [
-        fit.moving,
-        *([own] if own.shape[-1] else []),
-        *([] if shared is None else [shared.columns]),
-    ]
-    made: list[list[LeaveOneOut]] = [[] for _ in additions]
+    own, level = _own_levels(cells), cells.level  # of a number per revolution there is none
     prediction = fit.prediction + (0.0 if shared is None else shared.columns @ fit.amplitudes)
-    level = cells.level  # a number per revolution has no offset of its own
     if own.shape[-1]:  # if nothing decides these, they stay as they are
         prediction, level = fit.prediction + fit.beside, level - own.sum(axis=-1)
+    parts = [level[..., None], fit.moving, *([own] if own.shape[-1] else [])]
+    parts += [] if shared is None else [shared.columns]
+    made: list[list[Normal]] = [[] for _ in additions]
     last = (
         np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
         // _SOME_CELLS
@@ -314,47 +308,36 @@ def _levelled(
         )
         some, values = metric.some(rows, manoeuvres), cells.values[rows]
         residual = some(np.where(np.isfinite(values), values - prediction[rows], 0.0))
-        columns, offset = (
-            side_by_side(some, [part[rows] for part in parts]),
-            some(level[rows]),
-        )
-        where = cells.manoeuvre[rows] - manoeuvres.start, cells.drive[rows]
-        of_model = LeaveOneOut.of(columns, residual, offset, *where)
+        columns = side_by_side(some, [part[rows] for part in parts])
+        manoeuvre = cells.manoeuvre[rows] - manoeuvres.start
+        of_model = Normal.of(columns, residual, manoeuvre)
         for more, of_more in zip(additions, made, strict=True):
+            normal = of_model
             if more:
                 added = side_by_side(some, [part[rows] for part in more])
-                beside = LeaveOneOut.of(added, residual, offset, *where)
-                crossed = per_group(np.swapaxes(columns, 1, 2) @ added, where[0])
-                of_more.append(of_model.beside(beside, crossed))
-            else:
-                of_more.append(of_model)
+                crossed = per_group(np.swapaxes(columns, 1, 2) @ added, manoeuvre)
+                normal = normal.beside(Normal.of(added, residual, manoeuvre), crossed)
+            of_more.append(normal)
     log = np.zeros(cells.manoeuvres, np.int64)
     log[cells.manoeuvre] = np.unique(cells.drive, return_inverse=True)[1]
-    width = sum(part.shape[-1] for part in parts)
     return [
-        LeaveOneOut.joined(
-            of_more,
-            log,
-            _prior(fit, shared, own.shape[-1], width + sum(part.shape[-1] for part in more)),
-        )
-        for more, of_more in zip(additions, made, strict=True)
+        LeaveOneOut(normal, log, _prior(fit, shared, own.shape[-1], normal.right.shape[1]))
+        for normal in map(Normal.joined, made)
     ]
 
 
 def _prior(
     fit: Fit, shared: SharedEffects | None, levels: int, columns: int
-) -> tuple[FloatArray, FloatArray] | None:
+) -> tuple[FloatArray, FloatArray]:
     """What is known of the columns before any manoeuvre: of the shared effects, their size.
 
     Of a parameter, its prior.
     """
     mean, known = priors(fit.model, fit.names)
-    if shared is None and not known.any():
-        return None
     precision, pull = np.zeros(columns), np.zeros(columns)
-    p = len(fit.names)
-    precision[:p] = known
-    pull[:p] = known * (mean - [fit.model.values[name] for name in fit.names])
+    p = 1 + len(fit.names)
+    precision[1:p] = known
+    pull[1:p] = known * (mean - [fit.model.values[name] for name in fit.names])
     if shared is not None:
         own = slice(p + levels, p + levels + len(shared))
         precision[own] = 1.0 / shared.sd**2

@@ -130,6 +130,26 @@ class Normal:
             per_group((residual**2).sum(axis=1), manoeuvre),
         )
 
+    def beside(self, more: Normal, crossed: FloatArray) -> Normal:
+        """With the columns of another (M, k) behind its own.
+
+        `crossed` (M, p, k): products of its columns with the other's.
+        """
+        upper = np.concatenate([self.gram, crossed], axis=2)
+        lower = np.concatenate([np.swapaxes(crossed, 1, 2), more.gram], axis=2)
+        right = np.concatenate([self.right, more.right], axis=1)
+        return Normal(np.concatenate([upper, lower], axis=1), right, self.square)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Normal]) -> Normal:
+        """Those of successive manoeuvres as one."""
+        return cls(
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in ("gram", "right", "square")
+            )
+        )
+
 
 def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
     """Least squares from normal equations, (..., p, p) and (..., p).
@@ -462,111 +482,31 @@ class ProjectedOut:
 
 
 @dataclass(frozen=True)
-class _Rest:
-    """For each of some manoeuvres (n of them, at `rows`) what all the others say.
-
-    Normal equations of the columns, gram (n, p, p) and right (n, p), the offset eliminated; of the
-    offset of its log the products with columns (n, p), itself and the residual (n,): those of the
-    manoeuvre's own cells if its log has no other.
-    """
-
-    rows: slice
-    gram: FloatArray
-    right: FloatArray
-    cross: FloatArray
-    size: FloatArray
-    level: FloatArray
-
-
-@dataclass(frozen=True)
 class LeaveOneOut:
-    """Normal equations of each manoeuvre with its log's offset beside the columns.
+    """Normal equations of each manoeuvre, first of their columns the offset of its log.
 
-    Those of the offset's column o on the columns (M, p), on itself and on the residual (M,);
     `log` (M,). `prior`: precision (p,) of what is known of the columns' strengths before any
-    manoeuvre, and its pull (p,), precision times the mean; nothing without.
+    manoeuvre, and its pull (p,), precision times the mean; zero for the offset. A solution theta
+    (M, p) has the offset first.
     """
 
     normal: Normal
-    cross: FloatArray
-    size: FloatArray
-    right: FloatArray
     log: IntArray
-    prior: tuple[FloatArray, FloatArray] | None = None
+    prior: tuple[FloatArray, FloatArray]
 
-    @classmethod
-    def of(
-        cls,
-        columns: FloatArray,
-        residual: FloatArray,
-        offset: FloatArray,
-        manoeuvre: IntArray,
-        log: IntArray,
-    ) -> LeaveOneOut:
-        """columns (C, m, p), residual and offset (C, m), in one metric; manoeuvre and log (C,)."""
-        own = np.zeros(int(manoeuvre.max()) + 1, np.int64)
-        own[manoeuvre] = np.unique(log, return_inverse=True)[1]
-        return cls(
-            Normal.of(columns, residual, manoeuvre),
-            per_group((np.swapaxes(columns, 1, 2) @ offset[..., None])[..., 0], manoeuvre),
-            per_group((offset**2).sum(axis=1), manoeuvre),
-            per_group((offset * residual).sum(axis=1), manoeuvre),
-            own,
-        )
-
-    def beside(self, more: LeaveOneOut, crossed: FloatArray) -> LeaveOneOut:
-        """With the columns of another (M, k) behind its own.
-
-        `crossed` (M, p, k): products of its columns with the other's.
-        """
-        upper = np.concatenate([self.normal.gram, crossed], axis=2)
-        lower = np.concatenate([np.swapaxes(crossed, 1, 2), more.normal.gram], axis=2)
-        normal = Normal(
-            np.concatenate([upper, lower], axis=1),
-            np.concatenate([self.normal.right, more.normal.right], axis=1),
-            self.normal.square,
-        )
-        return replace(self, normal=normal, cross=np.concatenate([self.cross, more.cross], axis=1))
-
-    @classmethod
-    def joined(
-        cls,
-        parts: Sequence[LeaveOneOut],
-        log: IntArray,
-        prior: tuple[FloatArray, FloatArray] | None = None,
-    ) -> LeaveOneOut:
-        """Those of successive manoeuvres as one; `log` (M,) of all, and what is known before."""
-        gram, right, square = (
-            np.concatenate([getattr(part.normal, name) for part in parts])
-            for name in ("gram", "right", "square")
-        )
-        cross, size, of_offset = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("cross", "size", "right")
-        )
-        return cls(Normal(gram, right, square), cross, size, of_offset, log, prior)
-
-    def _known(self, gram: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Normal equations (..., p, p), (..., p) with what is known before."""
-        if self.prior is None:
-            return gram, right
-        precision, pull = (part[: right.shape[-1]] for part in self.prior)
-        return gram + np.diag(precision), right + pull
-
-    def left_out(self) -> tuple[FloatArray, FloatArray]:
-        """(theta (M, p), offset (M,)): for each manoeuvre the solution of all the others.
+    def left_out(self) -> FloatArray:
+        """Theta (M, p): for each manoeuvre the solution of all the others.
 
         If no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
         with the rest held.
         """
-        theta, offset = np.empty_like(self.cross), np.empty_like(self.size)
-        for rest in self._without_each():
-            theta[rest.rows] = solve_scaled(rest.gram, rest.right)
-            level = rest.level - (rest.cross * theta[rest.rows]).sum(axis=1)
-            offset[rest.rows] = np.divide(
-                level, rest.size, out=np.zeros_like(level), where=rest.size > 0
-            )
-        return theta, offset
+        theta = np.empty_like(self.normal.right)
+        for rows, gram, right, level in self._without_each():
+            own = theta[rows]
+            own[:, 1:] = solve_scaled(gram, right)
+            miss = level[:, -1] - (level[:, 1:-1] * own[:, 1:]).sum(axis=1)
+            own[:, 0] = np.divide(miss, level[:, 0], np.zeros_like(miss), where=level[:, 0] > 0)
+        return theta
 
     def of_errors(self, of: LeaveOneOut) -> FloatArray:
         """What errors of the columns' strengths add to the losses of another metric, (M,).
@@ -574,80 +514,87 @@ class LeaveOneOut:
         In the mean, with each manoeuvre left out: the other's sum of squares by the covariance
         that all the others leave.
         """
-        added = np.empty_like(self.size)
-        for rest in self._without_each():
-            spread = solve_scaled(rest.gram[:, None], of.normal.gram[rest.rows])
-            added[rest.rows] = np.einsum("mii->m", spread)
+        added = np.empty_like(self.normal.square)
+        for rows, gram, _, _ in self._without_each():
+            spread = solve_scaled(gram[:, None], of.normal.gram[rows, 1:, 1:])
+            added[rows] = np.einsum("mii->m", spread)
         return added
 
-    def _without_each(self) -> Iterator[_Rest]:
-        """What all the others leave, some manoeuvres at a time."""
-        everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
-        of_log = [per_group(x, self.log) for x in everything]
-        gram_of_log, right_of_log = _without_offset(*of_log)
-        whole = (self.normal.gram.sum(axis=0), gram_of_log.sum(axis=0), right_of_log.sum(axis=0))
-        for start in range(0, self.size.size, _OFFSET_BLOCK):
-            rows = slice(start, start + _OFFSET_BLOCK)
-            log = self.log[rows]
-            own = [x[rows] for x in everything]
-            others = [x[log] - mine for x, mine in zip(of_log, own, strict=True)]  # of the same log
-            alone = others[3] <= 1e-12 * own[3]
-            others[3] = np.where(alone, 0.0, others[3])
-            gram, right = _without_offset(*others)
-            gram, right = self._known(
-                gram + whole[1] - gram_of_log[log], right + whole[2] - right_of_log[log]
-            )
-            seen = np.einsum("mii->mi", gram) > RANK * np.einsum(
-                "mii->mi", whole[0] - own[0]
-            )  # a column that the offsets take is none
-            gram = np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0)
-            cross, size, level = (
-                np.where(alone.reshape(-1, *([1] * (mine.ndim - 1))), mine, other)
-                for mine, other in zip(own[2:], others[2:], strict=True)
-            )
-            yield _Rest(rows, gram, np.where(seen, right, 0.0), cross, size, level)
+    def _without_each(self) -> Iterator[tuple[slice, FloatArray, FloatArray, FloatArray]]:
+        """What all the others say of each of some manoeuvres (n of them, at a slice).
 
-    def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
-        """(theta (p,), offset (M,)) by which the optimum is missed.
+        Normal equations of the columns, (n, p - 1, p - 1) and (n, p - 1), the offset eliminated;
+        and those of the offset, (n, p + 1), the right side last: of the manoeuvre's own cells if
+        its log has no other.
+        """
+        normal = self.normal
+        gram_of_log, right_of_log = self._of_logs()
+        of_logs = _without_offset(gram_of_log, right_of_log)
+        whole = [part.sum(axis=0) for part in of_logs]
+        diagonal = np.einsum("mii->i", normal.gram)[1:]
+        for start in range(0, self.log.size, _OFFSET_BLOCK):
+            rows = slice(start, start + _OFFSET_BLOCK)
+            log, own = self.log[rows], normal.gram[rows]
+            gram, right = gram_of_log[log] - own, right_of_log[log] - normal.right[rows]
+            alone = gram[:, 0, 0] <= 1e-12 * own[:, 0, 0]
+            gram[alone, 0, 0] = 0.0
+            level = np.where(
+                alone[:, None],
+                np.concatenate([own[:, 0], normal.right[rows, :1]], axis=1),
+                np.concatenate([gram[:, 0], right[:, :1]], axis=1),
+            )
+            gram, right = (
+                others + all_logs - of_log[log]
+                for others, all_logs, of_log in zip(
+                    _without_offset(gram, right), whole, of_logs, strict=True
+                )
+            )
+            gram, right = self._known(gram, right)
+            # a column that the offsets take is none
+            seen = np.einsum("mii->mi", gram) > RANK * (diagonal - np.einsum("mii->mi", own)[:, 1:])
+            gram = np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0)
+            yield rows, gram, np.where(seen, right, 0.0), level
+
+    def step_of_all(self, first: int) -> FloatArray:
+        """Theta (M, p) by which the optimum is missed.
 
         What the `first` columns and the offsets would still move by on all data; nothing at an
         optimum.
         """
-        crosses, sizes = per_group(self.cross, self.log)[:, :first], per_group(self.size, self.log)
-        grams, rights = (
-            per_group(self.normal.gram, self.log)[:, :first, :first],
-            per_group(self.normal.right, self.log)[:, :first],
-        )
-        gram, right = _without_offset(
-            grams, rights, crosses, sizes, per_group(self.right, self.log)
-        )
-        theta = np.zeros(self.cross.shape[1])
-        whole = self._known(gram.sum(axis=0)[None], right.sum(axis=0)[None])
-        theta[:first] = solve_scaled(*whole)[0]
-        level = -np.divide(
-            crosses @ theta[:first], sizes, out=np.zeros_like(sizes), where=sizes > 0
-        )
-        return theta, level[self.log]
+        some = slice(first + 1)
+        gram_of_log, right_of_log = self._of_logs()
+        gram, right = _without_offset(gram_of_log[:, some, some], right_of_log[:, some])
+        theta = np.zeros_like(self.normal.right)
+        step = solve_scaled(*self._known(gram.sum(axis=0)[None], right.sum(axis=0)[None]))[0]
+        theta[:, 1 : first + 1] = step
+        level, size = gram_of_log[:, 0, 1 : first + 1] @ step, gram_of_log[:, 0, 0]
+        offset = -np.divide(level, size, np.zeros_like(size), where=size > 0)
+        theta[:, 0] = offset[self.log]
+        return theta
 
-    def loss(self, theta: FloatArray, offset: FloatArray) -> FloatArray:
-        """Sum of squares of residual - columns theta - offset o in each manoeuvre, (M,)."""
-        crossed = (
-            2.0 * offset * ((self.cross * theta).sum(axis=1) - self.right) + offset**2 * self.size
-        )
-        quadratic = np.einsum("mi,mij,mj->m", theta, self.normal.gram, theta)
-        sums: FloatArray = np.maximum(
-            self.normal.square
-            - 2.0 * (theta * self.normal.right).sum(axis=1)
-            + quadratic
-            + crossed,
-            0.0,
-        )
+    def loss(self, theta: FloatArray) -> FloatArray:
+        """Sum of squares of residual - columns theta in each manoeuvre, (M,)."""
+        normal = self.normal
+        gained = np.einsum("mi,mi->m", theta, 2.0 * normal.right)
+        gained -= np.einsum("mi,mij,mj->m", theta, normal.gram, theta)
+        sums: FloatArray = np.maximum(normal.square - gained, 0.0)
         return sums
 
+    def _of_logs(self) -> tuple[FloatArray, FloatArray]:
+        """The normal equations of each log."""
+        return per_group(self.normal.gram, self.log), per_group(self.normal.right, self.log)
 
-def _without_offset(
-    gram: FloatArray, right: FloatArray, cross: FloatArray, size: FloatArray, level: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Normal equations (K, p, p) and (K, p) once each row's offset is eliminated."""
-    share = np.divide(cross, size[:, None], out=np.zeros_like(cross), where=size[:, None] > 0)
-    return gram - cross[:, :, None] * share[:, None, :], right - share * level[:, None]
+    def _known(self, gram: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Normal equations (..., p, p), (..., p) without the offset, with what is known before."""
+        precision, pull = (part[1 : 1 + right.shape[-1]] for part in self.prior)
+        return gram + np.diag(precision), right + pull
+
+
+def _without_offset(gram: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Normal equations (K, p, p) and (K, p) once the first column of each is eliminated."""
+    cross, size = gram[:, 1:, 0], gram[:, :1, 0]
+    share = np.divide(cross, size, out=np.zeros_like(cross), where=size > 0)
+    return (
+        gram[:, 1:, 1:] - cross[:, :, None] * share[:, None, :],
+        right[:, 1:] - share * right[:, :1],
+    )

@@ -154,7 +154,8 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
         if found is not None:
             return found
     wide = _searched(carcass, NONE, load_N, int(_BEGIN / STEP))
-    return Contact(wide.on * STEP, wide.pressure_N_m, wide.half_length_m, wide.drop_m)
+    phi = np.asarray(wide.on * STEP, dtype=np.float64)
+    return Contact(phi, wide.pressure_N_m, wide.half_length_m, wide.drop_m)
 
 
 @dataclass(frozen=True)
