@@ -19,7 +19,7 @@ from tirelog.diagnosis.candidates.search import search_effects
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude
 from tirelog.diagnosis.residual_structure import describe
-from tirelog.inference.base import bends, prepare, with_scatter_estimated
+from tirelog.inference.base import bends, prepare
 from tirelog.inference.cells.cells import SharedEffects, cells_of
 from tirelog.inference.cells.pieces import pieces_of_logs
 from tirelog.inference.fit.cells import take_cells
@@ -284,7 +284,7 @@ def test_a_patch_that_pressure_shrinks_is_fitted_and_told():
     assert base.reduced_chi2 > 5.0
     found = best_nuisance(base, allowed_nuisances(base))
     assert found is not None
-    found = with_scatter_estimated(found)
+    found = found.with_scatter_estimated
     exponent = found.model.parameters["patch_pressure_exponent"]
     assert groups_of(found) == ("pressure_law",)
     assert abs(exponent.value - 0.4) < max(4.0 * exponent.se, 0.01)

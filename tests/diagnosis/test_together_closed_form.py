@@ -22,7 +22,6 @@ from tirelog.inference.base import (
     bases_by_observable,
     refit,
     with_fewer_cells,
-    with_scatter_estimated,
 )
 from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.joint import JointStacks, joined_cells, one_drive, parts_of
@@ -252,7 +251,7 @@ def level_of_each(cells):
 
 def test_settling_anew_what_has_settled_changes_nothing_much():
     base = start_from(measured_pieces(several(10)), TRUTH, several=False)
-    again = with_scatter_estimated(base)
+    again = base.with_scatter_estimated
     assert again.fit.chi2 == pytest.approx(base.fit.chi2, rel=0.02)
     for name in base.fit.names:
         moved = abs(again.model.values[name] - base.model.values[name])

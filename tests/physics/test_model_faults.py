@@ -462,7 +462,7 @@ FORMS = {
     '[nuisances]\nform = "off"': "form is under nuisances; a table [form]",
     '[[effects]]\nname = "form"': "form is under effects; a table [form]",
     '[form]\nuse = "of"': "use = 'of' in [form] (nearest: off, on); allowed are auto, on, off",
-    "[form]\npresure = 0.5": "unknown key 'presure' in [form] (nearest: pressure)",
+    "[form]\npresure = 0.5": "unknown key 'presure' in [form] (nearest: pressure, ",
     "[form]\npressure_2 = 4.0": "pressure_2 = 4 1 lies outside its bounds",
     '[form]\nuse = "off"\npressure_2 = 0.1': '[form] has use = "off" and numbers',
 }

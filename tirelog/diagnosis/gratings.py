@@ -29,7 +29,7 @@ from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.joint import LEVER, JointPieces, model_of, ratio_name, without_ratios
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import UnweightedMetric
-from tirelog.inference.metric import Offsets, Whitener
+from tirelog.inference.metric import Normal, Offsets, Whitener, stacked
 from tirelog.inference.nuisances import shared_by, shared_effects
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -381,27 +381,21 @@ def _normal(channel: FittedChannel, blocks: Mapping[str, Sequence[FloatArray]]) 
     columns = np.concatenate([x for block in blocks.values() for x in block], axis=-1)
     columns = np.where(good, columns, 0.0)
     left = np.where(good[..., 0], cells.values - channel.fit.prediction, 0.0)
-    many, total = columns.shape[-1], int(manoeuvre.max()) + 1
 
     def without_own(metric: Whitener | UnweightedMetric) -> tuple[FloatArray, FloatArray]:
         own = Offsets.of(cells, metric)
         return own.without(metric(columns)), own.without(metric(left))
 
-    slopes, residual = without_own(channel.white)
-    gram, right = np.zeros((total, many, many)), np.zeros((total, many))
-    for number in np.unique(manoeuvre):
-        rows = manoeuvre == number
-        flat = slopes[rows].reshape(-1, many)
-        gram[number], right[number] = flat.T @ flat, flat.T @ residual[rows].ravel()
+    normal = Normal.of(*without_own(channel.white), manoeuvre)
     slopes, residual = without_own(channel.plain)
-    flat = slopes.reshape(-1, many)
+    flat = stacked(slopes)
     ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks.values())])
     own = {name: np.arange(a, b) for name, (a, b) in zip(blocks, pairwise(ends), strict=True)}
     name = cells.member
     return _Part(
         name=name,
-        gram=gram,
-        right=right,
+        gram=normal.gram,
+        right=normal.right,
         size_gram=flat.T @ flat / channel.floor.square,
         size_right=flat.T @ residual.ravel() / channel.floor.square,
         weight=channel.plain.weight,

@@ -38,7 +38,7 @@ from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, with_scatter_estimated
+from tirelog.inference.base import Base
 from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.fit.cells import Problem
 from tirelog.inference.metric import Normal, solve_scaled
@@ -98,7 +98,7 @@ def ladder(
             )
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
-                after = with_scatter_estimated(after)
+                after = after.with_scatter_estimated
                 steps.append(_removed(len(steps), after, top, dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)

@@ -16,8 +16,9 @@ and what is left of it, are those of its base.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -210,8 +211,11 @@ class Base(FittedChannel):
         return removed / self.excess if self.excess > 0.0 else 0.0
 
     @cached_property
-    def settled(self) -> Base:
-        """`with_scatter_estimated`, once: a search asks it of a form before it goes on."""
+    def with_scatter_estimated(self) -> Base:
+        """The same model with the scatter between manoeuvres measured anew.
+
+        Once an effect is in, less is taken for scatter.
+        """
         raw = replace(self.raw or self.cells, phi=self.cells.phi, moved=self.cells.moved)
         (anew,) = _with_scatter([raw], [self.fit], [self.white], [self.discrepancy])
         return replace(_held_out(anew, raw), given=self.given)
@@ -239,7 +243,7 @@ class JointBase(Base):
         return whiteners_joined([one.noise for one in bases_by_observable(self)], self.cells)
 
     @cached_property
-    def settled(self) -> JointBase:
+    def with_scatter_estimated(self) -> JointBase:
         """As of one observable, each with its own scatter."""
         parts = bases_by_observable(self)
         raws = [
@@ -268,8 +272,7 @@ def prepare_together(
     model = with_ratios(model.resolved(conditions), cells)
     channels, raw = _fitted(cells, model, several)
     scales = [float(np.sqrt(channel.floor.square)) for channel in channels]
-    made = _joined(channels, raw, scales, drive)
-    return replace(made, given=model)
+    return replace(_joined(channels, raw, scales, drive), given=model)
 
 
 def _joined(
@@ -344,7 +347,6 @@ def bases_by_observable(base: Base, *, held_by_all: bool = False) -> tuple[Base,
 def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
     fits = fits_apart(replace(base.fit, cells=base.cells))
     raws = [None] * len(fits) if base.raw is None else parts_of(base.raw)
-    given = base.given
     layout = base.cells.together
     assert layout is not None
     found = []
@@ -352,29 +354,16 @@ def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
         more = (len(fit.names) - len(channel.fit.names)) / len(fits)
         own = replace(fit.cells, cell=channel.cells.cell)
         fit = replace(fit, freedom=max(channel.fit.freedom - more, 1.0), cells=own)
+        held = None
         if held_by_all:
             rows = base.cells.part == i
-            scale = layout.scales[i]
             losses = held_out_losses(base.cells, base.white, base.plain, base.fit, of=rows)
             seen = np.unique(base.cells.manoeuvre[rows])
-            held = losses[0][seen], losses[1][seen] * scale**2
-        else:
-            held = held_out_losses(fit.cells, channel.white, channel.plain, fit)
-        found.append(
-            Base(
-                fit.cells,
-                channel.white,
-                channel.plain,
-                channel.floor,
-                fit,
-                channel.discrepancy,
-                *held,
-                raws[i],
-                None
-                if given is None
-                else replace(given, observable=fit.model.observable, beside=fit.model.beside),
-            )
-        )
+            held = losses[0][seen], losses[1][seen] * layout.scales[i] ** 2
+        one = _held_out(replace(channel, cells=own, fit=fit), raws[i], held)
+        if (given := base.given) is not None:
+            given = replace(given, observable=fit.model.observable, beside=fit.model.beside)
+        found.append(replace(one, given=given))
     return tuple(found)
 
 
@@ -554,22 +543,13 @@ def _metric(cells: Cells, missed: float, columns: FloatArray, scatter: Scatter) 
     )
 
 
-def _held_out(channel: FittedChannel, raw: Cells) -> Base:
-    """The channel with its losses on manoeuvres left out."""
-    held_white, held_plain = held_out_losses(
-        channel.cells, channel.white, channel.plain, channel.fit
-    )
-    return Base(
-        channel.cells,
-        channel.white,
-        channel.plain,
-        channel.floor,
-        channel.fit,
-        channel.discrepancy,
-        held_white,
-        held_plain,
-        raw,
-    )
+def _held_out(
+    channel: FittedChannel, raw: Cells | None, held: tuple[FloatArray, FloatArray] | None = None
+) -> Base:
+    """The channel with its losses on manoeuvres left out, those `held` if these are known."""
+    white, plain = held or held_out_losses(channel.cells, channel.white, channel.plain, channel.fit)
+    own: dict[str, Any] = {f.name: getattr(channel, f.name) for f in fields(FittedChannel)}
+    return Base(**own, held_white=white, held_plain=plain, raw=raw)
 
 
 def _discrepancy(cells: Cells, plain: UnweightedMetric, fit: Fit, floor: Floor) -> float:
@@ -580,14 +560,6 @@ def _discrepancy(cells: Cells, plain: UnweightedMetric, fit: Fit, floor: Floor) 
     residual = cells.values - fit.prediction - fit.beside
     left = plain.mean_square((plain(np.nan_to_num(residual)) ** 2).sum()) - floor.between
     return left if left > _LEAST_DISCREPANCY * floor.square else 0.0
-
-
-def with_scatter_estimated(base: Base) -> Base:
-    """The same model with the scatter between manoeuvres measured anew.
-
-    Once an effect is in, less is taken for scatter.
-    """
-    return base.settled
 
 
 def change_to(base: Base, model: Model) -> FloatArray | ModelError:

@@ -57,7 +57,6 @@ from tirelog.inference.base import (
     refit,
     refit_without,
     with_fewer_cells,
-    with_scatter_estimated,
 )
 from tirelog.inference.fit.cells import NULL, Fit, Problem, descend_together, free_names, starts
 from tirelog.inference.floor import held_out_losses
@@ -410,7 +409,7 @@ def right_to_the_floor(best: Refitted) -> bool:
     """
     if any(name.startswith(f"{best.id}.") for name in best.base.fit.held):  # it would cross a bound
         return False
-    after = with_scatter_estimated(best.base)
+    after = best.base.with_scatter_estimated
     return at_noise_floor(after, after.floor.square)
 
 
@@ -427,7 +426,7 @@ def worth_it(before: Base, after: Base, p: float = 1.0, *, held_out_only: bool =
     least = LEAST_SHARE_OF_FLOOR * before.floor.square
     size, by_size = removed_by(before, after, sure=p <= BEYOND_DOUBT_P and not held_out_only)
     if by_size and size <= least:  # less is scatter once what it does is in
-        size, _ = removed_by(before, with_scatter_estimated(after), sure=True)
+        size, _ = removed_by(before, after.with_scatter_estimated, sure=True)
     return size > least
 
 

@@ -33,7 +33,6 @@ from tirelog.inference.base import (
     JointBase,
     bases_by_observable,
     refit,
-    with_scatter_estimated,
 )
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.cells.joint import without_ratios
@@ -223,7 +222,7 @@ def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -
         formed = base
     elif formed is None and isinstance(base, Base) and quiet_waveforms(base):
         found = refit(base, freed(model, [FORM]), several=True)
-        formed = None if isinstance(found, ModelError) else found.settled
+        formed = None if isinstance(found, ModelError) else found.with_scatter_estimated
     if formed is None:
         return model
     errors = {}
@@ -240,7 +239,7 @@ def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
         more = best_nuisance(base, allowed, least)
         if more is None:
             break
-        came_in, base = newest(more, base), with_scatter_estimated(more)
+        came_in, base = newest(more, base), more.with_scatter_estimated
         if came_in == FORM:
             break
     return base

@@ -54,7 +54,7 @@ from tirelog.diagnosis.rules import (
     TWINS,
 )
 from tirelog.errors import ModelError
-from tirelog.inference.base import Base, with_scatter_estimated
+from tirelog.inference.base import Base
 from tirelog.inference.nuisances import FORM, frees
 from tirelog.physics.effects import Effect
 
@@ -201,7 +201,7 @@ def _search(
     if climb.passed_over is not None and not quiet_waveforms(climb.after):
         # an effect that came before a nuisance may have taken its place
         progress(f"once more with {newest(climb.passed_over, base)} first")
-        other = _climb(with_scatter_estimated(climb.passed_over), extra, progress, allowed)
+        other = _climb(climb.passed_over.with_scatter_estimated, extra, progress, allowed)
         if other.after.reduced_chi2 < climb.after.reduced_chi2:
             climb = other
     if not quiet_waveforms(climb.after):
@@ -221,7 +221,7 @@ def _search(
             untested = (f"Not searched {words}: {again.what}.",)
             break
         progress(words)
-        base = with_scatter_estimated(again)
+        base = again.with_scatter_estimated
         allowed = tuple(name for name in allowed if name not in beside)
         climb = _climb(base, extra, progress, allowed)
         alike += tuple(pair for pair in climb.alike if pair not in alike)
@@ -231,7 +231,7 @@ def _search(
         return SearchResult(base, tuple(steps), after, alike=alike, untested=untested)
     progress("looking for what could stand in place of each")
     after, dropped = without_needless(after, named)
-    after = with_scatter_estimated(after) if dropped else after
+    after = after.with_scatter_estimated if dropped else after
     groups, why_not = regrouped(after, [name for name in named if name not in dropped], extra)
     steps = [
         replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
@@ -259,7 +259,7 @@ def _with_one_to_begin(
     if first is None or newest(first, base) in groups_of(climb.after):
         return climb
     progress(f"once more with {newest(first, base)} to begin with")
-    other = _climb(with_scatter_estimated(first), extra, progress, allowed)
+    other = _climb(first.with_scatter_estimated, extra, progress, allowed)
     came_in = len(groups_of(other.after)) - len(groups_of(base)) + other.named
     left = (other.after.reduced_chi2 - 1.0) / (base.reduced_chi2 - 1.0)
     enough = left <= (1.0 - NUISANCE_SHARE) ** came_in
@@ -330,7 +330,7 @@ def _climb(
             climb.alike.append((newest(rival, after), named_now.id))
         if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {newest(rival, after)}")
-            climb.after = with_scatter_estimated(rival)
+            climb.after = rival.with_scatter_estimated
             if climb.steps:
                 climb.ground = None
             else:
@@ -343,7 +343,7 @@ def _climb(
         if step.named is None:
             return climb
         progress(f"named {step.named.id}; looking for another")
-        climb.after = with_scatter_estimated(step.named.base)
+        climb.after = step.named.base.with_scatter_estimated
         if len(climb.steps) == most_effects:
             return climb
 
@@ -387,7 +387,7 @@ def _as_much(base: Base, rival: Base, named: Refitted) -> bool:
     removed = [base.noise_chi2 - refitted.noise_chi2 for refitted in (worse, better)]
     if removed[0] < TWINS**2 * removed[1]:
         return False
-    right = with_scatter_estimated(better)
+    right = better.with_scatter_estimated
     return not (
         quiet_waveforms(right)
         and not quiet_waveforms(worse)

@@ -27,6 +27,7 @@ from tirelog.diagnosis.candidates.nuisances import (
     best_nuisance,
     groups_of,
     needed_nuisances,
+    newest,
     with_nuisances,
     with_nuisances_on,
 )
@@ -65,7 +66,6 @@ from tirelog.inference.base import (
     change_to,
     refit,
     refit_without,
-    with_scatter_estimated,
 )
 from tirelog.inference.cells.joint import JointPieces
 from tirelog.inference.cells.pieces import Pieces
@@ -433,14 +433,14 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         quiet = at_noise_floor(at, at.floor.square)
         rival = None if quiet else best_nuisance(at, allowed_nuisances(at))
         if rival is not None and (choice is None or _leaves_less(rival, choice)):
-            progress(f"beside the model: {groups_of(rival)[-1]}")
-            climb.bases[-1] = with_scatter_estimated(rival)
-            climb.beside.append(groups_of(rival)[-1])
+            climb.beside.append(newest(rival, at))
+            progress(f"beside the model: {climb.beside[-1]}")
+            climb.bases[-1] = rival.with_scatter_estimated
             continue
         if choice is None:
             climb.last = scanned
             break
-        chosen = simplified(replace(choice.chosen, base=with_scatter_estimated(choice.chosen.base)))
+        chosen = simplified(replace(choice.chosen, base=choice.chosen.base.with_scatter_estimated))
         if number > 1 and at.square_held - chosen.base.square_held < REST_SHARE * first_excess:
             break
         progress(f"term {number}: {choice.chosen.atom.form.words}")
@@ -458,7 +458,7 @@ def _with_needed_nuisances(climb: _Climb) -> _Climb:
     first, top = (with_nuisances(base, needed) for base in (climb.bases[0], after))
     if isinstance(first, ModelError) or isinstance(top, ModelError):
         return climb
-    first, top = with_scatter_estimated(first), with_scatter_estimated(top)
+    first, top = first.with_scatter_estimated, top.with_scatter_estimated
     full, last = Ground(first), climb.choices[-1]
     climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], measured_shapes(full.few, full)
     climb.choices[-1] = replace(last, chosen=replace(last.chosen, base=top))
@@ -514,7 +514,7 @@ def _without_needless(climb: _Climb) -> _Climb:
     again = refit(after, model)
     if isinstance(again, ModelError):
         return climb
-    top = with_scatter_estimated(again)
+    top = again.with_scatter_estimated
     climb.choices = []
     for entry, choice in zip(renamed, kept, strict=True):
         chosen = replace(choice.chosen, entry=entry, base=top)
@@ -623,7 +623,7 @@ def _with_shape(base: Base, shapes: list[MeasuredShape], p: float) -> Base | Non
         return None
     entered = or_refusal(base.model.with_entry)(best.entry(_free_name(base, "proposed_shape")))
     refitted = entered if isinstance(entered, ModelError) else refit(base, entered)
-    return None if isinstance(refitted, ModelError) else with_scatter_estimated(refitted)
+    return None if isinstance(refitted, ModelError) else refitted.with_scatter_estimated
 
 
 def _term(choice: Choice, model: Model) -> Term:

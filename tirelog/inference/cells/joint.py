@@ -283,7 +283,7 @@ def joined_cells(
         name: np.concatenate([getattr(part, name) for part in parts]) for name in _ROWS
     }
     logs = [np.array([names.index(log) for log in part.logs]) for part in parts]
-    return replace(
+    joined = replace(
         parts[0],
         observable=_of_all(layout.observables),
         conditions=Conditions.concatenate([part.conditions for part in parts]),
@@ -294,7 +294,7 @@ def joined_cells(
         cell=np.zeros(0, np.int64),
         logs=names * len(parts),
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
-        shared=_joined_effects([part.shared for part in parts], parts, layout, width),
+        shared=None,
         part=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
         together=layout,
         member="",
@@ -302,6 +302,7 @@ def joined_cells(
         **bins,
         **rows,
     )
+    return replace(joined, shared=joined_effects(joined, [part.shared for part in parts]))
 
 
 def _of_all(observables: Sequence[str]) -> str:
@@ -374,32 +375,17 @@ def embedded(cells: Cells, part: int, x: FloatArray) -> FloatArray:
 def joined_effects(cells: Cells, effects: Sequence[SharedEffects | None]) -> SharedEffects | None:
     """The shared effects of each member's cells as those of all, each with its own sizes."""
     assert cells.together is not None
-    layout = cells.together
     return _tied(
         [
-            replace(own, columns=embedded(cells, i, own.columns), names=_names(own, layout, i))
+            replace(
+                own,
+                columns=embedded(cells, i, own.columns),
+                names=_names(own, cells.together, i),
+            )
             for i, own in enumerate(effects)
             if own is not None
         ]
     )
-
-
-def _joined_effects(
-    effects: Sequence[SharedEffects | None],
-    parts: Sequence[Cells],
-    layout: BlockLayout,
-    width: int,
-) -> SharedEffects | None:
-    """Those of parts as they stand, for their cells under each other."""
-    first = np.cumsum([0, *map(len, parts)])
-    placed = []
-    for i, own in enumerate(effects):
-        if own is None:
-            continue
-        columns = np.zeros((int(first[-1]), width, len(own)))
-        columns[first[i] : first[i + 1], : own.columns.shape[1]] = own.columns / layout.scales[i]
-        placed.append(replace(own, columns=columns, names=_names(own, layout, i)))
-    return _tied(placed)
 
 
 def _names(own: SharedEffects, layout: BlockLayout, part: int) -> tuple[str, ...]:

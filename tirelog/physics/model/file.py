@@ -131,8 +131,9 @@ class _Use:
     def read(self, value: Any, place: FilePlace) -> Nuisance:
         if not isinstance(value, dict):
             return self.known.used(words(*USES).read(value, place))
-        sizes: dict[str, KeyKind] = {size.name: _Number(size) for size in self.known.sizes}
-        given = Table({"use": words(*USES), **sizes}).read(value, place)
+        numbers = BY_ID[FORM].parameters if self.known.name == FORM else ()
+        kinds: dict[str, KeyKind] = {p.name: _Number(p) for p in (*self.known.sizes, *numbers)}
+        given = Table({"use": words(*USES), **kinds}).read(value, place)
         known = tuple(replace(given.get(p.name, p), free=False) for p in self.known.sizes)
         return replace(self.known, sizes=known, use=given.get("use", USES[0]))
 
@@ -288,7 +289,7 @@ def _catalogue(own: Path | None, place: FilePlace, *, asked: bool) -> Mapping[st
 
 
 def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...]:
-    """All nuisances, with what the file says of them; of the form without its numbers."""
+    """All nuisances, with what the file says of them."""
     said = data.get("nuisances", {})
     wrong = [("nuisances", place / "nuisances" / FORM)] * (FORM in said) + [
         ("effects", place / "effects" / number / "name")
@@ -300,9 +301,7 @@ def _nuisances(data: Mapping[str, Any], place: FilePlace) -> tuple[Nuisance, ...
         raise at.error(f"{FORM} is under {table}", allowed, "write it there")
     uses: dict[str, KeyKind] = {known.name: _Use(known) for known in NUISANCES}
     given = Table(uses).read(said, place / "nuisances")
-    numbers = _form_numbers(data)
-    rest = {name: value for name, value in data.get(FORM, {}).items() if name not in numbers}
-    given[FORM] = uses[FORM].read(rest, place / FORM)
+    given[FORM] = uses[FORM].read(data.get(FORM, {}), place / FORM)
     return tuple(given.get(known.name, known) for known in NUISANCES)
 
 
