@@ -42,7 +42,8 @@ def locked_revolutions(
 def test_two_bins_at_one_place_do_not_make_a_slope():
     for seed in range(8):
         values, phi, count = locked_revolutions(seed)
-        part = one_waveform(values, phi, np.zeros_like(phi), count, np.full(len(values), 20.0))
+        given = values, phi, np.zeros_like(phi), count, np.full(len(values), 20.0)
+        part = SimpleNamespace(**one_waveform(*given))
         truth = waveform(part.phi)
         near = np.abs(part.phi) < 0.4
         assert (
@@ -119,7 +120,7 @@ def test_what_revolutions_between_those_of_others_have_more_of_is_seen(samples):
         count,
         np.full(len(phi), 26.0),
     )
-    amplitude = part.coefficients[:, 0]
+    amplitude = part["coefficients"][:, 0]
     assert amplitude[~first].mean() - amplitude[first].mean() == pytest.approx(0.02, abs=1e-3)
 
 

@@ -252,9 +252,9 @@ def pieces_of(stack: Stack) -> Pieces:
     parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
     first = np.array([rows_of_one[0] for rows_of_one in rows_of])
     rows: dict[str, Any] = {  # in one order, whoever made them: sums go along it
-        f.name: np.ascontiguousarray(np.stack([getattr(part, f.name) for part in parts]))
-        for f in fields(_Part)
-        if f.name != "coefficients"
+        name: np.ascontiguousarray(np.stack([part[name] for part in parts]))
+        for name in parts[0]
+        if name != "coefficients"
     }
     return Pieces(
         observable=stack.observable,
@@ -263,7 +263,7 @@ def pieces_of(stack: Stack) -> Pieces:
         radius_m=stack.radius_m,
         step=np.full(len(parts), stack.step),
         number=np.array([rows_of_one.size for rows_of_one in rows_of]),
-        coefficients=np.concatenate([part.coefficients for part in parts]),
+        coefficients=np.concatenate([part["coefficients"] for part in parts]),
         conditions=_mean_conditions(stack.conditions, cell, len(parts)),
         log=stack.log[first],
         manoeuvre=stack.manoeuvre[first],
@@ -274,24 +274,8 @@ def pieces_of(stack: Stack) -> Pieces:
     )
 
 
-@dataclass
-class _Part:
-    """One cell's means and what single revolutions did about them."""
-
-    mean: FloatArray
-    phi: FloatArray
-    variance: FloatArray
-    count: FloatArray
-    random: FloatArray
-    shift: FloatArray
-    coefficients: FloatArray
-    residual_ss: FloatArray
-    freedom: FloatArray
-    scatter: FloatArray
-    speed_mean: FloatArray
-    speed_square: FloatArray
-    speed_angle: FloatArray
-    still: ComplexArray
+#: one piece's fields of `Pieces` without the axis of the pieces, its coefficients (k, 3)
+PieceRow = dict[str, Any]
 
 
 def _knots(count: FloatArray) -> int | None:
@@ -367,7 +351,7 @@ def _bin_means(
         return mean, angle, np.einsum("km,km->m", second, count) / total, total
 
 
-def _one_piece(stack: Stack, rows: IntArray) -> _Part:
+def _one_piece(stack: Stack, rows: IntArray) -> PieceRow:
     """The piece of the revolutions `rows`."""
     if stack.phi_rad.size == 1:
         return _one_number(stack.values[rows])
@@ -389,7 +373,7 @@ def one_waveform(
     speed: FloatArray,
     step: float = 0.0,
     step_from: float = 0.0,
-) -> _Part:
+) -> PieceRow:
     """The piece of k revolutions.
 
     From bin means, mean angles, variances and counts (k, m) and speeds (k,).
@@ -428,22 +412,22 @@ def one_waveform(
     own = _columns(curve, np.where(total > 0, angle, 0.0))
     about = (speed - speed.mean())[:, None]
     share = count / np.maximum(total, 1e-12)
-    return _Part(
-        mean,
-        angle,
-        spread,
-        total,
-        own[:, [0, 1, 3]],
-        own[:, 2],
-        coefficients[:, [0, 1, 3]],
-        residual_ss,
-        freedom,
-        np.zeros(0),
-        (share * about).sum(axis=0),
-        (share * about**2).sum(axis=0),
-        (share * about * np.where(count > 0, phi - angle, 0.0)).sum(axis=0),
-        still,
-    )
+    return {
+        "mean": mean,
+        "phi": angle,
+        "variance": spread,
+        "count": total,
+        "random": own[:, [0, 1, 3]],
+        "shift": own[:, 2],
+        "coefficients": coefficients[:, [0, 1, 3]],
+        "residual_ss": residual_ss,
+        "freedom": freedom,
+        "scatter": np.zeros(0),
+        "speed_mean": (share * about).sum(axis=0),
+        "speed_square": (share * about**2).sum(axis=0),
+        "speed_angle": (share * about * np.where(count > 0, phi - angle, 0.0)).sum(axis=0),
+        "still": still,
+    }
 
 
 def _still(smooth: FloatArray, spread: FloatArray, count: FloatArray, step: float) -> ComplexArray:
@@ -496,18 +480,23 @@ def _scatter(
     )
 
 
-def _one_number(values: FloatArray) -> _Part:
+def _one_number(values: FloatArray) -> PieceRow:
     """The piece of a number per revolution (k, 1): its mean, and its scatter about a line."""
     good = np.isfinite(values)
     mean = np.nanmean(values, axis=0) if good.any() else np.full(1, np.nan)
     scatter = np.array([scatter_about_line(values[good])])
-    zero = np.zeros(1)
     about = np.zeros((len(values), 3))
     about[:, 2] = np.nan_to_num(values[:, 0] - mean)
-    return _Part(
-        mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero,
-        about, zero, zero, scatter, zero, zero, zero, np.zeros(1, np.complex128),
-    )  # fmt: skip
+    of_waveforms = (
+        "phi variance shift residual_ss freedom speed_mean speed_square speed_angle still"
+    )
+    return dict.fromkeys(of_waveforms.split(), np.zeros(1)) | {
+        "mean": mean,
+        "count": good.sum(axis=0).astype(float),
+        "random": np.zeros((1, 3)),
+        "coefficients": about,
+        "scatter": scatter,
+    }
 
 
 def _mean_conditions(conditions: Conditions, cell: IntArray, C: int) -> Conditions:
