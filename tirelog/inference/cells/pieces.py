@@ -490,7 +490,7 @@ def _one_number(values: FloatArray) -> PieceRow:
     of_waveforms = (
         "phi variance shift residual_ss freedom speed_mean speed_square speed_angle still"
     )
-    return dict.fromkeys(of_waveforms.split(), np.zeros(1)) | {
+    return dict.fromkeys(names.split(), np.zeros(1)) | {
         "mean": mean,
         "count": good.sum(axis=0).astype(float),
         "random": np.zeros((1, 3)),
