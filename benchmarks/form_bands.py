@@ -74,10 +74,11 @@ def pressure_band(told: dict[str, Any], truth: dict[str, Any]) -> Array:
     half = tire["half_length_m"] * ratio ** tire["load_exponent"]
     heavy = min(max((ratio - 0.7) / 0.7, 0.0), 1.0)
     light, loaded = (np.array(truth["pressure"][n]) for n in ("light", "heavy"))
-    profile = (1.0 - heavy) * light + heavy * loaded
+    profile, u = (1.0 - heavy) * light + heavy * loaded, np.array(truth["pressure"]["u"])
     at, value, error = (np.array(told["pressure"][n]) for n in ("at", "value", "se"))
-    true = load / half * np.interp(at / half, truth["pressure"]["u"], profile, 0.0, 0.0)
-    patch = np.abs(at) <= max(half, told["half_length_m"])
+    place = at / half + np.trapezoid(u * profile, u) / np.trapezoid(profile, u)
+    true = load / half * np.interp(place, u, profile, 0.0, 0.0)
+    patch = np.abs(place) <= max(1.0, told["half_length_m"] / half)
     return band((value - true)[patch], error[patch], load / (2.0 * half))
 
 

@@ -142,7 +142,7 @@ def test_a_parabola_stays_in_its_place_and_does_not_pull(
     xi, read, mean = own["xi_m"], own["contact_pressure_N_m"], LOAD_N / (2.0 * HALF_M)
     off = np.abs(read - mean * parabola(xi, HALF_M))
     assert (off <= 2.0 * own["contact_pressure_se_N_m"])[np.abs(xi) < HALF_M].mean() > 0.9
-    assert abs((xi * read).sum() / read.sum()) < 0.02 * HALF_M
+    assert np.sqrt((off**2).mean()) < 0.01 * mean
     assert read.min() > -0.01 * mean
 
 

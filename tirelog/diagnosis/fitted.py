@@ -264,12 +264,12 @@ class FormProfile:
 
 @dataclass(frozen=True, repr=False)
 class TireForm(AnswerRecord):
-    """Contact pressure [N/m] over xi [m], positive behind the middle, and stiffness [N/m^2].
+    """Contact pressure [N/m] over xi [m] and stiffness [N/m^2].
 
-    The pressure is per length, at the mean load of the logs and their mean speed; the static
-    stiffness of belt and foundation is over the wavelength [m]. `half_length_m` with its standard
-    error; `reduced_chi2` of the fit, far above 1 if an effect is missing, whose mean is then in
-    the form.
+    xi is from the centre of pressure, positive towards the exit. The pressure is per length, at the
+    mean load of the logs and their mean speed; the static stiffness of belt and foundation is over
+    the wavelength [m]. `half_length_m` with its standard error; `reduced_chi2` of the fit, far
+    above 1 if an effect is missing, whose mean is then in the form.
     """
 
     picture = "form_figure"
@@ -358,7 +358,10 @@ def tire_form(measured: Measured, model: Model) -> TireForm:
     plain = bound(fitted, model, FORM) if FORM not in [e.id for e in model.effects] else fitted
 
     def pressure(of: Model) -> FloatArray:
-        return np.asarray(of.predict(at, phi, observable="contact_pressure")[0])
+        """From its own centre: a log hardly shows where in the wheel the patch is."""
+        there = of.predict(at, phi, observable="contact_pressure")[0]
+        centre = phi @ there / there.sum()
+        return np.asarray(of.predict(at, phi + centre, observable="contact_pressure")[0])
 
     def stiffness(of: Model) -> FloatArray:
         return np.asarray(of.static_stiffness(at)[_WAVES.astype(int)])

@@ -335,7 +335,7 @@ def form_figure(form: TireForm) -> Figure:
 def over_patch(form: TireForm) -> Panel:
     """The contact pressure per length of the patch, entry edge to the left."""
     return Panel(
-        "place in the patch, entry to exit (mm)",
+        "from the centre of pressure, entry to exit (mm)",
         "contact pressure (N/mm)",
         _profile(form.pressure, 1e-3),
         f"{form.load_N:.0f} N, {form.speed_m_s:.1f} m/s",

@@ -500,7 +500,13 @@ _ALL = [
     ),
     TableColumn("leak_se", "", "float", "standard error of the strain lost", 1e-9, 1e-2),
     # model predict
-    TableColumn("xi_m", "m", "float", "tread coordinate, entry edge at -L, exit edge at +L", 1e-9),
+    TableColumn(
+        "xi_m",
+        "m",
+        "float",
+        "tread coordinate, entry edge at -L; of a form from its centre of pressure",
+        1e-9,
+    ),
     TableColumn("phi_deg", "deg", "float", "tread coordinate as an angle", 1e-7),
     TableColumn(
         "displacement_m", "m", "float", "radial displacement, inward positive", 1e-10, 1e-6
