@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tirelog.readers.mcap.decode import ChannelDecoder
 from tirelog.readers.mcap.records import MessageTable
-from tirelog.readers.mcap.source import FieldColumn, RequestedField
+from tirelog.readers.mcap.decode import FieldColumn, RequestedField
 
 NUMBER = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
