@@ -159,9 +159,10 @@ def _step(value: Any, token: str | int | slice) -> Any:
             raise FieldError(f"has {len(items)} elements, and [{token}] is not one of them")
         return items[token]
     name = str(token)
-    if name not in (value if isinstance(value, dict) else field_names(value)):
-        raise FieldError(f"has no field {name!r}", field_names(value), name)
-    return value[name] if isinstance(value, dict) else getattr(value, name)
+    try:
+        return value[name] if isinstance(value, dict) else getattr(value, name)
+    except (KeyError, AttributeError):
+        raise FieldError(f"has no field {name!r}", field_names(value), name) from None
 
 
 def field_names(value: Any) -> tuple[str, ...]:

@@ -576,7 +576,7 @@ _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
 
 def parse_block(plan: RowPlan, block: Block) -> Parsed:
     """The rows of one block, whose lines count from 0."""
-    if block.isspace():
+    if not block.strip():
         return Parsed(
             {column: np.zeros(0) for column in plan.columns.values.values()},
             lines=block.count(b"\n"),
