@@ -333,8 +333,6 @@ def _(rng: np.random.Generator) -> Arguments:
     data, guides, _ = text_rows()
     blanks = bytes_of(b"a \t b\t\r\n  c d  \n")
     word = np.frombuffer(b"15500003", np.uint64)[0]
-    lines = bytes_of(b"1.5, 2e3 ,\n x,-0,nan\n,,7\n" + b"\n" * 9)
-    n = 20
 
     def room(width: int, rows: int) -> tuple[Any, ...]:
         return *columns_of_text(rows), np.zeros(width, kernels.HARD)
@@ -359,11 +357,6 @@ def _(rng: np.random.Generator) -> Arguments:
         "parse_rows": [
             (data, 0, guides.copy(), 44, 46, 6, rest, *room(most, rows))
             for rest, most, rows in ((True, 60, 12), (False, 9, 12), (True, 60, 5))
-        ],
-        "separated": [(lines, 44)],
-        "cells": [
-            (lines[:-9], 44, 46, np.array([False, False, True]), np.zeros(n, np.int64))
-            + (np.zeros(n, np.int64), np.zeros(9, np.int64), np.zeros(n), np.zeros(n, bool))
         ],
     }
 

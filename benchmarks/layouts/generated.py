@@ -485,7 +485,7 @@ def _matlab() -> Iterator[Case]:
         truth=both,
     )
     yield mat(
-        "no numbers at all", {"note": "run 7"}, "note", truth={}, refused="no array of numbers"
+        "no numbers at all", {"note": "run 7"}, "note", truth={}, refused="no signal over time"
     )
 
 

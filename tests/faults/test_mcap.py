@@ -169,11 +169,6 @@ def test_what_is_no_mcap_file(content, says):
         read(io.BytesIO(content), SOURCES)
 
 
-def test_a_missing_file(path):
-    with pytest.raises(ReadError, match="No such file"):
-        read(path, SOURCES)
-
-
 def test_a_wrong_topic_or_field_names_the_nearest_and_leaves_the_others(path):
     write_json(path, [("/front_left/strain", t, m) for _, t, m in messages(50)])
     with pytest.raises(

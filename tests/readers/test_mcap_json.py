@@ -7,9 +7,8 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tirelog.readers.mcap.decode import ChannelDecoder
+from tirelog.readers.mcap.decode import ChannelDecoder, FieldColumn, RequestedField
 from tirelog.readers.mcap.records import MessageTable
-from tirelog.readers.mcap.source import FieldColumn, RequestedField
 
 NUMBER = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),

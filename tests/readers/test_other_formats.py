@@ -14,7 +14,7 @@ from .other_files import A, N, read, refusal
 def test_samples_of_24_bits(tmp_path: Path) -> None:
     whole = np.array([0, 1, -1, 1 << 22, -(1 << 23), (1 << 23) - 1])
     body = b"".join(int(x).to_bytes(3, "little", signed=True) for x in whole)
-    head = b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 1, 1, 100, 300, 3, 24)
+    head = b"RIFF\x44\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 1, 1, 100, 300, 3, 24)
     data = head + b"LIST\x05\0\0\0abcde\0" + b"data" + struct.pack("<I", len(body)) + body
     np.testing.assert_array_equal(read(data, tmp_path, "#1")[0], whole / 2.0**23)
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tirelog.readers.text import times
 from tirelog.readers.text.times import MISSING, column_ns, one_ns
 
 LAYOUTS = {
@@ -27,6 +28,36 @@ LAYOUTS = {
     "hms": ["99:99:99.99999", "9-99-99", "99:99:99.9:", "noon", "", "99:99:99 PM", "9:99:99am"],
     "mmss": ["99:99.9999", "999:99,9", "9:99.9", "99:99"],
 }
+
+
+def by_regex(cell: str, form: str, us: bool = False) -> int:
+    """As `one_ns`, by the groups of the form's pattern."""
+    match = times._FORMS[form].fullmatch(cell.strip().strip('"'))
+    if not match:
+        return MISSING
+    part = match.groupdict()
+    days = 0
+    if form in times._DATED:
+        month, day = (part["D"], part["M"]) if us and form == "dmy" else (part["M"], part["D"])
+        try:
+            days = int(
+                (
+                    np.datetime64(f"{part['Y']}-{int(month):02d}-{int(day):02d}")
+                    - np.datetime64("1970-01-01")
+                ).astype(int)
+            )
+        except ValueError:
+            return MISSING
+    hour, minute, second = (int(part.get(key) or 0) for key in ("h", "m", "sec"))
+    if hour > 24 or (minute > 59 and form != "mmss") or second > 60:
+        return MISSING
+    if part.get("half"):
+        if not 1 <= hour <= 12:
+            return MISSING
+        hour %= 12
+    seconds = hour * 3600 + minute * 60 + second - times._offset_s(part)
+    ns = (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
+    return ns if abs(ns) <= -(MISSING + 1) else MISSING
 
 
 def read(cells: list[str], form: str, us: bool) -> list[int]:
@@ -56,6 +87,7 @@ def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
         cells.append(cell)
     us = data.draw(st.booleans())
     assert read(cells, form, us) == [one_ns(cell, form, us) for cell in cells]
+    assert read(cells, form, us) == [by_regex(cell, form, us) for cell in cells]
 
 
 @pytest.mark.parametrize(

@@ -197,7 +197,6 @@ def _by_size(kind: str, known: FloatArray) -> str:
 _LISTS = {
     "HDF5": "hdf5.reader:datasets",
     "MCAP": "mcap.reader:fields",
-    "WAV": "other.wav:channels",
 }
 
 

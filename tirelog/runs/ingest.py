@@ -48,11 +48,9 @@ _READERS = {
     "HDF5": "tirelog.readers.hdf5.reader:open_hdf5",
     "Parquet": "tirelog.readers.other.formats:open_parquet",
     "MCAP": "tirelog.readers.mcap.reader:open_mcap",
-    "WAV": "tirelog.readers.other.wav:WavReader",
 }
 _TEXT = "tirelog.readers.text.reader:open_text"
-#: what makes an HDF5 file of MATLAB's, and a file that is read of one of FORMATS
-_OF_MATLAB = "tirelog.readers.other.matlab:convert"
+#: what makes a file that is read of one of FORMATS
 _BY_LIBRARY = "tirelog.readers.other.conversion:convert"
 
 
@@ -216,13 +214,13 @@ def reader_of(stream: LogStream, opened: OpenedLog, setup: Setup, log: str) -> L
 def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iterator[OpenedLog]:
     """The log's format, and the log as a file if its format needs one to seek in.
 
-    What is no file is copied to a temporary one; MATLAB's and those of FORMATS are converted.
+    What is no file is copied to a temporary one; those of FORMATS are converted.
     `name` is the log's in messages, if that is not its path.
     """
     format = name_of(head)
     if not format:
         refuse_foreign(head, name or log)
-    converts = format == "MATLAB" or format in FORMATS
+    converts = format in FORMATS
     if format not in ("HDF5", "Parquet") and not converts:
         yield OpenedLog(format, made=format)
     elif is_file(log) and not converts:
@@ -234,11 +232,7 @@ def opened_log(log: str, head: bytes, stream: LogStream, name: str = "") -> Iter
                 with failed_writes(path), path.open("wb") as copy:
                     while part := log_part(stream, log):
                         copy.write(part)
-            if format == "MATLAB":
-                made = folder / "log.h5"
-                converted = resolve_name(_OF_MATLAB)(path, made, name or log)
-                yield OpenedLog(format, made, converted, "HDF5")
-            elif converts:
+            if converts:
                 made, converted = resolve_name(_BY_LIBRARY)(format, path, folder, name or log)
                 yield OpenedLog(format, made, converted, FORMATS[format].made)
             else:

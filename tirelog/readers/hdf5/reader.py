@@ -484,7 +484,8 @@ def _columns(file: h5py.File, name: str) -> list[tuple[Series, int]]:
     for source in sources:
         try:
             if (size := len(find_columns(file, source))) > 1:
-                series.append((Series(source), size))
+                # a channel of WAV has a number and no path
+                series.append((Series(re.sub(r"^/(?=#\d+$)", "", source)), size))
         except (ReadError, *LIBRARY_ERRORS):
             return series
     return series

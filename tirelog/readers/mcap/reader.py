@@ -1,44 +1,315 @@
 """MCAP logs from a path or a stream that cannot seek, in one pass.
 
-    stream --records--> chunks --walk--> messages by channel --decode--> numbers
-        --topic, order--> RawBlock
+    stream --records--> chunks of messages by channel --decode--> numbers
+        --Topic: batches or single samples, stamps--> samples of each group, in order --> RawBlock
 
 Groups have to be known before the first block: chunks are read ahead until every topic of the setup
 has shown its first message, or READ_AHEAD_BYTES have been read. Channels of one topic with batches
 of one length form a group. Topics that the setup does not name are never decoded, so nothing
 foreign can stop the reading.
+
+The time of a sample is the message's `header.stamp` (or the field that [log] time names) if it
+has one, else its log time. Of a batch it is the time of its first sample.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
+from decimal import Decimal
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO
 
+import numpy as np
 from mcap.exceptions import McapError
 
 from tirelog.data.setup import Setup
-from tirelog.errors import ReadError, nearest
-from tirelog.readers.base import MOST_SERIES, Group, RawBlock, ReadReport, Series, SeriesList
-from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder
-from tirelog.readers.mcap.records import (
-    RECORD_ERRORS,
-    MessageTable,
-    RecordChunk,
-    Records,
-    split_pieces,
+from tirelog.errors import ReadError, SetupError, nearest
+from tirelog.readers.base import (
+    MOST_SERIES,
+    RATES,
+    Group,
+    RawBlock,
+    ReadReport,
+    Series,
+    SeriesList,
+    rate_Hz,
 )
-from tirelog.readers.mcap.source import (
+from tirelog.readers.mcap.decode import (
+    LARGEST_MESSAGE_BYTES,
+    ChannelDecoder,
+    FieldColumn,
     FieldError,
     RequestedField,
+    extract,
     field_names,
     is_list,
     parse_path,
+    spread,
     topic_and_field,
 )
-from tirelog.readers.mcap.topic import Topic
+from tirelog.readers.mcap.records import RECORD_ERRORS, MessageTable, OrderedGroup, Records
+from tirelog.vocabulary import units
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
+
+# ---- One topic that the setup names.
+#
+# Its first message tells what its channels are, the others give samples.
+
+
+#: pairs of fields (seconds, nanoseconds) that hold a stamp, in the order in which they are looked
+#: for
+STAMPS = tuple(
+    (f"{where}.{seconds}", f"{where}.{nanoseconds}")
+    for where in ("header.stamp", "stamp", "timestamp", "header.timestamp")
+    for seconds, nanoseconds in (
+        ("sec", "nanosec"),
+        ("sec", "nsec"),
+        ("secs", "nsecs"),
+        ("seconds", "nanos"),
+    )
+)
+#: header stamps that are further than this from the log time count from an origin of their own
+ONE_CLOCK_NS = 3_600_000_000_000
+#: more decimals than this are the digits of a binary number
+MOST_DECIMALS = 9
+
+
+class Topic:
+    """The channels of one topic."""
+
+    def __init__(
+        self, name: str, wants: Mapping[str, RequestedField], setup: Setup, report: ReadReport
+    ) -> None:
+        self.name, self.setup, self.report = name, setup, report
+        self.wants = dict(wants)
+        self.groups: list[OrderedGroup] = []
+        self.stamps: list[tuple[RequestedField, float]] = []  # with ns per unit of each
+        self.shift_ns = 0  # from the stamps to the log's clock
+        self.started = False
+        self.failed: dict[str, str] = {}
+
+    def assume(self, used: int) -> None:
+        """Sets groups for a topic whose first message is still to come.
+
+        One per channel, which fits whatever comes.
+        """
+        self.groups = [self._group([name], used + k, None) for k, name in enumerate(self.wants)]
+
+    def start(
+        self,
+        message: Any,
+        log_time_ns: int,
+        metadata: Mapping[str, str],
+        used: int,
+        decimal: Sequence[Any] = (),
+    ) -> None:
+        """Learn from the first message; `used` groups have names already.
+
+        Channels that it does not hold go to `failed`.
+
+        `decimal` are some first messages of a text encoding, by which the decimals of its numbers
+        are told.
+        """
+        self.started = True
+        kinds: dict[str, Any] = {}
+        for name, want in list(self.wants.items()):
+            try:
+                value = extract(message, want.tokens)
+            except FieldError as problem:
+                self.failed[name] = f"{self.name}:{want.path} {problem}{_near(problem, message)}"
+                del self.wants[name]
+                continue
+            batch = isinstance(value, np.ndarray)
+            kinds[name] = value.size if isinstance(value, np.ndarray) else None
+            if batch and not any(isinstance(token, slice) for token in want.tokens):
+                self.wants[name] = RequestedField(want.path, (*want.tokens, slice(None)))
+        self.stamps = self._stamp_fields(message)
+        if self.stamps:
+            values = [np.atleast_1d(extract(message, want.tokens)) for want, _ in self.stamps]
+            ahead = log_time_ns - int(self._ns(values)[0])
+            if abs(ahead) >= ONE_CLOCK_NS:
+                self.shift_ns = ahead
+                self.report.remarks.append(
+                    f"topic {self.name}: its stamps count from another origin; its first is taken "
+                    "to be at its log time"
+                )
+        rate = self._rate(message, metadata)
+        members: dict[Any, list[str]] = {}
+        for name, kind in kinds.items():
+            members.setdefault((kind, self.setup.channels[name].sampling_rate_Hz), []).append(name)
+        if self.groups:
+            self.groups = [
+                self._group(list(g.group.channels), 0, rate, g.group) for g in self.groups
+            ]
+        else:
+            places = {name: decimals_of(decimal, self.wants[name]) for name in kinds}
+            self.groups = [
+                self._group(names, used + k, rate, places=places)
+                for k, names in enumerate(members.values())
+            ]
+        for group in self.groups:
+            group.batched = kinds.get(group.group.channels[0]) is not None
+
+    def _group(
+        self,
+        names: list[str],
+        number: int,
+        rate: float | None,
+        known: Group | None = None,
+        places: Mapping[str, int | None] = MappingProxyType({}),
+    ) -> OrderedGroup:
+        """`places`: decimals of the channels, for those that are known when the group is made."""
+        group = known or Group(
+            f"clock_{number + 1}",
+            tuple(names),
+            rate_Hz=rate,
+            decimals={name: places.get(name) for name in names},
+        )
+        own = (
+            self.setup.channels[names[0]].sampling_rate_Hz
+            or self.setup.log.sampling_rate_Hz
+            or rate
+        )
+        return OrderedGroup(group, 1.0 / own if own else None)
+
+    def _rate(self, message: Any, metadata: Mapping[str, str]) -> float | None:
+        """The sampling rate [Hz] that a field of the message, or the channel's metadata, states."""
+        for name, is_period in RATES.items():
+            try:
+                value = (
+                    extract(message, (name,))
+                    if name in field_names(message)
+                    else float(metadata.get(name, "nan"))
+                )
+            except ValueError:
+                continue
+            if isinstance(value, float) and (rate := rate_Hz(value, is_period)) is not None:
+                return rate
+        return None
+
+    def _stamp_fields(self, message: Any) -> list[tuple[RequestedField, float]]:
+        """The fields that hold this topic's stamp, with [ns] per unit of each."""
+        named = self.setup.log.time
+        if named:
+            path = named.split(":", 1)[1] if named.startswith(f"{self.name}:") else named
+            try:
+                want = parse_path(path)
+                extract(message, want.tokens)
+                factor, _ = units.to_si(self.setup.log.time_unit or "s", "time")
+            except (FieldError, ReadError, SetupError) as problem:
+                self.report.remarks.append(
+                    f"topic {self.name}: no stamp at [log] time = {named!r} ({problem}); "
+                    "the log time is used"
+                )
+                return []
+            return [(want, factor * 1e9)]
+        for pair in STAMPS:
+            wants = [parse_path(path) for path in pair]
+            try:
+                values = [extract(message, want.tokens) for want in wants]
+            except FieldError:
+                continue
+            # a stamp of zero was never set
+            if any(values) and not any(isinstance(v, np.ndarray) for v in values):
+                return list(zip(wants, (1e9, 1.0), strict=True))
+        return []
+
+    def _ns(self, numbers: list[FloatArray]) -> IntArray:
+        """Whole nanoseconds of stamps; seconds and nanoseconds are added as integers."""
+        total = np.zeros(numbers[0].size, np.int64)
+        for values, (_, factor) in zip(numbers, self.stamps, strict=True):
+            whole = np.floor(values)
+            most = 9e9 if factor == 1e9 else 9e18 / factor
+            total += np.clip(whole, -most, most).astype(np.int64) * round(factor)
+            total += np.rint((values - whole) * factor).astype(np.int64)
+        return total
+
+    def feed(self, table: MessageTable, decoder: ChannelDecoder) -> None:
+        """Decode the messages of a chunk and add their samples to the groups."""
+        channels = list(self.wants)
+        at = 0
+        wants = [*self.wants.values(), *(want for want, _ in self.stamps)]
+        for columns in decoder.read(table, wants):
+            size = columns[0].sizes.size if columns else 0
+            keys = table.log_time_ns[at : at + size]
+            at += size
+            stamps = self._stamps(columns[len(channels) :], keys)
+            by_name = dict(zip(channels, columns, strict=False))
+            for group in self.groups:
+                present = [by_name.get(name) for name in group.group.channels]
+                if any(column is not None for column in present):
+                    group.add(*self._samples(group, present, keys, stamps))
+
+    def _stamps(self, columns: list[FieldColumn], keys: IntArray) -> IntArray:
+        """The messages' stamps [ns] on the log's clock; the log time if a message has none."""
+        if not columns:
+            return keys
+        numbers = [column.values for column in columns]
+        if any(values.size != keys.size for values in numbers):
+            return keys
+        lost = np.any([~np.isfinite(values) for values in numbers], axis=0)
+        stamps = self._ns([np.where(lost, 0.0, values) for values in numbers]) + self.shift_ns
+        return np.where(lost, keys, stamps)
+
+    def _samples(
+        self,
+        group: OrderedGroup,
+        columns: list[FieldColumn | None],
+        keys: IntArray,
+        stamps: IntArray,
+    ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        """keys, stamps, within, values of every sample.
+
+        Batches of unlike length are filled up with NaN.
+        """
+        none = np.zeros(keys.size, np.int64)
+        sizes = [none if column is None else column.sizes for column in columns]
+        lengths = np.max(sizes, axis=0)
+        values = np.full((int(lengths.sum()), len(columns)), np.nan)
+        starts = np.cumsum(lengths) - lengths
+        for k, (column, own) in enumerate(zip(columns, sizes, strict=True)):
+            if column is None:
+                continue
+            if np.array_equal(own, lengths):
+                values[:, k] = column.values
+            else:
+                values[spread(starts, own), k] = column.values
+            if self.setup.channels[group.group.channels[k]].kind in WAVELENGTH_KINDS:
+                values[~(values[:, k] > 0.0), k] = np.nan
+        group.batched |= values.shape[0] != keys.size  # though single samples were expected
+        within = spread(none, lengths) if group.batched else none
+        return np.repeat(keys, lengths), np.repeat(stamps, lengths), within, values
+
+
+def decimals_of(messages: Sequence[Any], want: RequestedField) -> int | None:
+    """The decimals with which a number is written in `messages` of text.
+
+    None if they are no decimals of an instrument.
+    """
+    most = None
+    for message in messages:
+        try:
+            numbers = np.atleast_1d(extract(message, want.tokens))
+        except FieldError:
+            continue
+        for value in numbers[np.isfinite(numbers)].tolist():
+            most = max(most or 0, -int(Decimal(repr(value)).normalize().as_tuple().exponent))
+    return most if most is not None and most <= MOST_DECIMALS else None
+
+
+def _near(problem: FieldError, message: Any) -> str:
+    known = problem.known or field_names(message)
+    near = nearest(problem.name, known) if problem.name else ""
+    return f"{near}; it has {', '.join(known[:20])}" if problem.name and known else ""
+
+
+# ---- A log.
+
 
 #: bytes of chunks that are held until every topic of the setup has begun; twice as many take twice
 #: the memory if a topic comes late or never
@@ -55,24 +326,12 @@ def open_mcap(
     `path` is the file that a stream reads, if there is one: from its end come the definitions
     that a damaged chunk took away. ReadError if nothing in it can be read.
     """
-    if isinstance(source, Path | str):
-        try:
-            stream = open(source, "rb")  # noqa: SIM115  # closed with its last block
-            try:
-                log = McapLog(stream, setup, log_name, Path(source))
-            except BaseException:
-                stream.close()
-                raise
-        except OSError as problem:
-            raise ReadError(
-                f"cannot be opened ({problem.strerror})",
-                allowed="a log is a readable file",
-                do="mend the path",
-                file=log_name,
-            ) from None
-        log.owned = stream
-        return log
-    return McapLog(source, setup, log_name, path)
+    if not isinstance(source, Path | str):
+        return McapLog(source, setup, log_name, path)
+    with ExitStack() as opened:
+        log = McapLog(opened.enter_context(open(source, "rb")), setup, log_name, Path(source))
+        log.opened = opened.pop_all()  # closed with its last block
+    return log
 
 
 class McapLog:
@@ -84,13 +343,13 @@ class McapLog:
         self.topics = self._topics()
         self.records = Records(stream, self.report, log_name)
         self.decoders: dict[int, ChannelDecoder | None] = {}
-        self.owned: BinaryIO | None = None  # a file to close at the end: it was opened here
+        self.opened = ExitStack()  # what is closed at the end, as it was opened here
         self.undecodable: set[str] = set()  # topics of which that was said
         self.unknown: dict[int, int] = {}
         self.origin_ns: int | None = None
         self.samples = 0
         self.source = self.records.chunks()
-        self.ahead: deque[RecordChunk] = deque()
+        self.ahead: deque[dict[int, MessageTable]] = deque()
         self._read_ahead()
         self.groups: tuple[Group, ...] = tuple(
             group.group for topic in self.topics.values() for group in topic.groups
@@ -114,14 +373,14 @@ class McapLog:
         """Chunks up to the one in which the last topic begins; then the groups of all topics."""
         size = 0
         while size < READ_AHEAD_BYTES and not all(topic.started for topic in self.topics.values()):
-            chunk = next(self.source, None)
-            if chunk is None:  # the end of the file has repeated definitions that damage took away
+            tables, bytes_ = next(self.source, (None, 0))
+            if tables is None:  # the end of the file has repeated definitions that damage took
                 for earlier in self.ahead if self.unknown else ():
                     self._start_topics(earlier)
                 break
-            self.ahead.append(chunk)
-            size += len(chunk.data)
-            self._start_topics(chunk)
+            self.ahead.append(tables)
+            size += bytes_
+            self._start_topics(tables)
         if size >= READ_AHEAD_BYTES:
             for topic in self.topics.values():
                 if not topic.started:
@@ -130,8 +389,8 @@ class McapLog:
             self._missing()
             raise ReadError("; ".join(self.report.losses), file=self.log_name)
 
-    def _start_topics(self, chunk: RecordChunk) -> None:
-        for topic, decoder, table in self._messages(chunk, count=False):
+    def _start_topics(self, tables: dict[int, MessageTable]) -> None:
+        for topic, decoder, table in self._messages(tables, count=False):
             if not topic.started:
                 self._start(topic, decoder, table)
 
@@ -148,11 +407,10 @@ class McapLog:
             metadata = next(
                 (c.metadata for c in self.records.channels.values() if c.topic == topic.name), {}
             )
-            decimal = (
-                decoder.some(table.take(slice(row, row + 100)))
-                if decoder.encoding == "json"
-                else []
-            )
+            decimal = []
+            for data in table.take(slice(row, row + 100)).messages():
+                with suppress(FieldError):
+                    decimal += [decoder.message(data)] if decoder.encoding == "json" else []
             topic.start(
                 message, int(table.log_time_ns[row]), metadata, self._group_count(), decimal
             )
@@ -162,23 +420,9 @@ class McapLog:
             return
 
     def _messages(
-        self, chunk: RecordChunk, *, count: bool = True
+        self, tables: dict[int, MessageTable], *, count: bool = True
     ) -> Iterator[tuple[Topic, ChannelDecoder, MessageTable]]:
         """The messages of the topics wanted; a topic that was not met before starts with them."""
-        tables, definitions, rest = split_pieces(chunk.data)
-        for opcode, body in definitions:
-            try:
-                self.records.define(opcode, body)
-            except RECORD_ERRORS as problem:
-                self.records.lose(
-                    f"a definition in the chunk at byte {chunk.offset} cannot be used "
-                    f"({problem}); copy the log again"
-                )
-        if rest and count:
-            self.records.lose(
-                f"{rest} bytes at the end of the chunk at byte {chunk.offset} are no whole "
-                "record; copy the log again"
-            )
         for number, table in tables.items():
             if number not in self.records.channels:
                 self._definitions_from_the_end()
@@ -229,15 +473,14 @@ class McapLog:
             yield from self._emit(everything=True)
             self._finish()
         finally:
-            if self.owned is not None:
-                self.owned.close()
+            self.opened.close()
 
     def _feed_chunk(self) -> bool:
         """Feed the next chunk to its topics, and let go of it; False at the end of the log."""
-        chunk = self.ahead.popleft() if self.ahead else next(self.source, None)
-        if chunk is None:
+        tables = self.ahead.popleft() if self.ahead else next(self.source, (None, 0))[0]
+        if tables is None:
             return False
-        for topic, decoder, table in self._messages(chunk):
+        for topic, decoder, table in self._messages(tables):
             if not topic.started:
                 self._start(topic, decoder, table)
             if topic.started:
@@ -328,14 +571,8 @@ def fields(path: Path, log: str) -> SeriesList:
     size = 0
     with path.open("rb") as stream:
         records = Records(stream, ReadReport(), log)
-        for chunk in records.chunks():
-            size += len(chunk.data)
-            tables, definitions, _ = split_pieces(chunk.data)
-            for opcode, body in definitions:
-                try:
-                    records.define(opcode, body)
-                except RECORD_ERRORS:
-                    continue
+        for tables, bytes_ in records.chunks():
+            size += bytes_
             for number, table in tables.items():
                 channel = records.channels.get(number)
                 if channel is None or channel.topic in series or not len(table):
@@ -378,8 +615,7 @@ def _numbers(value: Any, path: str, depth: int) -> Iterator[tuple[str, str]]:
     elif isinstance(value, str | bytes) or value is None or depth > _MOST_DEPTH:
         return
     elif isinstance(value, dict) or field_names(value):
-        names = tuple(map(str, value)) if isinstance(value, dict) else field_names(value)
-        for name in names:
+        for name in field_names(value):
             if name.lower() not in _BESIDE and name.isidentifier():
                 below = value[name] if isinstance(value, dict) else getattr(value, name)
                 yield from _numbers(below, f"{path}.{name}" if path else name, depth + 1)

@@ -58,7 +58,7 @@ class OrderedGroup:
     def __init__(self, group: Group, period_s: float | None) -> None:
         self.group, self.period_s = group, period_s
         self.batched = False
-        self.parts: list[tuple[IntArray, IntArray, IntArray, FloatArray]] = []
+        self.parts: list[tuple[IntArray, FloatArray]] = []
         self.held = 0
         self.last_key: int | None = None
         self.refused = 0
@@ -68,7 +68,7 @@ class OrderedGroup:
 
         `keys`, `stamps`, `within` shape (n,), `values` (n, channels).
         """
-        self.parts.append((keys, stamps, within, values))
+        self.parts.append((np.column_stack([keys, stamps, within]), values))
         self.held += values.size
 
     @property
@@ -77,34 +77,28 @@ class OrderedGroup:
 
     def first_stamp(self) -> int | None:
         """The earliest stamp that is held."""
-        return min(
-            (int(stamps.min()) for _, stamps, _, _ in self.parts if stamps.size), default=None
-        )
+        return min((int(at[:, 1].min()) for at, _ in self.parts if len(at)), default=None)
 
     def blocks(self, origin_ns: int, *, everything: bool) -> Iterator[RawBlock]:
         """The older half of what is held (or all of it) as a block."""
         if not self.parts:
             return
-        keys, stamps, within, values = (
-            np.concatenate(part) for part in zip(*self.parts, strict=True)
-        )
-        if self.last_key is not None and (late := keys < self.last_key).any():
+        at, values = (np.concatenate(part) for part in zip(*self.parts, strict=True))
+        if self.last_key is not None and (late := at[:, 0] < self.last_key).any():
             self.refused += int(late.sum())
-            keys, stamps, within, values = keys[~late], stamps[~late], within[~late], values[~late]
-        if (np.diff(keys) < 0).any():
-            order = np.argsort(keys, kind="stable")
-            keys, stamps, within, values = keys[order], stamps[order], within[order], values[order]
-        size = keys.size if everything else keys.size // 2
-        self._find_period(stamps, within)
-        self.parts = (
-            [(keys[size:], stamps[size:], within[size:], values[size:])] if size < keys.size else []
-        )
-        self.held = values.size - values[:size].size
+            at, values = at[~late], values[~late]
+        if (np.diff(at[:, 0]) < 0).any():
+            order = np.argsort(at[:, 0], kind="stable")
+            at, values = at[order], values[order]
+        size = len(at) if everything else len(at) // 2
+        self._find_period(at[:, 1], at[:, 2])
+        self.parts = [(at[size:], values[size:])] if size < len(at) else []
+        self.held = values[size:].size
         if size:
-            self.last_key = int(keys[size - 1])
-            seconds = (stamps[:size] - origin_ns) * 1e-9
+            self.last_key = int(at[size - 1, 0])
+            seconds = (at[:size, 1] - origin_ns) * 1e-9
             if self.batched:
-                seconds += within[:size] * (self.period_s or 0.0)
+                seconds += at[:size, 2] * (self.period_s or 0.0)
             columns = {
                 name: np.ascontiguousarray(values[:size, k])
                 for k, name in enumerate(self.group.channels)
@@ -129,7 +123,6 @@ class OrderedGroup:
 HEAD = struct.Struct("<BQ")
 #: opcode, length; channel, sequence, log time, publish time
 MESSAGE_HEAD_BYTES = 9 + 22
-SCHEMA, CHANNEL, MESSAGE = 3, 4, 5
 #: the descriptors of the largest robots are some hundred kilobytes
 LARGEST_DEFINITION_BYTES = 1 << 22
 #: records of one chunk: writers close one at some megabytes, which is below 100,000 messages.  A
@@ -164,13 +157,6 @@ class MessageTable:
             data[a:b]
             for a, b in zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
         ]
-
-
-def record_starts(data: bytes, most: int = MOST_RECORDS) -> tuple[IntArray, int]:
-    """(starts of the first `most` records, end of the last of these that is whole)."""
-    found = np.empty(min(len(data) // HEAD.size, most), np.int64)
-    many, end = _chain(bytes_of(data), found)
-    return found[:many].copy(), int(end)
 
 
 @compiled
@@ -210,35 +196,6 @@ def message_rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
     return anywhere[starts].view(np.uint8).reshape(starts.size, size)
 
 
-def split_pieces(data: bytes) -> tuple[dict[int, MessageTable], Iterator[tuple[int, bytes]], int]:
-    """(messages by channel id, definitions one by one, bytes at the end that are no record).
-
-    Definitions as (opcode, body). Of one that is too large to be kept comes no more than shows that
-    it is.
-    """
-    starts, end = record_starts(data)
-    opcodes = gather(data, starts, "u1")
-    definitions = _definitions(data, starts[(opcodes == SCHEMA) | (opcodes == CHANNEL)].tolist())
-    starts = starts[opcodes == MESSAGE]
-    sizes = gather(data, starts + 1, "<u8").astype(np.int64) - 22
-    starts, sizes = starts[sizes >= 0], sizes[sizes >= 0]
-    ids = gather(data, starts + 9, "<u2")
-    times = np.minimum(gather(data, starts + 15, "<u8"), np.uint64(2**63 - 1)).astype(np.int64)
-    tables = {}
-    for channel in np.unique(ids).tolist():
-        which = ids == channel
-        tables[channel] = MessageTable(
-            data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which]
-        )
-    return tables, definitions, len(data) - end
-
-
-def _definitions(data: bytes, starts: list[int]) -> Iterator[tuple[int, bytes]]:
-    for start in starts:
-        length = min(HEAD.unpack_from(data, start)[1], LARGEST_DEFINITION_BYTES + 1)
-        yield data[start], data[start + 9 : start + 9 + length]
-
-
 MAGIC = b"\x89MCAP0\r\n"
 #: a chunk has to be decompressed whole to check it
 LARGEST_CHUNK_BYTES = 1 << 28
@@ -265,14 +222,6 @@ RECORD_ERRORS = (
 MOST_SAID = 5
 #: opcodes from here on are free for private use
 PRIVATE = 0x80
-
-
-@dataclass(frozen=True)
-class RecordChunk:
-    """Uncompressed records, and where in the file they began."""
-
-    data: bytes
-    offset: int
 
 
 class Records:
@@ -324,8 +273,11 @@ class Records:
         if count <= MOST_SAID:
             self.report.losses.append(what)
 
-    def chunks(self) -> Iterator[RecordChunk]:
-        """The chunks in the file's order; messages outside of chunks in chunks of their own."""
+    def chunks(self) -> Iterator[tuple[dict[int, MessageTable], int]]:
+        """(messages by channel id, bytes that they take) of each chunk, in the file's order.
+
+        Messages outside of chunks make chunks of their own. What a chunk defines is kept.
+        """
         loose: list[bytes] = []
         size, began = 0, 0
         while not self.ended:
@@ -337,13 +289,11 @@ class Records:
                 size += len(record)
                 self.unchecked = True
             if loose and (opcode != Opcode.MESSAGE or size >= LOOSE_BYTES):
-                yield RecordChunk(b"".join(loose), began)
+                yield self._tables(b"".join(loose), size, began), size
                 loose, size = [], 0
             if opcode == Opcode.CHUNK:
-                chunk = self._chunk(record[HEAD.size :], at)
-                if chunk is not None:
-                    yield chunk
-                chunk = None  # not kept while the next one is unpacked
+                # nothing of a chunk is kept here while the next one is unpacked
+                yield from self._chunk(record[HEAD.size :], at)
             elif opcode not in (None, Opcode.MESSAGE):
                 self._other(opcode, record[HEAD.size :], at, crc)
         if self.unchecked and not self.whole_checked:
@@ -482,7 +432,8 @@ class Records:
             skipped += len(behind) - len(keep)
             behind = keep + more
 
-    def _chunk(self, body: bytes, at: int) -> RecordChunk | None:
+    def _chunk(self, body: bytes, at: int) -> Iterator[tuple[dict[int, MessageTable], int]]:
+        """The chunk, if it is whole."""
         self.chunks_met += 1
         try:
             _, _, size, crc, name_size = CHUNK_HEAD.unpack_from(body)
@@ -498,14 +449,53 @@ class Records:
             data = decompress(compression, stored, size)
             if len(data) != size or (crc and zlib.crc32(data) != crc):
                 raise ValueError("its checksum fails")
-            most = min(MOST_RECORDS, FEW_RECORDS + RECORDS_PER_BYTE * len(stored))
-            if record_starts(data, most + 1)[0].size > most:
-                raise ValueError(f"it holds more than {most} records in {len(stored)} stored bytes")
+            tables = self._tables(data, len(stored), at)
         except RECORD_ERRORS as problem:
             self.lose(f"the chunk at byte {at} is lost ({_short(problem)}); copy the log again")
-            return None
+            return
         self.unchecked |= not crc
-        return RecordChunk(data, at)
+        yield tables, size
+
+    def _tables(self, data: bytes, stored: int, offset: int) -> dict[int, MessageTable]:
+        """The messages of a chunk by channel id.
+
+        The chunk takes `stored` bytes of the file and begins at its byte `offset`. ValueError: it
+        holds more records than so many bytes do.
+        """
+        most = min(MOST_RECORDS, FEW_RECORDS + RECORDS_PER_BYTE * stored)
+        found = np.empty(min(len(data) // HEAD.size, most + 1), np.int64)
+        many, end = _chain(bytes_of(data), found)
+        if many > most:
+            raise ValueError(f"it holds more than {most} records in {stored} stored bytes")
+        starts = found[:many].copy()
+        opcodes = gather(data, starts, "u1")
+        for start in starts[(opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)].tolist():
+            # of one that is too large to be kept no more than shows that it is
+            length = min(HEAD.unpack_from(data, start)[1], LARGEST_DEFINITION_BYTES + 1)
+            try:
+                self.define(data[start], data[start + HEAD.size : start + HEAD.size + length])
+            except RECORD_ERRORS as problem:
+                self.lose(
+                    f"a definition in the chunk at byte {offset} cannot be used ({problem}); "
+                    "copy the log again"
+                )
+        if end < len(data):
+            self.lose(
+                f"{len(data) - end} bytes at the end of the chunk at byte {offset} are no whole "
+                "record; copy the log again"
+            )
+        starts = starts[opcodes == Opcode.MESSAGE]
+        sizes = gather(data, starts + 1, "<u8").astype(np.int64) - 22
+        starts, sizes = starts[sizes >= 0], sizes[sizes >= 0]
+        ids = gather(data, starts + 9, "<u2")
+        times = np.minimum(gather(data, starts + 15, "<u8"), np.uint64(2**63 - 1)).astype(np.int64)
+        tables = {}
+        for channel in np.unique(ids).tolist():
+            which = ids == channel
+            tables[channel] = MessageTable(
+                data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which]
+            )
+        return tables
 
 
 def find_chunk(data: bytes) -> int | None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 
-from tirelog.readers.mcap.source import MessagePlan, NoPlanError, Place, RequestedField, Token
+from tirelog.readers.mcap.decode import MessagePlan, Place, RequestedField, Token
 
 PRIMITIVES = {
     "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2",
@@ -99,7 +99,7 @@ class CdrTemplate:
         self, data: bytes, definitions: dict[str, list[CdrMember]], wants: list[RequestedField]
     ) -> None:
         if len(data) < ENCAPSULATION or data[1] not in (0, 1):
-            raise NoPlanError
+            raise ValueError
         self.data, self.definitions = data, definitions
         self.wants = [(which, want.tokens) for which, want in enumerate(wants)]
         self.order = "<" if data[1] else ">"
@@ -109,17 +109,17 @@ class CdrTemplate:
         self.plan.guard_exact(data, 0, 2)
 
     def walk(self, root: str) -> MessagePlan:
-        """The plan of the message.  NoPlanError if it has none."""
+        """The plan of the message.  ValueError if it has none."""
         try:
             self._structure(root, self.wants, 0)
         except (struct.error, KeyError, IndexError):
-            raise NoPlanError from None
+            raise ValueError from None
         return self.plan
 
     def _structure(self, kind: str, wants: list[tuple[int, tuple[Token, ...]]], depth: int) -> None:
         members = self.definitions[kind]
         if depth > 32:
-            raise NoPlanError
+            raise ValueError
         if not members:
             self.at += 1  # an empty definition is one byte
         for member in members:
@@ -133,13 +133,13 @@ class CdrTemplate:
                 continue
             length = member.length if member.length >= 0 else self._length()
             if length > LONGEST_LIST:
-                raise NoPlanError
+                raise ValueError
             if member.type in PRIMITIVES:
                 self._numbers(PRIMITIVES[member.type], length, below)
             else:
                 for k in range(length):
                     if any(tokens and isinstance(tokens[0], slice) for _, tokens in below):
-                        raise NoPlanError
+                        raise ValueError
                     self._value(
                         member.type,
                         [
@@ -153,7 +153,7 @@ class CdrTemplate:
     def _value(self, kind: str, wants: list[tuple[int, tuple[Token, ...]]], depth: int) -> None:
         self.parts += 1
         if self.parts > MOST_PARTS:
-            raise NoPlanError
+            raise ValueError
         if kind == "string":
             length = self._length()
             self.at += length
@@ -167,14 +167,14 @@ class CdrTemplate:
         else:
             self._structure(kind, wants, depth + 1)
         if self.at > len(self.data):
-            raise NoPlanError
+            raise ValueError
 
     def _numbers(self, dtype: str, length: int, wants: list[tuple[int, tuple[Token, ...]]]) -> None:
         width = int(dtype[1])
         if length:
             self._align(width)
         if self.at + length * width > len(self.data):
-            raise NoPlanError
+            raise ValueError
         for which, tokens in wants:
             token = tokens[0] if tokens else slice(None)
             if len(tokens) > 1 or isinstance(token, str):
@@ -203,7 +203,7 @@ def is_bounded(data: bytes, root: str, definitions: dict[str, list[CdrMember]]) 
     """
     try:
         return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root))
-    except NoPlanError:
+    except ValueError:
         return False
 
 
@@ -247,7 +247,7 @@ class ProtobufTemplate:
             field = descriptor.fields_by_number.get(number)
             below = [(i, t[1:]) for i, t in wants if field is not None and t and t[0] == field.name]
             if below and (number in seen or field.type == F.TYPE_GROUP):
-                raise NoPlanError  # an unpacked list, or a field that is merged or set anew
+                raise ValueError  # an unpacked list, or a field that is merged or set anew
             seen.add(number)
             at = self._value(field, wire, below, at, end, depth)
         for which, tokens in wants:
@@ -262,7 +262,7 @@ class ProtobufTemplate:
             or tokens
             or field.type in (F.TYPE_MESSAGE, F.TYPE_STRING, F.TYPE_BYTES, F.TYPE_GROUP)
         ):
-            raise NoPlanError
+            raise ValueError
         self.plan.places[which] = Place(0, constant=float(field.default_value))
 
     def _value(self, field: Any, wire: int, wants: Wants, at: int, end: int, depth: int) -> int:
@@ -271,7 +271,7 @@ class ProtobufTemplate:
             _, at = self._varint(at, end)
             self.plan.guards += [(k, 0x80, self.data[k] & 0x80) for k in range(begins, at)]
             if wants and (field.type not in SIGNED_VARINTS or is_repeated(field)):
-                raise NoPlanError
+                raise ValueError
             for which, tokens in wants:
                 if not tokens:
                     self.plan.places[which] = Place(
@@ -280,20 +280,20 @@ class ProtobufTemplate:
             return at
         if wire in (FIXED64, FIXED32):
             if wants and (field.type not in FIXED or is_repeated(field)):
-                raise NoPlanError
+                raise ValueError
             for which, tokens in wants:
                 if not tokens:
                     self.plan.places[which] = Place(at, FIXED[field.type])
             return self._within(at + (8 if wire == FIXED64 else 4), end)
         if wire != BYTES:
-            raise NoPlanError
+            raise ValueError
         begins = at
         length, at = self._varint(at, end)
         self.plan.guard_exact(self.data, begins, at)
         after = self._within(at + length, end)
         if wants and field.type == F.TYPE_MESSAGE and not is_repeated(field):
             if depth > 32:
-                raise NoPlanError
+                raise ValueError
             self.message(field.message_type, wants, at, after, depth + 1)
         elif wants:
             self._packed(field, wants, at, length)
@@ -301,13 +301,13 @@ class ProtobufTemplate:
 
     def _packed(self, field: Any, wants: Wants, at: int, length: int) -> None:
         if field.type not in FIXED:
-            raise NoPlanError
+            raise ValueError
         dtype = FIXED[field.type]
         width = int(dtype[2])
         for which, tokens in wants:
             token = tokens[0] if tokens else slice(None)
             if len(tokens) > 1 or isinstance(token, str):
-                raise NoPlanError
+                raise ValueError
             self.plan.places[which] = _place(at, dtype, range(length // width)[token])
 
     def _varint(self, at: int, end: int) -> tuple[int, int]:
@@ -318,11 +318,11 @@ class ProtobufTemplate:
             at, shift = at + 1, shift + 7
             if byte < 0x80:
                 return value, at
-        raise NoPlanError
+        raise ValueError
 
     def _within(self, at: int, end: int) -> int:
         if at > end:
-            raise NoPlanError
+            raise ValueError
         return at
 
 
@@ -333,12 +333,12 @@ def is_repeated(field: Any) -> bool:
 
 
 def protobuf_plan(data: bytes, descriptor: Any, wants: list[RequestedField]) -> MessagePlan:
-    """The plan of one protobuf message.  NoPlanError if it has none."""
+    """The plan of one protobuf message.  ValueError if it has none."""
     template = ProtobufTemplate(data, wants)
     try:
         template.message(
             descriptor, [(i, want.tokens) for i, want in enumerate(wants)], 0, len(data)
         )
     except IndexError:
-        raise NoPlanError from None
+        raise ValueError from None
     return template.plan

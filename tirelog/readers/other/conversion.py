@@ -141,6 +141,8 @@ FORMATS = {
         "pyarrow",
         imports=("pyarrow.ipc", "pyarrow.parquet"),
     ),
+    "MATLAB": ExtraFormat("a MATLAB file", "matlab", "HDF5", "scipy", imports=("scipy.io",)),
+    "WAV": ExtraFormat("a WAV recording", "wav", "HDF5", "scipy", imports=("scipy.io.wavfile",)),
 }
 
 

@@ -1,26 +1,28 @@
-"""ROS bags as MCAP: ROS 1 by its own definitions, the .db3 of ROS 2 message by message.
+"""What libraries read, as files that are read here: a function for each format of FORMATS.
 
-rosbags makes Python code of the definitions in a ROS 1 bag and runs it; so every name in them is
-looked at first.
+ROS bags as MCAP: ROS 1 by its own definitions, the .db3 of ROS 2 message by message. rosbags makes
+Python code of the definitions in a ROS 1 bag and runs it; so every name in them is looked at first.
 """
 
 from __future__ import annotations
 
 import datetime as dt
+import io
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers.base import Converted
-from tirelog.readers.other.conversion import NoNumbers, one_line
+from tirelog.readers.other.conversion import MEMORY_BYTES, NoNumbers, one_line
 
 # ---- An HDF5 file of columns, which a converter fills piece by piece.
 
@@ -594,3 +596,124 @@ def _write(to: Datasets, name: str, one: dict[str, Any]) -> None:
     to.add(group, "values", [np.asarray(one["data"])[:many]], attributes)
     if not even:
         to.add(group, "time", [np.asarray(one["x"])[:many]], {"units": "s"})
+
+
+# ---- MATLAB 5 to 7.2 as HDF5, laid out as MATLAB 7.3 writes it: axes turned round.
+#
+# A variable `x` is the dataset /x; a field of a structure /s/x, of an array of structures /s(2)/x,
+# a cell /c{3}. No object is made and no function called: those are passed over by name.
+
+
+#: bytes of one variable in the file: the library needs up to three times as many at once
+_MOST_VARIABLE_BYTES = MEMORY_BYTES // 4
+_MOST_LEVELS = 16
+_MATLAB_PATH = re.compile(r"(/[A-Za-z]\w{0,62}[(){}\d]{0,40})+", re.ASCII)
+#: what is not read, by the library's class; all others are sparse
+_NOT_READ = {
+    "MatlabObject": "an object",
+    "MatlabOpaque": "an object (a table, a time series)",
+    "MatlabFunction": "a function",
+}
+
+
+def convert_matlab(source: Path, target: Path, answer: Converted) -> None:
+    """Writes the real arrays of numbers to `target`, one variable after the other."""
+    from scipy.io import loadmat
+
+    with source.open("rb") as file, Datasets(target, answer) as to:
+        head, size, at, number = file.read(128), source.stat().st_size, 128, 0
+        while at + 8 <= size:
+            number += 1
+            order: Literal["little", "big"] = "little" if head.endswith(b"IM") else "big"
+            length = 8 + int.from_bytes(file.read(8)[4:], order)
+            file.seek(at)
+            at += length
+            if length > _MOST_VARIABLE_BYTES:
+                answer.passed_over.append(f"variable {number} is large; save it with -v7.3")
+                file.seek(at)
+                continue
+            try:
+                read = loadmat(io.BytesIO(head + file.read(length)))
+                # what begins so MATLAB or the library keep for themselves
+                arrays = {n: value for n, value in read.items() if not n.startswith("__")}
+                if any(isinstance(value, str) for value in arrays.values()):
+                    raise ValueError  # so the library says what it cannot read
+            # the library's errors are of several trees, one for want of memory among them
+            except Exception as problem:
+                answer.losses.append(
+                    f"variable {number} cannot be read ({type(problem).__name__}); copy the file "
+                    "again, or save it with -v7.3"
+                )
+                continue
+            for name, value in arrays.items():
+                opaque = type(value).__name__ == "MatlabOpaque"  # which has its name inside
+                name = value["s0"][0].decode("latin-1") if opaque else name
+                _add_matlab(to, f"/{proper(name)}", value, 0)
+
+
+def _add_matlab(to: Datasets, path: str, value: Any, depth: int) -> None:
+    """Writes an array of numbers, or those in a structure or a cell."""
+    inside: list[tuple[str, Any]] = []
+    what = ""
+    if type(value) is not np.ndarray:
+        what = f"is {_NOT_READ.get(type(value).__name__, 'sparse')}"
+    elif value.dtype.names:
+        for k, one in enumerate(value.ravel("F"), 1):
+            at = path if value.size == 1 else f"{path}({k})"
+            inside += [(f"{at}/{field}", one[field]) for field in value.dtype.names]
+    elif value.dtype.kind == "O":
+        inside = [(f"{path}{{{k}}}", one) for k, one in enumerate(value.ravel("F"), 1)]
+    elif value.dtype.kind == "c":
+        what = "is complex"
+    elif value.dtype.kind in "iuf" and value.size and to.many < _MOST_DATASETS:
+        if not _MATLAB_PATH.fullmatch(path):
+            what = "has no proper name"
+        elif path in to.file:
+            what = "is there twice; the first is taken"
+        else:
+            dtype = value.dtype.newbyteorder("<")
+            to.file.create_dataset(path, data=value.T.astype(dtype, copy=False))
+            to.many += 1
+    if inside and depth >= _MOST_LEVELS:
+        what, inside = "is structures within structures", []
+    if what:
+        to.answer.passed_over.append(f"{path[:_MOST_LETTERS]} {what}")
+    for place, one in inside:
+        _add_matlab(to, place, one, depth + 1)
+
+
+# ---- WAV as HDF5: #1, #2, ... of shares of full scale, at the rate that the file states.
+
+
+#: bytes of a recording, which the library reads whole: 24 bits take three times as many
+_MOST_WAV_BYTES = 320 << 20
+
+
+def convert_wav(source: Path, target: Path, answer: Converted) -> None:
+    """Writes the channels to `target`, as they are stored and with what full scale is worth."""
+    from scipy.io import wavfile
+
+    with source.open("rb") as file:
+        head = file.read(8)
+    if head.startswith(b"RIFF") and head[4:] in (bytes(4), b"\xff" * 4):
+        raise NoNumbers("its header states no length, as a stream's does; save it as a file")
+    if source.stat().st_size > _MOST_WAV_BYTES:
+        raise MemoryError
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        rate, frames = wavfile.read(source)
+    if any("prematurely" in str(one.message) for one in told):
+        answer.losses.append("the file is cut off; copy it again")
+    whole, unsigned = frames.dtype.kind != "f", frames.dtype.kind == "u"
+    attributes = {
+        "scale_factor": 2.0 ** (1 - 8 * frames.dtype.itemsize) if whole else 1.0,
+        "add_offset": -1.0 if unsigned else 0.0,
+        "sampling_rate_Hz": float(rate),
+    }
+    if not whole:
+        frames[~np.isfinite(frames)] = np.nan
+    with Datasets(target, answer) as to:
+        for k, samples in enumerate(frames.reshape(len(frames), -1).T, 1):
+            to.add(to.file, f"#{k}", [samples], attributes)
+            others = [f"channel_{k}", *(["left", "right"][k - 1 : k])]
+            to.file.update({other: h5py.SoftLink(f"/#{k}") for other in others})

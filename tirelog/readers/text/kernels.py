@@ -2,8 +2,7 @@
 
     rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row
                that is not like the others
-    cells      a block of anything to its cells, with the number in each
-    separated, collapsed, unquoted      small helpers
+    collapsed, unquoted     a block without runs of blanks, without quotes
 
 `parse_rows` takes a cell to be written as the one above it, so that the next cell's place is known
 before this one's digits are; one that is not is measured a word at a time, and only one that is
@@ -540,59 +539,3 @@ def parse_rows(
             return r, begin, kept
         at += 1
         r += 1
-
-
-@compiled
-def separated(data: Bytes, separator: int) -> int:
-    """Number of cells."""
-    total = 0
-    for byte in data:
-        total += (byte == 10) | (byte == separator)
-    return total
-
-
-@compiled
-def cells(
-    data: Bytes, separator: int, decimal: int, text: NDArray[np.bool_], starts: IntArray,
-    stops: IntArray, first: IntArray, numbers: FloatArray, hard: NDArray[np.bool_],
-) -> None:  # fmt: skip
-    """Fills places and numbers of every cell of `data`, which a newline ends.
-
-    Where it is, without blanks around it, and the number in it.
-
-    text    (columns,) True if cells are no numbers
-    starts, stops, numbers, hard: (cells,) first byte, byte behind, number (NaN where blank), True
-    if it is left to the caller
-    first   (rows + 1,) the cells of row i are first[i] to first[i + 1]
-    """
-    at: Whole = 0
-    cell, row = 0, 0
-    first[0] = 0
-    while at < data.size:
-        start: Whole = _after_blanks(data, at, separator)
-        stop: Whole = -1
-        m, e = np.int64(0), np.int64(0)
-        column = cell - first[row]
-        wanted = column >= text.size or not text[column]
-        if wanted:
-            m, e, stop = digits_number(data, start, decimal)
-        end = _after_blanks(data, max(stop, start), separator)
-        if data[end] != separator and data[end] != 10:
-            stop = -1
-            while data[end] != separator and data[end] != 10:
-                end += 1
-        numbers[cell], hard[cell] = np.nan, False
-        if stop >= 0:
-            numbers[cell], good = as_float(m, e, data[start] == 45)
-            hard[cell] = not good
-        else:
-            stop = end
-            while stop > start and (data[stop - 1] == 32 or data[stop - 1] == 13):
-                stop -= 1
-            hard[cell] = wanted and not _is_lost(data, start, stop)
-        starts[cell], stops[cell] = start, stop
-        cell += 1
-        if data[end] == 10:
-            row += 1
-            first[row] = cell
-        at = end + 1

@@ -2,23 +2,23 @@
 
 Pure functions without state, so that several blocks are parsed at once.
 
-    block (bytes) --plain: rows like the layout says, as far as they go--> Parsed
-                  --flat:  a piece cell by cell, if rows differ--> Parsed
+    block (bytes) --plain_rows: rows like the layout says, as far as they go--> Parsed
+                  --odd_rows: a piece cell by cell, if a row differs--> Parsed
                                 and on with the next row
 
-Both take their numbers from the same compiled scanner, and those that it leaves from the same
-slower parser, so that they give the same values; the careful way says which line and which cell it
-could not read.
+Both give the same values: numbers are rounded to the nearest float64. The second way is the
+simplest code, as few rows take it; it says which line and which cell it could not read.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +38,8 @@ from tirelog.readers.text.kernels import (
     TICK_PLACES,
     Block,
     bytes_of,
-    cells,
     collapsed,
     parse_rows,
-    separated,
     unquoted,
 )
 from tirelog.readers.text.layout import LOST_WORDS, Layout
@@ -55,7 +53,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 _TIMED = re.compile(rb"(?m)^(\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(?:\.\d+)?):[ \t]+")
 #: an error code that is not 0, in a cell that may join several
-ERROR_CODE = r"(?:^|[;, |])[ +]*0*[1-9-]"
+ERROR_CODE = rb"(?:^|[;, |])[ +]*0*[1-9-]"
 
 
 @dataclass
@@ -64,8 +62,8 @@ class Parsed:
 
     `values[column]` shape (n,), NaN where blank or unreadable (or counts, see `RawBlock`); `stamps`
     shape (n,): int64 ns (MISSING where unreadable) for times, float64 in the column's unit for
-    numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0; `first` shape (n
-    + 1,) and `cells`: the peaks of row i are cells[first[i]:first[i + 1]]; `counts` shape (n,
+    numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0; `peaks` shape (n,
+    most): what stands in the places of a list of peaks, NaN behind its end; `counts` shape (n,
     fibres). `bad_rows` and `bad_cells` are (line, what stands there); `lines` were read, blank ones
     too.
     """
@@ -74,8 +72,7 @@ class Parsed:
     stamps: Nanoseconds | FloatArray | None = None
     number: FloatArray | None = None
     errors: IntArray | None = None
-    first: IntArray = field(default_factory=lambda: np.zeros(1, np.int64))
-    cells: FloatArray = field(default_factory=lambda: np.zeros(0))
+    peaks: FloatArray | None = None
     counts: IntArray | None = None
     size: int = 0
     lines: int = 0
@@ -91,29 +88,25 @@ def concatenated_rows(parts: list[Parsed], places: Mapping[int, int | None]) -> 
     first = parts[0]
     if len(parts) == 1:
         return first
-    starts = np.cumsum([0] + [part.cells.size for part in parts])
+    widest = max((part.peaks.shape[1] for part in parts if part.peaks is not None), default=0)
+    for part in parts:
+        if part.peaks is not None:
+            room = ((0, 0), (0, widest - part.peaks.shape[1]))
+            part.peaks = np.pad(part.peaks, room, constant_values=np.nan)
+    own: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("stamps", "number", "errors", "peaks", "counts")
+        if getattr(first, name) is not None
+    }
     return Parsed(
         {
             column: _column([part.values[column] for part in parts], places.get(column))
             for column in first.values
         },
-        None if first.stamps is None else np.concatenate([_stamps(part) for part in parts]),
-        None
-        if first.number is None
-        else np.concatenate([part.number for part in parts if part.number is not None]),
-        None
-        if first.errors is None
-        else np.concatenate([part.errors for part in parts if part.errors is not None]),
-        np.concatenate(
-            [[0], *(part.first[1:] + start for part, start in zip(parts, starts))]
-        ).astype(np.int64),
-        np.concatenate([part.cells for part in parts]),
-        None
-        if first.counts is None
-        else np.concatenate([part.counts for part in parts if part.counts is not None]),
-        sum(part.size for part in parts),
+        size=sum(part.size for part in parts),
         bad_rows=[bad for part in parts for bad in part.bad_rows],
         bad_cells=[bad for part in parts for bad in part.bad_cells],
+        **own,
     )
 
 
@@ -122,8 +115,8 @@ def _column(parts: list[Samples], places: int | None) -> Samples:
     return np.concatenate(parts if counts else [counted_floats(part, places) for part in parts])
 
 
-def _stamps(part: Parsed) -> Nanoseconds | FloatArray:
-    return np.zeros(0) if part.stamps is None else part.stamps
+#: peaks of a row that are read as others are beyond those of the widest row of the sample
+_MORE_PEAKS = 8
 
 
 @dataclass(frozen=True)
@@ -153,33 +146,41 @@ class RowPlan:
     def least(self) -> int:
         """Cells that a row needs.
 
-        Up to its stamp if rows differ in width anyway, else all but a blank one at the end.
+        Up to the last one that is wanted if rows differ in width anyway, else all but a blank one
+        at the end.
         """
         columns, layout = self.columns, self.layout
-        if not layout.ragged:
+        if not layout.ragged and not columns.peaks:
             return layout.width - (layout.kinds[layout.width - 1] == "blank")
-        return (
-            max(
-                (k for k in (columns.number, columns.time, columns.clock) if k is not None),
-                default=-1,
-            )
-            + 1
-        )
+        values = () if layout.ragged else columns.values.values()
+        used = (columns.number, columns.time, columns.clock, *values)
+        return max((k for k in used if k is not None), default=-1) + 1
 
     @property
     def across(self) -> int:
-        """Columns that are looked at."""
+        """Columns that are looked at; in a list of peaks there may be more than in other rows."""
+        if self.columns.peaks:
+            return len(self.layout.kinds) + _MORE_PEAKS
         return max(self._wanted) + 1 if self.layout.ragged else self.layout.width
 
     @property
     def regular(self) -> bool:
-        """True if columns, not lists of peaks, make up a row, each for one use."""
-        wanted = self._wanted
-        return (
-            not self.columns.peaks
-            and len(wanted) == len({*wanted})
-            and (self.layout.ragged or max(wanted) < self.layout.width)
-        )
+        """True if each column is for one use."""
+        wanted, columns = self._wanted, self.columns
+        inside = self.layout.ragged or max(wanted, default=0) < self.layout.width
+        if columns.peaks:
+            inside = max(columns.values.values(), default=-1) < self.peaks_at
+        return len(wanted) == len({*wanted}) and inside
+
+    @property
+    def fronts(self) -> range:
+        """Columns of peak counts."""
+        return range(self.layout.counts_at, self.layout.counts_at + self.layout.counts)
+
+    @property
+    def listed(self) -> range:
+        """Columns of a list of peaks."""
+        return range(self.peaks_at, self.across)
 
     @property
     def _wanted(self) -> list[int]:
@@ -224,15 +225,15 @@ def without_lost(wavelengths: FloatArray) -> FloatArray:
 
 
 def stamps_ns(
-    plan: RowPlan, data: NDArray[np.uint8], span: Callable[[int], tuple[IntArray, IntArray]]
+    plan: RowPlan, spans: Callable[[int], tuple[NDArray[np.uint8], IntArray, IntArray]]
 ) -> Nanoseconds:
     """The stamps of rows, a date plus a time of day if these are two columns.
 
-    `span` gives the first bytes of a column's cells and the bytes behind them.
+    `spans` gives bytes, and in these the first ones of a column's cells and those behind them.
     """
     columns = plan.columns
     parts = [
-        column_ns(data, *span(k), form, plan.us)
+        column_ns(*spans(k), form, plan.us)
         for k, form in ((columns.time, columns.form), (columns.clock, "hms"))
         if k is not None
     ]
@@ -242,237 +243,135 @@ def stamps_ns(
     return np.where((date == MISSING) | (clock == MISSING), MISSING, date + clock)
 
 
-def error_counts(block: Block, starts: IntArray, stops: IntArray) -> IntArray:
+def error_counts(cells: list[bytes]) -> IntArray:
     """How many error codes of each cell are not 0."""
-    cells = [block[a:b].decode("latin-1") for a, b in zip(starts.tolist(), stops.tolist())]
     codes = {cell: len(re.findall(ERROR_CODE, cell)) for cell in set(cells)}
     return np.array([codes[cell] for cell in cells], np.int64)
 
 
-# ---- A block of text cell by cell.
+def unreadable(stamps: Nanoseconds | FloatArray) -> NDArray[np.bool_]:
+    """True where a stamp could not be read."""
+    return np.isnan(stamps) if stamps.dtype == np.float64 else stamps == MISSING
+
+
+# ---- A block of text row by row.
 #
-# Rows of any width, and cells that are no numbers, with the line where each stands.
-#
-#     block --kernels.cells--> cells and their numbers
-#         --here: those that take a slower parser--> rows --> Parsed
-#
-# A row of numbers whose stamp cannot be read keeps its place without one, any other such row is
-# left
-# out; one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
+# Rows of any width, and cells that are no numbers, with the line where each stands. A row of
+# numbers whose stamp cannot be read keeps its place without one, any other such row is left out;
+# one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
 
 
-# Cells one by one, if they are not plain digits: words, extremes, and what is no number at all.
-
-
-def cell_numbers(
-    block: Block, starts: IntArray, stops: IntArray, decimal: str
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """(each cell as a number, whether it is neither a number nor a word for a lost one).
+def number_of(cell: bytes, decimal: str) -> tuple[float, bool]:
+    """(the number in a cell, whether it is neither a number nor a word for a lost one).
 
     NaN if it is none or infinite.
     """
-    numbers, unread = np.full(starts.size, np.nan), np.zeros(starts.size, bool)
-    for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist())):
-        cell = block[start:stop].decode("latin-1").replace(decimal, ".")
-        if cell.lower() in LOST_WORDS:
-            continue
-        with suppress(ValueError):
-            numbers[i] = float(cell) if "_" not in cell else np.nan
-        unread[i] = np.isnan(numbers[i])
-        numbers[i] = np.nan if np.isinf(numbers[i]) else numbers[i]
-    return numbers, unread
+    text = cell.decode("latin-1").replace(decimal, ".")
+    if text.lower() in LOST_WORDS:
+        return math.nan, False
+    number = math.nan
+    with suppress(ValueError):
+        number = float(text) if "_" not in text else number
+    return (math.nan if math.isinf(number) else number), math.isnan(number)
 
 
-def flat(plan: RowPlan, line: int, block: Block) -> Parsed:
-    """The block, which a newline ends, cell by cell; `line` is the number of its first line."""
-    layout = plan.layout
-    data = bytes_of(block)
-    text = np.array([kind not in ("number", "blank") for kind in layout.kinds])
-    lines, many = block.count(b"\n"), separated(data, between(layout))
-    starts, stops, first = (
-        np.empty(many, np.int64),
-        np.empty(many, np.int64),
-        np.empty(lines + 1, np.int64),
-    )
-    numbers, unread = np.empty(many), np.empty(many, bool)
-    cells(
-        data,
-        between(layout),
-        ord(layout.decimal),
-        text,
-        starts,
-        stops,
-        first,
-        numbers,
-        unread,
-    )
-    hard = np.flatnonzero(unread)
-    if hard.size:
-        numbers[hard], unread[hard] = cell_numbers(block, starts[hard], stops[hard], layout.decimal)
-    out = _Rows(plan, line, block, data, starts, stops, first, numbers, unread).parsed()
-    for column in plan.gratings:
-        out.values[column] = without_lost(counted_floats(out.values[column], None))
+def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
+    """The block, which a newline ends, row by row; `line` is the number of its first line."""
+    layout, columns, decimal = plan.layout, plan.columns, plan.layout.decimal
+    separator = bytes([between(layout)])
+    lines = [
+        (number, [cell.strip(b" \r") for cell in text.split(separator)])
+        for number, text in enumerate(bytes(block).split(b"\n")[:-1], line)
+    ]
+    lines = [(number, cells) for number, cells in lines if cells != [b""]]
+    stamps = _stamps_of(plan, [cells for _, cells in lines])
+    missing = np.zeros(len(lines), bool) if stamps is None else unreadable(stamps)
+    out = Parsed({})
+    rows, kept = [], []
+    for i, (number, cells) in enumerate(lines):
+        if missing[i]:
+            out.bad_rows.append((number, "no readable time"))
+            if not _is_like_rows(plan, cells):
+                continue
+        loose = layout.ragged or columns.peaks
+        wide = len(cells) >= plan.least and (bool(loose) or not any(cells[layout.width :]))
+        if not wide and not missing[i]:
+            out.bad_rows.append((number, f"not {layout.width} cells"))
+        kept.append(i)
+        rows.append(cells if wide else [])
+        told = [cells[k] for k in columns.values.values() if wide and k < len(cells)] + (
+            cells[plan.peaks_at :] if columns.peaks else []
+        )
+        out.bad_cells += [
+            (number, shown(layout, cell)) for cell in told if number_of(cell, decimal)[1]
+        ]
+
+    def column(k: int) -> FloatArray:
+        cells = (row[k] if k < len(row) else b"" for row in rows)
+        return np.array([number_of(cell, decimal)[0] for cell in cells], np.float64)
+
+    out.values = {
+        k: without_lost(column(k)) if k in plan.gratings else column(k)
+        for k in columns.values.values()
+    }
+    out.stamps = None if stamps is None else stamps[kept]
+    out.number = None if columns.number is None else column(columns.number)
+    if (k := columns.errors) is not None:
+        out.errors = error_counts([lines[i][1][k] if k < len(lines[i][1]) else b"" for i in kept])
+    if columns.peaks:
+        rows = [lines[i][1] for i in kept]
+        most = max(map(len, rows), default=0)
+        peaks = [column(k) for k in range(plan.peaks_at, most)]
+        out.peaks = np.column_stack(peaks) if peaks else np.zeros((len(rows), 0))
+        counts = [column(k) for k in plan.fronts]
+        out.counts = np.nan_to_num(np.column_stack(counts)).astype(np.int64) if counts else None
+    out.size = len(rows)
     return out
 
 
-@dataclass
-class _Rows:
-    """The cells of a block, on their way to columns.
+def _stamps_of(plan: RowPlan, rows: list[list[bytes]]) -> Nanoseconds | FloatArray | None:
+    """The stamps of rows of cells."""
+    columns, decimal = plan.columns, plan.layout.decimal
+    if columns.time is None:
+        return None
 
-    Row i has the cells first[i] to first[i + 1].
+    def column(k: int) -> list[bytes]:
+        return [row[k] if k < len(row) else b"" for row in rows]
+
+    def spans(k: int) -> tuple[NDArray[np.uint8], IntArray, IntArray]:
+        cells = column(k)
+        lengths = np.array([len(cell) for cell in cells], np.int64)
+        stops = np.cumsum(lengths)
+        return bytes_of(b"".join(cells)), stops - lengths, stops
+
+    if columns.form != "number":
+        return stamps_ns(plan, spans)
+    if not plan.exact:
+        return np.array([number_of(cell, decimal)[0] for cell in column(columns.time)], np.float64)
+    text = [cell.decode("latin-1").replace(decimal, ".") for cell in column(columns.time)]
+    return np.array([_tick(cell, plan.tick_places) for cell in text], np.int64)
+
+
+def _is_like_rows(plan: RowPlan, cells: list[bytes]) -> bool:
+    """True for a row that holds numbers about as the others do, though not in each cell.
+
+    A sample was taken then, whatever became of its stamp: a header or a footer is none.
     """
+    layout = plan.layout
+    if layout.ragged or plan.columns.peaks or abs(len(cells) - layout.width) > 1:
+        return False
+    usual = sum(kind == "number" for kind in layout.kinds[: layout.width])
+    kinds = [*layout.kinds, *["number"] * len(cells)]
+    numbers = sum(
+        kind in ("number", "blank") and not math.isnan(number_of(cell, layout.decimal)[0])
+        for cell, kind in zip(cells, kinds, strict=False)
+    )
+    return numbers > 0 and 2 * numbers >= usual
 
-    plan: RowPlan
-    line: int
-    block: Block
-    data: NDArray[np.uint8]
-    starts: IntArray
-    stops: IntArray
-    first: IntArray
-    numbers: FloatArray
-    unread: NDArray[np.bool_]
 
-    def parsed(self) -> Parsed:
-        layout, columns = self.plan.layout, self.plan.columns
-        size = np.diff(self.first)
-        empty = (size == 1) & (self.starts[self.first[:-1]] == self.stops[self.first[:-1]])
-        good = ~empty
-        out = Parsed({})
-        stamps = self._stamps()
-        if stamps is not None:
-            readable = ~np.isnan(stamps) if stamps.dtype == np.float64 else stamps != MISSING
-            self._tell(out.bad_rows, good & ~readable, "no readable time")
-            good &= readable | self._like_rows(size)
-        wide = size >= self._least()
-        if not layout.ragged and not columns.peaks:
-            wide &= self._as_wide(size)
-        told = good & ~wide if stamps is None else good & ~wide & readable
-        self._tell(out.bad_rows, told, f"not {layout.width} cells")
-        rows = np.flatnonzero(good)
-        at = {
-            k: self._column(rows, k, wide)
-            for k in {*columns.values.values(), columns.number}
-            if k is not None
-        }
-        for k in columns.values.values():
-            out.values[k] = at[k]
-            self._tell_cells(out.bad_cells, rows[wide[rows]], k)
-        out.number = None if columns.number is None else at[columns.number]
-        out.stamps = None if stamps is None else stamps[rows]
-        if columns.errors is not None:
-            out.errors = error_counts(self.block, *self._span(rows, columns.errors))
-        if columns.peaks:
-            self._peaks(out, rows)
-        out.size = rows.size
-        return out
-
-    def _like_rows(self, size: IntArray) -> NDArray[np.bool_]:
-        """True for rows that hold numbers about as the others do, though not in each cell.
-
-        A sample was taken then, whatever became of its stamp: a header or a footer is none.
-        """
-        layout = self.plan.layout
-        if layout.ragged or self.plan.columns.peaks:
-            return np.zeros(size.size, bool)
-        until = np.concatenate([[0], np.cumsum(~np.isnan(self.numbers))])
-        numbers = until[self.first[1:]] - until[self.first[:-1]]
-        usual = sum(kind == "number" for kind in layout.kinds[: layout.width])
-        like: NDArray[np.bool_] = (
-            (np.abs(size - layout.width) < 2) & (numbers > 0) & (2 * numbers >= usual)
-        )
-        return like
-
-    def _least(self) -> int:
-        """Cells that a row needs.
-
-        Up to its stamp if rows differ in width anyway, else up to the last column that is wanted.
-        """
-        columns = self.plan.columns
-        used = [
-            columns.number,
-            columns.time,
-            columns.clock,
-            *([] if self.plan.layout.ragged else columns.values.values()),
-        ]
-        return max((k for k in used if k is not None), default=-1) + 1
-
-    def _as_wide(self, size: IntArray) -> NDArray[np.bool_]:
-        """True for rows of the layout's width, but for blank cells at the end."""
-        width = self.plan.layout.width
-        blank = self.starts == self.stops
-        until = np.concatenate([[0], np.cumsum(~blank)])
-        beyond = until[self.first[1:]] - until[np.minimum(self.first[:-1] + width, self.first[1:])]
-        short = size < width
-        if self.plan.layout.kinds[width - 1] == "blank":
-            short = size < width - 1
-        short_rows: NDArray[np.bool_] = ~short & (beyond == 0)
-        return short_rows
-
-    def _column(self, rows: IntArray, k: int, wide: NDArray[np.bool_]) -> FloatArray:
-        """Column k of these rows, NaN if the row has no such cell or the wrong width."""
-        cell = self.first[rows] + k
-        there = (cell < self.first[rows + 1]) & wide[rows]
-        return np.where(there, self.numbers[np.minimum(cell, self.numbers.size - 1)], np.nan)
-
-    def _span(self, rows: IntArray, k: int) -> tuple[IntArray, IntArray]:
-        """(start, stop) of the cells of column k, empty if a row has none."""
-        cell = np.minimum(self.first[rows] + k, self.starts.size - 1)
-        there = self.first[rows] + k < self.first[rows + 1]
-        return self.starts[cell], np.where(there, self.stops[cell], self.starts[cell])
-
-    def _stamps(self) -> Nanoseconds | FloatArray | None:
-        columns = self.plan.columns
-        if columns.time is None:
-            return None
-        rows = np.arange(self.first.size - 1)
-        if columns.form != "number":
-            return stamps_ns(self.plan, self.data, partial(self._span, rows))
-        if not self.plan.exact:
-            return self._column(rows, columns.time, np.ones(rows.size, bool))
-        text = [
-            self.block[a:b].decode("latin-1").replace(self.plan.layout.decimal, ".")
-            for a, b in zip(*self._span(rows, columns.time))
-        ]
-        return np.array([_tick(cell, self.plan.tick_places) for cell in text], np.int64)
-
-    def _peaks(self, out: Parsed, rows: IntArray) -> None:
-        """The flat list of peaks behind the other columns, and the counts in front of it."""
-        layout = self.plan.layout
-        begin = np.minimum(self.first[rows] + self.plan.peaks_at, self.first[rows + 1])
-        many = self.first[rows + 1] - begin
-        cell = np.repeat(begin - np.concatenate([[0], np.cumsum(many)[:-1]]), many) + np.arange(
-            many.sum()
-        )
-        out.cells = self.numbers[cell]
-        out.first = np.concatenate([[0], np.cumsum(many)])
-        if layout.counts:
-            fronts = [
-                self._column(rows, layout.counts_at + k, np.ones(self.first.size - 1, bool))
-                for k in range(layout.counts)
-            ]
-            out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64)
-        bad = np.flatnonzero(self.unread)
-        row = np.searchsorted(self.first, bad, side="right") - 1
-        for i, r in zip(bad.tolist(), row.tolist()):
-            out.bad_cells.append((self.line + r, self._text(i)))
-
-    def _tell(self, told: list[tuple[int, str]], rows: NDArray[np.bool_], why: str) -> None:
-        for i in np.flatnonzero(rows):
-            told.append((self.line + int(i), why))
-
-    def _tell_cells(self, told: list[tuple[int, str]], rows: IntArray, k: int) -> None:
-        cell = self.first[rows] + k
-        bad = np.flatnonzero(
-            self.unread[np.minimum(cell, self.unread.size - 1)] & (cell < self.first[rows + 1])
-        )
-        for i in bad:
-            told.append((self.line + int(rows[i]), self._text(int(cell[i]))))
-
-    def _text(self, cell: int) -> str:
-        shown = self.block[self.starts[cell] : self.stops[cell]].decode(
-            self.plan.layout.encoding, errors="replace"
-        )
-        return repr(shown[:40])
+def shown(layout: Layout, cell: bytes) -> str:
+    """A cell as a sentence shows it."""
+    return repr(cell.decode(layout.encoding, errors="replace")[:40])
 
 
 def _tick(cell: str, places: int) -> int:
@@ -515,9 +414,7 @@ def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]
     table.resolve()
     stamps = table.stamps()
     if stamps is not None:
-        unread = np.flatnonzero(
-            np.isnan(stamps) if stamps.dtype == np.float64 else stamps == MISSING
-        )
+        unread = np.flatnonzero(unreadable(stamps))
         if unread.size:  # the rows before it are good
             table.cut(int(unread[0]))
             stamps = stamps[: table.size]
@@ -548,7 +445,8 @@ class _Table:
         hard = np.empty(_HARD + plan.across, HARD)
         self.size, self.stop, used = parse_rows(
             data, at, guides, between(plan.layout), ord(plan.layout.decimal), plan.least,
-            plan.layout.ragged, self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
+            plan.layout.ragged and not plan.columns.peaks, self.begins, self.counts, self.floats,
+            self.ticks, self.spans, hard,
         )  # fmt: skip
         self.full = used > _HARD or self.size == lines
         if 2 * self.size < lines:  # what is kept must not hold what is not
@@ -580,6 +478,8 @@ class _Table:
             whats[columns.time] = number if columns.form == "number" else SPAN
         if columns.number is not None:
             whats[columns.number] = FLOAT
+        if columns.peaks:
+            whats |= dict.fromkeys([*self.plan.fronts, *self.plan.listed], FLOAT)
         slots = dict.fromkeys(_OUTPUTS, 0)
         places_of = {}
         for k, what in whats.items():
@@ -588,9 +488,12 @@ class _Table:
 
     def resolve(self) -> None:
         """Reads the cells that were left."""
-        self.found, self.unread = cell_numbers(
-            self.block, self.hard["first"], self.hard["stop"], self.plan.layout.decimal
-        )
+        found = [
+            number_of(bytes(self.block[start:stop]), self.plan.layout.decimal)
+            for start, stop in self.hard[["first", "stop"]].tolist()
+        ]
+        self.found = np.array([number for number, _ in found])
+        self.unread = np.array([unread for _, unread in found], bool)
         for k, what in self.whats.items() if self.hard.size else ():
             if what == FLOAT:
                 mine = self.hard["column"] == k
@@ -615,20 +518,22 @@ class _Table:
         if columns.number is not None:
             out.number = self.floats[self.slots[columns.number], : self.size]
         if columns.errors is not None:
-            out.errors = error_counts(self.block, *self._spans(columns.errors))
+            _, starts, stops = self._spans(columns.errors)
+            cells = zip(starts.tolist(), stops.tolist(), strict=True)
+            out.errors = error_counts([bytes(self.block[a:b]) for a, b in cells])
+        if columns.peaks:
+            out.peaks = self._floats(self.plan.listed)
+            fronts = np.nan_to_num(self._floats(self.plan.fronts)).astype(np.int64)
+            out.counts = fronts if self.plan.fronts else None
         for row, column, start, stop in self.hard[self.unread].tolist():
-            if column in out.values:
-                out.bad_cells.append(
-                    (
-                        row,
-                        repr(
-                            self.block[start:stop].decode(
-                                self.plan.layout.encoding, errors="replace"
-                            )[:40]
-                        ),
-                    )
-                )
+            if column in out.values or (columns.peaks and column >= self.plan.peaks_at):
+                out.bad_cells.append((row, shown(self.plan.layout, bytes(self.block[start:stop]))))
         return out
+
+    def _floats(self, columns: range) -> FloatArray:
+        """Columns side by side, shape (size, columns)."""
+        slots = [self.slots[k] for k in columns]
+        return np.ascontiguousarray(self.floats[slots, : self.size].T)
 
     def _samples(self, k: int) -> Samples:
         """A channel's column."""
@@ -651,11 +556,11 @@ class _Table:
             return (self.ticks if self.plan.exact else self.floats)[
                 self.slots[columns.time], : self.size
             ]
-        return stamps_ns(self.plan, bytes_of(self.block), self._spans)
+        return stamps_ns(self.plan, self._spans)
 
-    def _spans(self, k: int) -> tuple[IntArray, IntArray]:
+    def _spans(self, k: int) -> tuple[NDArray[np.uint8], IntArray, IntArray]:
         spans = self.spans[self.slots[k], : self.size]
-        return spans["first"], spans["stop"]
+        return bytes_of(self.block), spans["first"], spans["stop"]
 
 
 _OUTPUTS = (COUNT, FLOAT, TICK, SPAN)
@@ -671,7 +576,7 @@ _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
 
 def parse_block(plan: RowPlan, block: Block) -> Parsed:
     """The rows of one block, whose lines count from 0."""
-    if block.isspace():
+    if not block.strip():
         return Parsed(
             {column: np.zeros(0) for column in plan.columns.values.values()},
             lines=block.count(b"\n"),
@@ -694,7 +599,7 @@ def parse_block(plan: RowPlan, block: Block) -> Parsed:
             piece = _PIECE_BYTES if at - begin > piece else min(4 * piece, _MOST_PIECE_BYTES)
         if careful and at < len(block):
             stop = block.find(b"\n", at + piece) + 1 or len(block)
-            parts.append(flat(plan, line, block[at:stop]))
+            parts.append(odd_rows(plan, line, block[at:stop]))
             line += block.count(b"\n", at, stop)
             at = stop
     parsed = concatenated_rows(parts, plan.places)

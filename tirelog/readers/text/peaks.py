@@ -83,11 +83,14 @@ class GratingTracker:
 
         The values are as in the log.
         """
-        n = parsed.size
-        row = np.repeat(np.arange(n), np.diff(parsed.first))
-        cells = np.where((parsed.cells > 0.0), parsed.cells, np.nan)
+        peaks = np.zeros((parsed.size, 0)) if parsed.peaks is None else parsed.peaks
+        some = np.flatnonzero((peaks > 0.0).any(axis=0))
+        peaks = peaks[:, : some[-1] + 1 if some.size else 0]
+        n, width = peaks.shape
+        row = np.repeat(np.arange(n), width)
+        cells = np.where(peaks > 0.0, peaks, np.nan).ravel()
         self._note(cells)
-        fibre = _fibres(parsed, row)
+        fibre = _fibres(parsed.counts, width)
         claims = [self._claims(grating, cells, fibre) for grating in self._gratings]
         values = np.full((len(self._gratings), n), np.nan)
         doubtful = np.zeros((len(self._gratings), n), bool)
@@ -98,7 +101,7 @@ class GratingTracker:
         for g in range(len(self._gratings)):
             doubtful[g, row[claims[g] & contested]] = True
         values[doubtful] = np.nan
-        flags = self._decide(values, doubtful, parsed.first, cells, fibre)
+        flags = self._decide(values, doubtful, cells, fibre)
         for g, grating in enumerate(self._gratings):
             known = np.flatnonzero(~np.isnan(values[g]))
             if known.size:
@@ -141,7 +144,6 @@ class GratingTracker:
         self,
         values: FloatArray,
         doubtful: NDArray[np.bool_],
-        first: IntArray,
         cells: FloatArray,
         fibre: IntArray | None,
     ) -> dict[str, list[int]]:
@@ -151,11 +153,12 @@ class GratingTracker:
         """
         refused: dict[str, list[int]] = {grating.name: [] for grating in self._gratings}
         n = values.shape[1]
+        width = cells.size // max(n, 1)
         index = np.where(~np.isnan(values) & ~doubtful, np.arange(n), -1)
         plain = np.maximum.accumulate(index, axis=1) if n else index
         accepted = [-1] * len(self._gratings)
         for r in np.flatnonzero(doubtful.any(axis=0)).tolist():
-            peaks = slice(first[r], first[r + 1])
+            peaks = slice(r * width, (r + 1) * width)
             here = cells[peaks]
             pairs = []
             for g in np.flatnonzero(doubtful[:, r]).tolist():
@@ -222,13 +225,13 @@ def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, Channel
             )
 
 
-def _fibres(parsed: Parsed, row: IntArray) -> IntArray | None:
-    """The fibre of every peak, from the counts in front of its row; None if there are no counts."""
-    if parsed.counts is None:
+def _fibres(counts: IntArray | None, width: int) -> IntArray | None:
+    """The fibre of each of `width` peaks a row, by the counts in front; None if there are none."""
+    if counts is None:
         return None
-    place = np.arange(row.size) - parsed.first[row]
-    which: IntArray = (place[:, None] >= np.cumsum(parsed.counts, axis=1)[row]).sum(axis=1)
-    return which
+    ends = np.cumsum(counts, axis=1)[:, None, :]
+    which: IntArray = (np.arange(width)[None, :, None] >= ends).sum(axis=2)
+    return which.ravel()
 
 
 def _plain(

@@ -198,18 +198,16 @@ class TextReader:
                 )  # who stops early waits for no more than what is being read
 
     def _next(
-        self, blocks: Iterator[tuple[int, bytearray]], reading: Lock
+        self, blocks: Iterator[tuple[int, bytes]], reading: Lock
     ) -> tuple[int, Parsed] | None:
         """(number of the next block, what is in it), None behind the last one."""
         with reading:
             number, block = next(blocks, (0, None))
         if block is None:
             return None
-        parsed = parse_block(self._plan, self._whole(block))
-        self._source.reuse(block)
-        return number, parsed
+        return number, parse_block(self._plan, self._whole(block))
 
-    def _whole(self, block: bytearray) -> bytearray:
+    def _whole(self, block: bytes) -> bytes:
         """The block without a last row that is cut off."""
         if block.endswith(b"\n"):
             return block

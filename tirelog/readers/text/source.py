@@ -4,8 +4,7 @@ Plain, gzip, zstd, xz or the one file of a zip, from a file or from standard inp
 
     path or stream --magic bytes--> ByteSource --cut at newlines--> pieces of 2 MB
 
-Memory that is new to a process costs more than what is read into it, so blocks are given back and
-filled again. Nothing seeks, so standard input serves as well as a file. A compressed stream that is
+Nothing seeks, so standard input serves as well as a file. A compressed stream that is
 cut off or damaged gives what could be unpacked; `ByteSource.problem` then says so. A zip archive is
 copied to a temporary file, as its list of files stands at its end: cut off, it gives nothing.
 """
@@ -20,7 +19,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -32,9 +31,8 @@ HEAD_BYTES = 1 << 18
 BLOCK_BYTES = 2 << 20
 #: a line longer than this is no text row
 LONGEST_LINE_BYTES = 8 << 20
-#: compressed bytes read at once, and those unpacked at once: zstd turns 4 bytes into 128 KB, so 2
-#: KB become 64 MB at most
-_PIECE_BYTES, _UNPACKED_BYTES = 1 << 14, 1 << 11
+#: compressed bytes unpacked at once: zstd turns 4 bytes into 128 KB, so 2 KB become 64 MB at most
+_UNPACKED_BYTES = 1 << 11
 #: unpacked bytes, a second's, in which damage is looked for that may have spoilt the head; twice as
 #: many keep who has misspelt a setup waiting for twice as long
 _LOOKED_BYTES = 1 << 28
@@ -53,10 +51,6 @@ _LIST_SIZES = (
 _MAGIC = {
     "gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00", "zip": b"PK\3\4"
 }  # fmt: skip
-
-
-class NotReadOn(Exception):
-    """A sentence on why an archive was not read further."""
 
 
 def _unpacker(kind: str) -> Any:
@@ -98,7 +92,7 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 def _unzipped(pieces: Iterator[bytes]) -> Iterator[bytes]:
     """What the archive's one file holds; folders and what a Mac adds do not count.
 
-    NotReadOn: cut off, more files than one, or a kind of packing that is not read.
+    EOFError, with a sentence: cut off, more files than one, or a kind of packing that is not read.
     """
     with tempfile.TemporaryFile(prefix="tirelog-") as copy:
         copy.writelines(pieces)
@@ -111,11 +105,11 @@ def _unzipped(pieces: Iterator[bytes]) -> Iterator[bytes]:
             if size != b"\xff" * 4
         ]
         if max(sizes, default=0) > _LIST_BYTES:
-            raise NotReadOn("the zip archive lists more files than a log can have")
+            raise EOFError("the zip archive lists more files than a log can have")
         try:
             archive = zipfile.ZipFile(copy)
         except zipfile.BadZipFile:
-            raise NotReadOn("the zip archive is cut off or damaged") from None
+            raise EOFError("the zip archive is cut off or damaged") from None
         files = [
             file
             for file in archive.infolist()
@@ -124,17 +118,17 @@ def _unzipped(pieces: Iterator[bytes]) -> Iterator[bytes]:
         for file in files[:1]:
             yield from _member(archive, file)
         for file in files[1:2]:
-            raise NotReadOn(
+            raise EOFError(
                 f"the zip archive holds a second file, {file.filename[:80]!r}, and one is read"
             )
 
 
 def _member(archive: zipfile.ZipFile, file: zipfile.ZipInfo) -> Iterator[bytes]:
-    """What a file of the archive holds.  NotReadOn: as of `_unzipped`."""
+    """What a file of the archive holds.  EOFError: as of `_unzipped`."""
     if file.flag_bits & _ENCRYPTED:
-        raise NotReadOn("the zip archive is encrypted")
+        raise EOFError("the zip archive is encrypted")
     if file.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise NotReadOn(
+        raise EOFError(
             f"the zip archive is packed by method {file.compress_type}, and deflate is read"
         )
     with archive.open(file) as member:
@@ -152,54 +146,34 @@ class ByteSource:
 
     def __init__(self, source: Path | str | BinaryIO, name: str) -> None:
         self.name, self.problem, self.endless, self.unpacked_bytes = name, "", False, 0
-        try:
-            self._file: BinaryIO = open(source, "rb") if isinstance(source, str | Path) else source  # noqa: SIM115
-            self._owned = isinstance(source, str | Path)
-            start = self._file.read(_PIECE_BYTES)
-        except OSError as problem:
-            raise ReadError(
-                f"cannot be read ({problem.strerror})",
-                allowed="a log is a readable file or -",
-                do="check the path",
-                file=name,
-            ) from None
+        self._file: BinaryIO = open(source, "rb") if isinstance(source, str | Path) else source  # noqa: SIM115
+        self._owned = isinstance(source, str | Path)
+        start = self._file.read(_UNPACKED_BYTES)
         self.kind = next(
             (kind for kind, magic in _MAGIC.items() if start.startswith(magic)), "plain"
         )
         self._pieces = self._read(start)
-        self._spare = b""  # of a piece that did not fit
         self._held = b""
-        self._free: list[bytearray] = []
 
     def _read(self, start: bytes) -> Iterator[bytes]:
-        """Unpacked pieces.
-
-        A plain file gives its start alone: what follows is read when it is wanted.
-        """
+        """Unpacked pieces, none of which is longer than a block."""
+        size = BLOCK_BYTES if self.kind == "plain" else _UNPACKED_BYTES
 
         def raw() -> Iterator[bytes]:
             piece = start
             while piece:
-                yield from (
-                    piece[at : at + _UNPACKED_BYTES] for at in range(0, len(piece), _UNPACKED_BYTES)
-                )
-                piece = self._file.read(_PIECE_BYTES)
+                yield piece
+                piece = self._file.read(size)
 
-        if self.kind == "plain":
-            yield start
-            return
         try:
-            for piece in _unpack(
-                self.kind, raw()
-            ):  # a piece may unpack to nothing yet, or to very much
-                for at in range(0, len(piece), BLOCK_BYTES):
-                    yield piece[at : at + BLOCK_BYTES]
-        except EOFError:
-            self.problem = (
-                f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
-            )
-        except NotReadOn as problem:
-            self.problem = str(problem)
+            for piece in raw() if self.kind == "plain" else _unpack(self.kind, raw()):
+                for at in range(0, len(piece), BLOCK_BYTES):  # it may unpack to very much
+                    part = piece[at : at + BLOCK_BYTES]
+                    self.unpacked_bytes += len(part)
+                    yield part
+        except EOFError as problem:
+            cut = f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
+            self.problem = str(problem) or cut
         # zlib.error, lzma.LZMAError, zstandard.ZstdError: each library has its own tree
         except Exception as problem:
             if isinstance(problem, OSError):
@@ -211,85 +185,57 @@ class ByteSource:
 
     def head(self) -> bytes:
         """The first bytes, which `blocks` gives again.  ReadError: none could be unpacked."""
-        if len(self._held) < HEAD_BYTES:
-            more = bytearray(HEAD_BYTES - len(self._held))
-            self._held += more[: self._into(more)]
+        parts, have = [self._held], len(self._held)
+        while have < HEAD_BYTES and (piece := next(self._pieces, b"")):
+            parts.append(piece)
+            have += len(piece)
+        self._held = b"".join(parts)
         if self.problem and not self._held.strip():
             raise ReadError(
                 f"{self.problem}; nothing before that could be unpacked",
                 do="copy the log again",
                 file=self.name,
             )
-        return self._held
+        return self._held[:HEAD_BYTES]
 
     def damage(self) -> str:
         """`problem`, after reading on: a checksum stands behind what it is of.
 
         Nothing can be read after this.
         """
-        buffer = bytearray(BLOCK_BYTES)
-        while self.kind != "plain" and self.unpacked_bytes < _LOOKED_BYTES and self._into(buffer):
+        packed = self.kind != "plain"
+        while packed and self.unpacked_bytes < _LOOKED_BYTES and next(self._pieces, b""):
             pass
         return self.problem
 
-    def _into(self, buffer: bytearray, at: int = 0) -> int:
-        """Fills the buffer from the byte `at` on; the bytes read.
-
-        They are fewer than there is room for only at the end.
-        """
-        begun = at
-        with memoryview(buffer) as view:
-            while at < len(buffer):
-                piece = self._spare or next(self._pieces, b"")
-                got = min(len(piece), len(buffer) - at)
-                if piece:
-                    self.unpacked_bytes += len(piece) if piece is not self._spare else 0
-                    view[at : at + got], self._spare = piece[:got], piece[got:]
-                elif self.kind == "plain":
-                    got = self._file.readinto(view[at:]) or 0  # type: ignore[attr-defined]  # every binary stream has it
-                    self.unpacked_bytes += got
-                at += got
-                if not got:
-                    break
-        return at - begun
-
     def blocks(
         self, skip: int, size: int = BLOCK_BYTES, *, returns: bool = False
-    ) -> Iterator[bytearray]:
-        """Whole lines from byte `skip` to the end.
+    ) -> Iterator[bytes]:
+        """Whole lines from byte `skip` to the end, `size` bytes or more.
 
         `returns` takes carriage returns for the ends of lines. A last line without its end comes as
         it is.
         """
-        rest, self._held = bytearray(self._held[skip:]), b""
-        while True:
-            room = max(size, 2 * len(rest))
-            block = self._free.pop() if self._free else bytearray(room)
-            del block[room:]
-            block.extend(bytes(room - len(block)))
-            block[: len(rest)] = rest
-            have = len(rest) + self._into(block, len(rest))
-            last = have < room
-            del block[have:]
-            if returns:
-                block = block.replace(b"\r", b"\n")
-            cut = have if last else block.rfind(b"\n") + 1
-            rest = block[cut:]
-            del block[cut:]
-            if block:
-                yield block
-            if last:
-                return
-            self.endless = len(rest) > LONGEST_LINE_BYTES
+        parts: list[bytes | memoryview] = []
+        have = 0
+        for piece in chain([self._held[skip:]], self._pieces):
+            lines = piece.replace(b"\r", b"\n") if returns else piece
+            have += len(lines)
+            cut = lines.rfind(b"\n") + 1
+            if cut and have >= size:
+                yield b"".join([*parts, memoryview(lines)[:cut]])
+                parts, have = [lines[cut:]], len(lines) - cut
+            else:
+                parts.append(lines)
+            self.endless = have > LONGEST_LINE_BYTES
             if self.endless:
-                return
-
-    def reuse(self, block: bytearray) -> None:
-        """Takes back a block whose bytes nobody needs any more, from any thread."""
-        self._free.append(block)
+                break
+        block = b"".join(parts)
+        block = block[: block.rfind(b"\n") + 1] if self.endless else block
+        if block:
+            yield block
 
     def close(self) -> None:
         """Closes a file that this object opened."""
         if self._owned:
-            with suppress(OSError):
-                self._file.close()
+            self._file.close()

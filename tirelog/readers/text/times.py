@@ -25,11 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.kernels import compiled
-from tirelog.readers.text.kernels import POWERS, Bytes, Whole
+from tirelog.readers.text.kernels import POWERS, Bytes, Whole, bytes_of
 from tirelog.vocabulary.arrays import IntArray
 
+#: in place of a time that cannot be read
+MISSING = np.iinfo(np.int64).min
 #: what a byte of a time is: a byte like the pattern's, or a digit of a field
-AS_IT_IS, YEAR, MONTH, DAY, HOUR, MINUTE, SECOND, FRACTION, HALF_DAY_HOUR = range(9)
+AS_IT_IS, YEAR, MONTH, DAY, HOUR, MINUTE, SECOND, FRACTION, HALF_DAY_HOUR, UNUSED = range(10)
 #: years that int64 holds in nanoseconds from 1970
 _FIRST_YEAR, _LAST_YEAR = 1678, 2261
 
@@ -61,12 +63,13 @@ def times_alike(
 ) -> None:
     """Fills `out` (n,) with times [ns] that are written like `pattern` (m,), and `done` (n,).
 
-    From the bytes `starts` (n,) on; False in `done` if one is written otherwise, or is no time.
+    From the bytes `starts` (n,) on; False in `done` if one is written otherwise. Times that cannot
+    be are MISSING.
     `roles` (m,): what each byte is; hours of half a day count from 12, and minutes may be more
     than 59 if there are no hours. `dated` ones count from 1970. `offset_s` is taken off: times lie
     so far east of UTC, or before noon.
     """
-    fields = np.empty(9, np.int64)
+    fields = np.empty(10, np.int64)
     decimals = (roles == FRACTION).sum()
     halved = (roles == HALF_DAY_HOUR).any()
     most_minutes = 59 if halved or (roles == HOUR).any() else 999
@@ -80,28 +83,29 @@ def times_alike(
             else:
                 alike &= 48 <= byte <= 57
                 fields[role] = fields[role] * 10 + (np.int64(byte) - 48)
+        possible = fields[HOUR] <= 24 and fields[MINUTE] <= most_minutes and fields[SECOND] <= 60
+        hour = fields[HOUR]
         if halved:
-            alike &= 1 <= fields[HALF_DAY_HOUR] <= 12
-            fields[HOUR] = fields[HALF_DAY_HOUR] % 12
-        alike &= fields[HOUR] <= 24 and fields[MINUTE] <= most_minutes and fields[SECOND] <= 60
-        seconds = fields[HOUR] * 3600 + fields[MINUTE] * 60 + fields[SECOND] - offset_s
+            possible &= 1 <= fields[HALF_DAY_HOUR] <= 12
+            hour = fields[HALF_DAY_HOUR] % 12
+        seconds = hour * 3600 + fields[MINUTE] * 60 + fields[SECOND] - offset_s
         if dated:
             year, month, day = fields[YEAR], fields[MONTH], fields[DAY]
-            alike &= _FIRST_YEAR <= year <= _LAST_YEAR and 1 <= month <= 12 and 1 <= day <= 31
+            possible &= _FIRST_YEAR <= year <= _LAST_YEAR and 1 <= month <= 12 and 1 <= day <= 31
             if day > 28:
-                alike &= day <= _days(year, month + 1, 1) - _days(year, month, 1)
+                possible &= day <= _days(year, month + 1, 1) - _days(year, month, 1)
             seconds += 86_400 * _days(year, month, day)
-        out[i], done[i] = seconds * 1_000_000_000 + fields[FRACTION] * POWERS[9 - decimals], alike
+        time_ns = seconds * 1_000_000_000 + fields[FRACTION] * POWERS[9 - decimals]
+        out[i], done[i] = time_ns if possible else MISSING, alike
 
 
 Nanoseconds = NDArray[np.int64]
-MISSING = np.iinfo(np.int64).min
 #: nanoseconds after which times of a form begin again
 ROUNDS_NS = {"hms": 86_400 * 10**9, "mmss": 3_600 * 10**9}
 #: forms that hold a date
 _DATED = ("iso", "dmy")
 
-_SECOND = r"(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?"
+_SECOND = r"(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})(?P<more>\d*))?"
 _HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
 _CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?{_HALF}"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
@@ -110,7 +114,7 @@ _FORMS = {
     "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
     "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
     "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}{_HALF}:?"),
-    "mmss": re.compile(r"(?P<m>\d{1,3}):(?P<sec>\d{2})[.,](?P<frac>\d{1,9})\d*"),
+    "mmss": re.compile(r"(?P<m>\d{1,3}):(?P<sec>\d{2})[.,](?P<frac>\d{1,9})(?P<more>\d*)"),
 }
 
 
@@ -145,32 +149,8 @@ def one_ns(cell: str, form: str, us: bool = False) -> int:
 
     `us` reads the month first.
     """
-    match = _FORMS[form].fullmatch(cell.strip().strip('"'))
-    if not match:
-        return MISSING
-    part = match.groupdict()
-    days = 0
-    if form in _DATED:
-        month, day = (part["D"], part["M"]) if us and form == "dmy" else (part["M"], part["D"])
-        try:
-            days = int(
-                (
-                    np.datetime64(f"{part['Y']}-{int(month):02d}-{int(day):02d}")
-                    - np.datetime64("1970-01-01")
-                ).astype(int)
-            )
-        except ValueError:
-            return MISSING
-    hour, minute, second = (int(part.get(key) or 0) for key in ("h", "m", "sec"))
-    if hour > 24 or (minute > 59 and form != "mmss") or second > 60:
-        return MISSING
-    if part.get("half"):
-        if not 1 <= hour <= 12:
-            return MISSING
-        hour %= 12
-    seconds = hour * 3600 + minute * 60 + second - _offset_s(part)
-    ns = (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
-    return ns if abs(ns) <= -(MISSING + 1) else MISSING
+    data = bytes_of(cell.encode("latin-1", "replace"))
+    return int(column_ns(data, np.zeros(1, np.int64), np.array([data.size]), form, us)[0])
 
 
 def _offset_s(part: Mapping[str, str | None]) -> int:
@@ -192,33 +172,27 @@ def column_ns(
 ) -> Nanoseconds:
     """Nanoseconds of the cells data[starts:stops], shape (n,).
 
-    Cells of one length mostly share one layout, so that a digit's place is read once, from the
-    first cell; cells that do not have punctuation like that one are read one by one.
+    Cells of one length mostly share one punctuation, so that a digit's place is found once, in the
+    first cell of a punctuation.
     """
     out = np.full(starts.size, MISSING, np.int64)
     lengths = stops - starts
-    alike = lengths.size and (lengths == lengths[0]).all()
-    for length in lengths[:1] if alike else np.unique(lengths):
-        rows = np.flatnonzero(lengths == length)
-        cell = data[starts[rows[0]] : stops[rows[0]]]
+    left = np.flatnonzero(lengths)
+    while left.size:
+        cell = data[starts[left[0]] : stops[left[0]]]
         match = _FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
-        done = np.zeros(rows.size, bool)
+        done = np.zeros(left.size, bool)
+        done[0] = True
         if match:
-            values = np.empty(rows.size, np.int64)
+            same = np.flatnonzero(lengths[left] == cell.size)
+            values, alike = np.empty(same.size, np.int64), np.empty(same.size, bool)
+            roles = _roles(match, us and form == "dmy")
             offset_s = _offset_s(match.groupdict())
-            times_alike(
-                data,
-                starts[rows],
-                cell,
-                _roles(match, us and form == "dmy"),
-                form in _DATED,
-                offset_s,
-                values,
-                done,
-            )
-            out[rows[done]] = values[done]
-        for i in rows[~done] if length else ():
-            out[i] = one_ns(data[starts[i] : stops[i]].tobytes().decode("latin-1"), form, us)
+            dated = form in _DATED
+            times_alike(data, starts[left[same]], cell, roles, dated, offset_s, values, alike)
+            out[left[same[alike]]] = values[alike]
+            done[same[alike]] = True
+        left = left[~done]
     return out
 
 
@@ -233,6 +207,7 @@ def _roles(match: re.Match[str], us: bool) -> NDArray[np.int64]:
         "m": MINUTE,
         "sec": SECOND,
         "frac": FRACTION,
+        "more": UNUSED,
     }
     roles = np.full(len(match[0]), AS_IT_IS, np.int64)
     for key, text in parts.items():
