@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial, wraps
+from importlib import import_module
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
@@ -52,9 +52,9 @@ def _commands() -> Iterator[tuple[str, Callable[[], Any]]]:
 
 def _function(place: str | LogTable) -> Any:
     """The command of a table, or what stands at a place in `tirelog.cli`."""
-    if isinstance(place, str):
-        return resolve_name(f"tirelog.cli.{place}")
-    return resolve_name("tirelog.cli.files:table_command")(place)
+    module, _, name = (place if isinstance(place, str) else "files:table_command").partition(":")
+    found = getattr(import_module(f"tirelog.cli.{module}"), name)
+    return found if isinstance(place, str) else found(place)
 
 
 def _version(asked: bool) -> None:

@@ -10,15 +10,15 @@ from contextlib import suppress
 from importlib import util
 from inspect import Parameter, Signature
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import tirelog.api as api
 from tirelog.errors import OutputError, TirelogError, UsageError, refuse_unknown
 from tirelog.storage.remote import address
 from tirelog.storage.whole import output_error
-from tirelog.vocabulary.tables import no_matplotlib, refuse_no_picture
+from tirelog.vocabulary.tables import TABLE_FORMATS, no_matplotlib, refuse_no_picture
 
 if TYPE_CHECKING:
     from tirelog.data.recording import Conditions
@@ -30,22 +30,17 @@ if TYPE_CHECKING:
 # Nothing here reads a log: an answer has to come while one types.
 
 
-def _words_of(place: str) -> Callable[[str], list[str]]:
-    """What completes a word of a register, "module:name", which is read when it is asked for."""
+def completing(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What completes one of these words, which are asked for when one types."""
 
     def beginning(incomplete: str) -> list[str]:
-        words = resolve_name(place)
         known = words() if callable(words) else words
         return [word for word in known if word.startswith(incomplete)]
 
     return beginning
 
 
-formats = _words_of("tirelog.vocabulary.tables:TABLE_FORMATS")
-effects = _words_of("tirelog.api.models:catalogue_with")
-nuisances = _words_of("tirelog.api.models:NUISANCES")
-presets = _words_of("tirelog.api.models:PRESETS")
-tables = _words_of("tirelog.vocabulary.tables:LOG_TABLES")
+effects = completing(lambda: api.models.catalogue_with())
 
 
 def channels(ctx: Any, incomplete: str) -> list[str]:
@@ -156,7 +151,6 @@ def conditions_given(
 
     UsageError: no number, one that no tire is driven under, or more than MOST of them together.
     """
-    from tirelog.api.models import conditions_of
 
     given = {
         _FIELDS[name]: values_of(text, f"--{name}")
@@ -175,7 +169,7 @@ def conditions_given(
         "time_s": "--time",
         "temperature_K": "--temperature",
     }
-    return conditions_of(given, setup, called=called, **other)
+    return api.models.conditions_of(given, setup, called=called, **other)
 
 
 def road_words(words: str, setup: Setup | None) -> RoadSetup:
@@ -238,7 +232,7 @@ def plot_kind(kinds: Mapping[str, str]) -> Any:
         "--plot-kind",
         help=f"What --plot draws: {', '.join(kinds)}.",
         callback=known,
-        autocompletion=lambda incomplete: [kind for kind in kinds if kind.startswith(incomplete)],
+        autocompletion=completing(kinds),
     )
 
 
@@ -264,7 +258,9 @@ Output = Annotated[
 ]
 Format = Annotated[
     str | None,
-    typer.Option("--format", help="csv, ndjson, parquet or json.", autocompletion=formats),
+    typer.Option(
+        "--format", help="csv, ndjson, parquet or json.", autocompletion=completing(TABLE_FORMATS)
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
 Plot = Annotated[

@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+import tirelog.api as api
 from tirelog.cli.session import aligned, console_table, page
 from tirelog.errors import printable
 from tirelog.vocabulary.observables import shown, together
@@ -19,19 +20,6 @@ from tirelog.vocabulary.observables import shown, together
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tirelog.api.answers import (
-        AnswerTable,
-        Comparison,
-        Diagnosis,
-        FitOfLogs,
-        FittedMotion,
-        GratingsFound,
-        Ladder,
-        Proposal,
-        TransientComparison,
-    )
-    from tirelog.api.models import Effect, Model
-    from tirelog.api.setups import Contents, FoundSeries
     from tirelog.data.recording import Recording
 
 
@@ -44,7 +32,7 @@ _WIDEST = 100
 _MOST_OTHERS = 8
 
 
-def print_contents(inside: Contents) -> None:
+def print_contents(inside: api.setups.Contents) -> None:
     """The page, on standard output; nothing is cut off, however narrow the terminal."""
     console = page(_WIDEST)
     width = max(min(console.width, _WIDEST), 40)
@@ -87,7 +75,7 @@ def _beside(log: str) -> str:
     return re.sub(r"(?<=[^/])\.[^./]*$", "", stem) + ".toml"
 
 
-def _facts(one: FoundSeries) -> str:
+def _facts(one: api.setups.FoundSeries) -> str:
     """Range, rate, size and first values."""
     known = one.known
     if not known.size:
@@ -104,7 +92,7 @@ def _facts(one: FoundSeries) -> str:
     return "; ".join(facts + ([one.series.note] if one.series.note else []))
 
 
-def _likely(one: FoundSeries) -> str:
+def _likely(one: api.setups.FoundSeries) -> str:
     if one.guess.kind == "signal":
         return f"kind unknown: {one.guess.reason}"
     return f"likely {one.guess.kind} in {one.guess.unit}: {one.guess.reason}"
@@ -126,7 +114,6 @@ def _stacked(console: Console, cells: dict[str, list[str]]) -> None:
 
 def print_summary(recording: Recording) -> None:
     """The page, on standard output."""
-    from tirelog.api.logs import channels
 
     console = page(_SUMMARY_WIDTH)
     about = recording.provenance
@@ -136,7 +123,7 @@ def print_summary(recording: Recording) -> None:
     console.print(printable(f"{recording.log}: {about.get('format', 'log')}{size}"))
     if about.get("start"):
         console.print(printable(f"started {about['start']}"))
-    rows = {name: v for name, v in channels(recording).items() if name != "log"}
+    rows = {name: v for name, v in api.logs.channels(recording).items() if name != "log"}
     cells = {
         name: [f"{x:,.6g}" if isinstance(x, float) else printable(str(x)) for x in values]
         for name, values in rows.items()
@@ -173,11 +160,11 @@ _BAR = 40
 _WIDTH = 110
 
 
-def _table(table: AnswerTable) -> Any:
+def _table(table: api.answers.AnswerTable) -> Any:
     return console_table(table.names, table.rows)
 
 
-def comparison_page(result: Comparison) -> None:
+def comparison_page(result: api.answers.Comparison) -> None:
     """Errors, where they are, parameters; of several observables what each brings."""
     out = page(_WIDTH)
     if not result.parts:
@@ -203,7 +190,7 @@ def comparison_page(result: Comparison) -> None:
         _hits_page(result.obstacles)
 
 
-def _errors_page(out: Console, result: Comparison) -> None:
+def _errors_page(out: Console, result: api.answers.Comparison) -> None:
     """The errors of one observable, and where they are."""
     _, unit = shown(result.observable, result.unit)
     named = f"{result.observable} of {result.member}" if result.member else result.observable
@@ -217,7 +204,7 @@ def _errors_page(out: Console, result: Comparison) -> None:
     out.print(f"reduced chi-square {result.reduced_chi2:.3g}, fit {result.fit_percent:.2f} %")
 
 
-def _hits_page(result: TransientComparison) -> None:
+def _hits_page(result: api.answers.TransientComparison) -> None:
     """The hits to read."""
     out = page(_WIDTH)
     total = result.to_json()
@@ -231,7 +218,7 @@ def _hits_page(result: TransientComparison) -> None:
     out.print(_table(hits.columns(*hits.names[:-2])))
 
 
-def diagnosis_page(result: Diagnosis) -> None:
+def diagnosis_page(result: api.answers.Diagnosis) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
     out = page(_WIDTH)
     out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
@@ -245,7 +232,7 @@ def diagnosis_page(result: Diagnosis) -> None:
         out.print(said)
 
 
-def _gratings(found: GratingsFound) -> Any:
+def _gratings(found: api.answers.GratingsFound) -> Any:
     """Which grating says what: angle, what it alone shows, each named effect as it has it."""
     rows: list[list[Any]] = []
     own = {frame.frame: frame for frame in found.frames}
@@ -265,7 +252,7 @@ def _gratings(found: GratingsFound) -> Any:
     )
 
 
-def ladder_bars(result: Ladder) -> None:
+def ladder_bars(result: api.answers.Ladder) -> None:
     """The held-out error as bars that shrink, the floor marked, on standard error."""
     factor, unit = shown(result.observable, result.unit)
     errors = [
@@ -294,7 +281,7 @@ def _line(text: str) -> None:
     sys.stderr.write(f"{printable(text)}\n")
 
 
-def proposal_page(result: Proposal, command: str) -> None:
+def proposal_page(result: api.answers.Proposal, command: str) -> None:
     """The proposal to read."""
     out = page(_WIDTH)
     out.print(f"{result.status.upper()}.  {result.sentence}")
@@ -325,9 +312,8 @@ def _cells(p: Any) -> tuple[str, ...]:
     return p.name, f"{p.value:.6g}", error, _unit(p.unit), state, p.description
 
 
-def model_page(model: Model) -> str:
+def model_page(model: api.models.Model) -> str:
     """The model as a person reads it."""
-    from tirelog.api.models import carcass_facts
 
     road = {"flat_road": ", on a flat road", "point": ", under a point load"}.get(model.contact, "")
     parts = [
@@ -344,7 +330,7 @@ def model_page(model: Model) -> str:
         parts.append(f"own effects from {model.effects_file}")
     if not model.effects:
         parts.append("no effects; `tirelog effects` lists what can be added")
-    if facts := carcass_facts(model):
+    if facts := api.models.carcass_facts(model):
         parts.append("from these numbers (P1 (2)-(5))")
         parts.append(
             aligned((name, f"{x:.6g}", unit, what) for name, (x, unit, what) in facts.items())
@@ -366,7 +352,7 @@ def difference_page(rows: dict[str, list[Any]]) -> str:
     return aligned([header, *body], indent="")
 
 
-def fit_page(fitted: FitOfLogs) -> str:
+def fit_page(fitted: api.answers.FitOfLogs) -> str:
     """What a fit found."""
     result = fitted.found
     parameters = [result.model.parameters[name] for name in result.names]
@@ -397,7 +383,7 @@ def fit_page(fitted: FitOfLogs) -> str:
     return "\n".join([*lines, *fitted.doubts])
 
 
-def learned_page(learned: FittedMotion) -> str:
+def learned_page(learned: api.answers.FittedMotion) -> str:
     """What obstacles told."""
     found = [learned.model.parameters[name] for name in learned.names]
     rows = [
@@ -414,14 +400,13 @@ def learned_page(learned: FittedMotion) -> str:
     )
 
 
-def effect_page(effect: Effect) -> str:
+def effect_page(effect: api.models.Effect) -> str:
     """One effect of the catalogue."""
-    from tirelog.api.models import serves
 
     rows: list[tuple[str, ...]] = [
         ("follows", effect.follows_said),
         ("acts on", ", ".join(effect.acts_on)),
-        ("for", ", ".join(serves(effect).values())),
+        ("for", ", ".join(api.models.serves(effect).values())),
         ("needs", ", ".join(effect.needs) or "nothing beyond speed"),
         ("signature", effect.signature),
         ("valid", effect.valid),
@@ -450,7 +435,7 @@ def effect_page(effect: Effect) -> str:
     )
 
 
-def catalogue_page(effects: Iterable[Effect]) -> str:
+def catalogue_page(effects: Iterable[api.models.Effect]) -> str:
     """The catalogue, two lines per effect."""
     lines = []
     for e in effects:
@@ -462,9 +447,8 @@ def catalogue_page(effects: Iterable[Effect]) -> str:
     return "\n".join(lines)
 
 
-def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
+def catalogue_rows(effects: Iterable[api.models.Effect]) -> dict[str, list[Any]]:
     """Columns of the catalogue's table."""
-    from tirelog.api.models import serves
 
     effects = list(effects)
     return {
@@ -472,7 +456,7 @@ def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
         "mechanism": [e.mechanism for e in effects],
         "follows": [e.follows_said for e in effects],
         "acts_on": [" ".join(e.acts_on) for e in effects],
-        "observables": [" ".join(serves(e)) for e in effects],
+        "observables": [" ".join(api.models.serves(e)) for e in effects],
         "parameters": [" ".join(p.name for p in e.parameters) for e in effects],
         "needs": [" ".join(e.needs) for e in effects],
         "source": [e.source for e in effects],

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import tirelog.api as api
 from tirelog.errors import (
     DataLoss,
     ExitStatus,
@@ -42,9 +43,6 @@ from tirelog.storage.whole import output_error, whole_file
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tirelog.api.campaigns import Entry
-    from tirelog.api.parts import Part
-    from tirelog.api.setups import Contents
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
     from tirelog.tables.writer import TableWriter
@@ -248,7 +246,7 @@ class CampaignProgress:
             sys.stderr.write(f"\r\x1b[Ktirelog: 0/{of}, working")
             sys.stderr.flush()
 
-    def __call__(self, entry: Entry, finished: int, of: int) -> None:
+    def __call__(self, entry: api.campaigns.Entry, finished: int, of: int) -> None:
         if self.quiet:
             return
         left = (time.monotonic() - self.begun) / finished * (of - finished)
@@ -391,9 +389,7 @@ class Session:
     def setup(self) -> Setup | None:
         """The setup given with --setup, read once."""
         if self._shared is None and self._setup_file is not None:
-            from tirelog.api.logs import as_setup
-
-            self._shared = as_setup(self._setup_file)
+            self._shared = api.logs.as_setup(self._setup_file)
         return self._shared
 
     def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
@@ -414,13 +410,12 @@ class Session:
                         yield recording
         self._stop_if_unread()
 
-    def contents(self, logs: list[str]) -> Iterator[Contents]:
+    def contents(self, logs: list[str]) -> Iterator[api.setups.Contents]:
         """What is in logs that have no setup, one after the other; errors as for `recordings`."""
-        from tirelog.api.setups import contents
 
         for log in logs:
             try:
-                inside = contents(log)
+                inside = api.setups.contents(log)
             except ReadError as problem:
                 self._cannot_read(log, problem)
                 continue
@@ -451,23 +446,25 @@ class Session:
 
     def parts(
         self, logs: list[str], table: str, channels: list[str] | None = None, **options: Any
-    ) -> Iterator[tuple[Recording, Part]]:
+    ) -> Iterator[tuple[Recording, api.parts.Part]]:
         """The rows of one table of every log, or of these `channels`, part by part (`parts_of`).
 
         If rows go to standard output, all that could refuse a log is looked at before the first. A
         file takes its place whole or not at all, so that its channels need not be read twice.
         """
-        from tirelog.api.parts import checked_options, parts_of
 
-        checked_options(table, options)
+        api.parts.checked_options(table, options)
         first = self._streams or len(logs) > 1
         return self.parts_of(
-            logs, lambda log: parts_of(log, table, options, channels or (), refused_first=first)
+            logs,
+            lambda log: api.parts.parts_of(
+                log, table, options, channels or (), refused_first=first
+            ),
         )
 
     def parts_of(
-        self, logs: list[str], made: Callable[[Recording], Iterator[Part]]
-    ) -> Iterator[tuple[Recording, Part]]:
+        self, logs: list[str], made: Callable[[Recording], Iterator[api.parts.Part]]
+    ) -> Iterator[tuple[Recording, api.parts.Part]]:
         """What is `made` of every log, part by part, what is to be said of it said.
 
         Of several logs each stands for itself: one that is refused, for its setup or for what it
@@ -514,9 +511,8 @@ class Session:
 
     def _note_copy(self, recording: Recording) -> None:
         """A note if the log holds the samples of an earlier one, whose rows then come twice."""
-        from tirelog.api.logs import samples_hash
 
-        digest = samples_hash(recording)
+        digest = api.logs.samples_hash(recording)
         if digest in self._copies:
             self.note(
                 f"{recording.log}: holds the same samples as {self._copies[digest]}; what is made "
@@ -526,11 +522,10 @@ class Session:
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None if it cannot be read (which has been said)."""
-        from tirelog.api.logs import open_recording
 
         try:
             recording = resources.enter_context(
-                open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
+                api.logs.open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
             )
         except ReadError as problem:
             self._cannot_read(log, problem)
@@ -576,13 +571,25 @@ class Session:
         self._tables.append(writer)
         return writer
 
+    def write(self, name: str, parts: Iterable[Mapping[str, Any]]) -> None:
+        """A table of columns that come in parts."""
+        with self.table(name) as table:
+            for columns in parts:
+                table.write(columns)
+
+    def show(self, name: str, shown: str, columns: Mapping[str, Any]) -> None:
+        """The page to read, unless a table is asked for."""
+        if self.paged:
+            typer.echo(shown)
+        else:
+            self.write(name, [columns])
+
     def write_rows(
         self, name: str, parts: Iterable[Sequence[Mapping[str, Any]]], empty: Sequence[str] = ()
     ) -> None:
         """A table of rows that come in parts; if there are none the columns `empty`."""
-        with self.table(name) as table:
-            for rows in parts:
-                table.write(columns_of_rows(rows) or {name: [] for name in empty})
+        nothing: dict[str, list[Any]] = {name: [] for name in empty}
+        self.write(name, (columns_of_rows(rows) or nothing for rows in parts))
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()
