@@ -20,7 +20,7 @@ from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
 from tirelog.plots.record import Mark, Panel, dots, line, upright
 from tirelog.plots.style import decimated
-from tirelog.plots.tables import WINDOW, passage_panels
+from tirelog.plots.tables import free_rolling, passage_panels, passage_window
 from tirelog.report.page import (
     GREY,
     INK,
@@ -36,7 +36,6 @@ from tirelog.report.page import (
 from tirelog.runs.ingest import channel_rows
 from tirelog.strain.footprint.kernels import distance_along
 from tirelog.strain.footprint.measure import find_edges
-from tirelog.strain.footprint.refine import gather_windows
 from tirelog.tables.frame import table_parts
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import good_rows
@@ -303,8 +302,7 @@ def _signals(recording: Recording, number: int, log: str, colour: int) -> list[F
 # that `strain.footprint.measure.find_edges` sees in what is drawn.
 
 
-#: what is read beside the window for the low-pass, in its periods
-_BESIDE = 3.0
+#: as finely as the low-passed curves are drawn
 _UPSAMPLED = 4
 
 
@@ -336,9 +334,8 @@ def _chosen(rows: pd.DataFrame, speed: pd.DataFrame | None) -> tuple[pd.Series, 
         acceleration = pd.Series(
             known.reindex(rows["revolution"]).to_numpy(float), index=rows.index
         ).fillna(0.0)
-    free = acceleration.abs().sort_values(kind="stable").index[: max(len(rows) // 3, 1)]
-    chosen = rows.loc[free].sort_values("speed_m_s", kind="stable").iloc[len(free) // 4]
-    return chosen, float(acceleration[rows["revolution"] == chosen["revolution"]].iloc[0])
+    at = free_rolling(acceleration, rows["speed_m_s"])
+    return rows.iloc[at], float(acceleration.iloc[at])
 
 
 def _passage(
@@ -350,11 +347,10 @@ def _passage(
     v, a = np.array([speed]), np.array([acceleration])
     asked = Cutoff.parse("40x").frequency(v, recording.setup.tire.radius_m, float("nan"))  # as P2
     cutoff = np.minimum(asked, 0.49 * rate)
-    reach = np.array([0.7 * WINDOW * length / speed * rate + _BESIDE * rate / cutoff[0]])
-    index = np.atleast_1d(channel.axis.index(float(row["time_s"])))
+    index = float(channel.axis.index(float(row["time_s"])))
     inner = channel.surface == "inner"
-    upward, first = 1.0 if inner else -1.0, np.zeros(1, np.int64)
-    window = next(iter(gather_windows(channel, upward, index, reach, first)), None)
+    near = (speed, length, float(cutoff[0]))
+    window = passage_window(channel, 1.0 if inner else -1.0, index, *near)
     if window is None or not np.isfinite(window.values).any():
         return []
     found = find_edges(
@@ -447,8 +443,9 @@ def footprint_section(
             f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the "
             "patch centre, entry negative."
         )
-        panel = Panel("time [s]", "slip onset [mm]", marks)
-        figures.append(figure("slip-onset", "Slip onset", alt, panel))
+        figures.append(
+            figure("slip-onset", "Slip onset", alt, Panel("time [s]", "slip onset [mm]", marks))
+        )
     else:
         words.append("No slip onset was seen.")
     return Section("footprint", "Footprint", command, words, figures, [quality(table, "footprint")])
@@ -534,8 +531,7 @@ def dissipation_section(
 
 def _with_marker(mark: Mark, name: str, marker: Mapping[str, Any]) -> Mark:
     """The points with more in their name and another look."""
-    style = {"marker": mark.style["marker"] | marker}
-    return replace(mark, name=mark.name + name, style=style)
+    return replace(mark, name=mark.name + name, style={"marker": mark.style["marker"] | marker})
 
 
 def _regressions(lines: pd.DataFrame, column: str, colours: LogColours) -> list[Mark]:
@@ -594,16 +590,18 @@ def phase_shift_section(
         column = f"{name}_force_N"
         if column in good and good[column].notna().any():
             alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
-            marks = ways(named, "time_s", {column: f"{name} force"})
-            panel = Panel("time [s]", f"{name} force [N]", marks)
+            panel = Panel(
+                "time [s]", f"{name} force [N]", ways(named, "time_s", {column: f"{name} force"})
+            )
             figures.append(figure(column, f"{name.capitalize()} force", alt, panel))
     said = (
         f"Patch width {sizes['patch_width']}, phase shift {sizes['phase_shift']}; negative in "
         "braking."
     )
     tables = [quality(table, "phase shift")]
-    text = [said, *remarks, *drawn_of(good)]
-    return Section("phase-shift", "Phase shift", command, text, figures, tables)
+    return Section(
+        "phase-shift", "Phase shift", command, [said, *remarks, *drawn_of(good)], figures, tables
+    )
 
 
 def campaign(summary: Path, command: str) -> Section:
@@ -619,12 +617,11 @@ def campaign(summary: Path, command: str) -> Section:
         )
     status = header.index("status")
     counts = Counter(row[status] for row in body)
-    words = [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."]
     return Section(
         "campaign",
         "The campaign",
         command,
-        words,
+        [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."],
         (),
         [PageTable("Logs of the campaign", header, body)],
     )
