@@ -9,9 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tirelog.api import answers, campaigns, logs, models, parts, setups, tables
+    from tirelog.api import answers, campaigns, logs, models, parts, tables
 
-__all__ = ["answers", "campaigns", "logs", "models", "parts", "setups", "tables"]
+__all__ = ["answers", "campaigns", "logs", "models", "parts", "tables"]
 
 
 def __getattr__(name: str) -> Any:

@@ -17,7 +17,8 @@ from typing import Annotated, Any, TypeVar
 import typer
 
 import tirelog.api as api
-from tirelog.cli import options, pages
+from tirelog.cli import app as options
+from tirelog.cli import pages
 from tirelog.cli.session import CampaignProgress, Session, say, write_json
 from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
 from tirelog.vocabulary.tables import COMPARE, ERRORS_BY
@@ -55,7 +56,7 @@ class Question:
         """What is answered; a log that cannot be read is said and left out."""
         read = api.models.load_model(self.model, effects=self.effects)
         found = api.answers.measure(session.recordings(self.logs), read, self.channel)
-        session.notes(found.notes)
+        session.note(*found.notes)
         with session.working_on(doing):
             return ask(found, read)
 
@@ -67,9 +68,11 @@ class Question:
 
     def show(self, session: Session, answer: Any, remarks: Iterable[str], **how: str) -> None:
         """What a reader should know first, said; and the picture, if one is asked for."""
-        session.notes(remarks)
+        session.note(*remarks)
         if self.plot is not None:
-            session.notes(f"more is drawn in {beside}" for beside in answer.draw(self.plot, **how))
+            session.note(
+                *(f"more is drawn in {beside}" for beside in answer.draw(self.plot, **how))
+            )
 
 
 def with_question(command: Callable[..., None]) -> Callable[..., None]:
@@ -310,23 +313,21 @@ def report(
     )  # the default one keeps what is freed: 50 MB for an hour's tables
 
     paths, tables = tuple(logs or ()), tuple(table or ())
-    order = api.answers.ReportOrder(
-        api.answers.ReportRequest(
-            paths, setup, model, ladder, campaign, tables, channel, effects, propose
-        ),
-        output,
+    asked = api.answers.ReportRequest(
+        paths, setup, model, ladder, campaign, tables, channel, effects, propose
     )
+    page = api.answers.report_page(asked, output)
     with Session(setup, quiet, hashed=True) as session:
         with session.working_on("making the page"):
             recordings = session.all_recordings(list(paths)) if paths else []
-            written = order.make(recordings, session.say)
-        session.notes(written)
+            written = api.answers.make_report(recordings, asked, page, session.say)
+        session.note(*written)
 
 
 # ---- `tirelog campaign run | status MANIFEST`.
 
 
-campaigns = typer.Typer(
+campaigns = options.Commands(
     help="Every log of a test campaign, every table, resumable.",
     no_args_is_help=True,
     rich_markup_mode=None,

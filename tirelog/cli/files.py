@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tirelog.api as api
-from tirelog.cli import options, pages
+from tirelog.cli import app as options
+from tirelog.cli import pages
 from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError, printable
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption
@@ -54,7 +55,7 @@ def check(
         session.note(f"{against} is now {table}")
         return
     found = api.tables.check(table, against, _tolerances(tolerance or []))
-    session.notes(found.remarks)
+    session.note(*found.remarks)
     if found.differences or output is not None:
         session.write("check", [found.columns])
     if found.differences:
@@ -103,9 +104,7 @@ def ingest(
     with Session(setup, quiet) as session:
         with session.working_on(f"reading {log}"):
             summary = api.logs.ingest(log, output, session.setup())
-        session.notes(f"{log}: {remark}" for remark in summary.remarks)
-        for loss in summary.losses:
-            session.lost(f"{log}: {loss}")
+        session.hear(log, summary.remarks, summary.losses)
         if not quiet:
             with api.logs.opened_run(output, log) as recording:
                 pages.print_summary(recording)
@@ -114,7 +113,7 @@ def ingest(
 # ---- `tirelog setup new LOG` and `tirelog setup check LOG`.
 
 
-app = typer.Typer(help="Draft the setup of a log, and check one.", no_args_is_help=True)
+app = options.Commands(help="Draft the setup of a log, and check one.", no_args_is_help=True)
 
 NOTHING = "nothing is implausible, missing, unused or guessed"
 Log = Annotated[str, typer.Argument(help="A log; '-' is standard input.")]
@@ -133,7 +132,7 @@ NewSetup = Annotated[
 def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None:
     """Draft a setup from what a log holds; what is guessed is marked."""
 
-    made = api.setups.draft_setup(log, output)
+    made = api.logs.draft_setup(log, output)
     if output is None:
         typer.echo(made.text, nl=False)
     else:
@@ -147,7 +146,7 @@ def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None
 def check_setup(log: Log, setup: options.SetupFile = None, quiet: options.Quiet = False) -> None:
     """Say what is implausible, missing, unused or still guessed in the setup of a log."""
 
-    found = api.setups.check_setup(log, setup)
+    found = api.logs.check_setup(log, setup)
     lines = [
         f"{name}: {kind}, {rate_Hz:,.6g} Hz, {duration_s:,.6g} s"
         for name, kind, rate_Hz, duration_s in found.channels
@@ -228,7 +227,7 @@ def info(
                 for inside in found:
                     pages.print_contents(inside)
             else:
-                session.write("contents", map(api.setups.contents_rows, found))
+                session.write("contents", map(api.logs.contents_rows, found))
             return
         recordings = session.recordings(logs, blocks=_BLOCKS)
         if session.paged:
@@ -352,7 +351,7 @@ def tables(
                 refused_first=len(logs) > 1,
                 processes=True,
             )
-            session.notes(f"{recording.log}: no channel for {name}" for name in unsuited)
+            session.note(*(f"{recording.log}: no channel for {name}" for name in unsuited))
             return parts
 
         writers: dict[str, TableWriter] = {}
@@ -425,5 +424,5 @@ def phase_shift(
         for recording, part in made:
             writer.write(part.columns)
             picture.keep(recording, part)
-        session.notes(applied)
+        session.note(*applied)
         picture.draw()

@@ -11,11 +11,12 @@ from typing import Annotated, Any
 import typer
 
 import tirelog.api as api
-from tirelog.cli import options, pages
+from tirelog.cli import app as options
+from tirelog.cli import pages
 from tirelog.cli.session import Session
 from tirelog.errors import UsageError, refuse_unknown
 
-app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
+app = options.Commands(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
 
 
 def _words(text: str) -> list[str]:
@@ -82,7 +83,7 @@ def new(
         preset=preset,
     )
     api.models.save_model(model, output)
-    session.notes(remarks)
+    session.note(*remarks)
     named, fitted = (
         shlex.quote(str(path)) for path in (output, output.with_stem(f"{output.stem}_fitted"))
     )
@@ -186,8 +187,8 @@ def worn(
     read = api.models.load_model(model, effects=effects)
     made, changed = api.models.worn_model(read, new_depth, depth, neutral_axis)
     api.models.save_model(made, output)
-    Session(quiet=quiet).notes(
-        f"{name} {before:g} -> {after:g}" for name, (before, after) in changed.items()
+    Session(quiet=quiet).note(
+        *(f"{name} {before:g} -> {after:g}" for name, (before, after) in changed.items())
     )
 
 
@@ -248,7 +249,7 @@ def fit(
         measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
         with session.working_on("fitting the model"):
             result = api.answers.fit(measured, start, nuisances=words)
-        session.notes(result.remarks)
+        session.note(*result.remarks)
         session.refuse_edit(model, new_model)
         api.models.save_model(result.model, new_model)
         if not quiet:
@@ -399,7 +400,7 @@ def predict(
                 sensors_deg=sensor,
                 surface=side,
             )
-        session.notes(remarks)
+        session.note(*remarks)
         name = "passage"
     elif number and not (everything or modes is not None):
         name, rows = "predict-numbers", api.models.numbers(read, conditions, surface=side)

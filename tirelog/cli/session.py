@@ -228,13 +228,12 @@ class Working:
 
 def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
     """One line on a terminal: the file, its rows, of how many logs, in how long."""
-    if not sys.stderr.isatty():
-        return
-    of = f" of {logs} logs" if logs > 1 else ""
-    sys.stderr.write(
-        f"{printable(str(output))}: {rows:,} row{'' if rows == 1 else 's'}{of}, "
-        f"{time.monotonic() - began:.1f} s\n"
-    )
+    if sys.stderr.isatty():
+        of = f" of {logs} logs" if logs > 1 else ""
+        sys.stderr.write(
+            f"{printable(str(output))}: {rows:,} row{'' if rows == 1 else 's'}{of}, "
+            f"{time.monotonic() - began:.1f} s\n"
+        )
 
 
 class CampaignProgress:
@@ -320,22 +319,15 @@ class Session:
         hashed: bool = False,
     ) -> None:
         self.quiet, self.output, self.format = quiet, output, format
-        self._hashed = hashed or self._parquet()
         self._setup_file = setup
+        self._hashed = hashed or self._parquet()
         self._shared: Setup | None = None
-        self._resources = ExitStack()
-        self._noted: set[str] = set()
-        self._copies: dict[str, str] = {}
-        self._lost: list[str] = []
-        self._unread: list[str] = []
-        self._refused: list[TirelogError] = []
-        self._kept: list[Recording] = []
-        self._read = 0
-        self._streams = False
-        self._began = time.monotonic()
+        self._resources, self._kept = ExitStack(), list["Recording"]()
+        self._noted, self._copies = set[str](), dict[str, str]()
+        self._lost, self._unread, self._refused = list[str](), list[str](), list[TirelogError]()
+        self._read, self._streams, self._began = 0, False, time.monotonic()
         self._tables: list[TableWriter] = []
-        self.hashes: dict[str, str] = {}
-        self.tires: dict[str, list[str]] = {}
+        self.hashes, self.tires = dict[str, str](), dict[str, list[str]]()
 
     def __enter__(self) -> Session:
         return self
@@ -364,16 +356,12 @@ class Session:
         if not self.quiet:
             say(text)
 
-    def note(self, text: str) -> None:
-        """A remark on standard error, once, unless --quiet."""
-        if not self.quiet and text not in self._noted:
-            self._noted.add(text)
-            say(f"note: {text}")
-
-    def notes(self, texts: Iterable[str]) -> None:
-        """Remarks on standard error, unless --quiet."""
+    def note(self, *texts: str) -> None:
+        """Remarks on standard error, each once, unless --quiet."""
         for text in texts:
-            self.note(text)
+            if not self.quiet and text not in self._noted:
+                self._noted.add(text)
+                say(f"note: {text}")
 
     def working(self) -> Working:
         """A line on the terminal while something takes longer; none if rows go there."""
@@ -410,19 +398,16 @@ class Session:
                         yield recording
         self._stop_if_unread()
 
-    def contents(self, logs: list[str]) -> Iterator[api.setups.Contents]:
+    def contents(self, logs: list[str]) -> Iterator[api.logs.Contents]:
         """What is in logs that have no setup, one after the other; errors as for `recordings`."""
-
         for log in logs:
             try:
-                inside = api.setups.contents(log)
+                inside = api.logs.contents(log)
             except ReadError as problem:
                 self._cannot_read(log, problem)
                 continue
             self._read += 1
-            self.notes(f"{log}: {remark}" for remark in inside.remarks)
-            for loss in inside.losses:
-                self.lost(f"{log}: {loss}")
+            self.hear(log, inside.remarks, inside.losses)
             yield inside
         self._stop_if_unread()
 
@@ -442,7 +427,7 @@ class Session:
             recording = self._open(log, resources, blocks)
             yield recording
             if recording is not None:
-                self._say_losses(recording)
+                self.hear(recording.log, losses=recording.losses)
 
     def parts(
         self, logs: list[str], table: str, channels: list[str] | None = None, **options: Any
@@ -483,21 +468,17 @@ class Session:
                         if len(logs) > 1:
                             self._note_copy(recording)
                         for part in made(recording):
-                            self.notes(f"{log}: {remark}" for remark in part.remarks)
+                            self.hear(log, part.remarks)
                             gave = True
                             yield recording, part
                 except (UsageError, SetupError, ReadError, DataLoss) as problem:
                     if len(logs) == 1:
                         raise
-                    self._refuse(log, problem)
+                    self._refused.append(problem)  # said now, and status 3 in the end
+                    say(f"error: {problem if problem.file is not None else problem.at(log)}")
         self._stop_if_unread()
         if self._refused and not gave:
             raise typer.Exit(int(self._refused[0].exit_status))
-
-    def _refuse(self, log: str, problem: TirelogError) -> None:
-        """One log of several is refused: said now, and status 3 in the end."""
-        self._refused.append(problem)
-        say(f"error: {problem if problem.file is not None else problem.at(log)}")
 
     def all_recordings(self, logs: list[str]) -> list[Recording]:
         """The logs, open together until the session ends."""
@@ -532,17 +513,16 @@ class Session:
             return None
         self._read += 1
         self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))
-        self.notes(f"{log}: {remark}" for remark in recording.remarks)
-        self._say_losses(recording)
+        self.hear(log, recording.remarks, recording.losses)
         return recording
 
-    def _say_losses(self, recording: Recording) -> None:
-        """Say each loss once.
+    def hear(self, log: str, remarks: Iterable[str] = (), losses: Iterable[str] = ()) -> None:
+        """What is to be said of a log, and each loss once.
 
-        When the log is opened, and again at its end, since a damaged chunk is met while reading.
+        When it is opened, and again at its end, since a damaged chunk is met while reading.
         """
-        for loss in recording.losses:
-            text = f"{recording.log}: {loss}"
+        self.note(*(f"{log}: {remark}" for remark in remarks))
+        for text in (f"{log}: {loss}" for loss in losses):
             if text not in self._lost:
                 self.lost(text)
 
@@ -593,21 +573,18 @@ class Session:
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()
-        if isinstance(value, UsageError) and self._unread and not self._read:  # why has been said
-            raise typer.Exit(int(ExitStatus.NOTHING_READ))
-        if (
-            isinstance(value, UsageError) and self._lost
-        ):  # what was asked for is not there because it was lost
-            say(f"error: {value}")
-            raise typer.Exit(int(DataLoss.exit_status))
+        if isinstance(value, UsageError):
+            self._stop_if_unread()  # why has been said
+            if self._lost:  # what was asked for is not there because of that
+                say(f"error: {value}")
+                raise typer.Exit(int(DataLoss.exit_status))
         if kind is not None:
             return
         for recording in self._kept:
-            self._say_losses(recording)
+            self.hear(recording.log, losses=recording.losses)
         self._stop_if_unread()
-        if not self.quiet:
-            for table in self._tables:
-                if table.output is not None:
-                    summary(table.output, table.rows, self._read, self._began)
+        for table in self._tables:
+            if table.output is not None and not self.quiet:
+                summary(table.output, table.rows, self._read, self._began)
         if self._unread or self._lost or self._refused:
             raise typer.Exit(int(DataLoss.exit_status))

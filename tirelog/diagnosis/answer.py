@@ -38,11 +38,15 @@ PICTURES = "tirelog.plots.answers"
 
 @dataclass(frozen=True)
 class AnswerTable:
-    """A small table to read: words and numbers, None for nothing."""
+    """A small table to read: words and numbers, None for nothing.
+
+    colours   of each row the number of its colour in the figures, if they stand for something there
+    """
 
     caption: str
     names: Sequence[str]
     rows: Sequence[Sequence[Any]]
+    colours: Sequence[int] = ()
 
     def columns(self, *names: str) -> AnswerTable:
         """The table with these columns alone."""

@@ -244,6 +244,45 @@ class Comparison(AnswerRecord):
         said = [text for text in (self.nuisances_sentence(), self.agreement) if text]
         return [errors, self.parameters_table()], [*said, *self.notes]
 
+    def page(self) -> Iterator[str | AnswerTable]:
+        """What a terminal shows: errors, where they are, parameters; of several what each brings.
+
+        Of logs that met an obstacle also what the model says of each hit.
+        """
+        if self.parts:
+            yield (
+                f"{self.observable}, fitted together, in {self.unit}: {self.revolutions} "
+                f"revolutions, {self.manoeuvres} manoeuvres"
+            )
+            yield self.together_table()
+            yield self.agreement
+        else:
+            yield from self._errors_page()
+        yield self.parameters_table()
+        if self.parts and not all(part.member for part in self.parts):
+            yield "without an observable: the error that the others alone would leave"
+            for part in self.parts:
+                yield from ("", *part._errors_page())
+        if said := self.nuisances_sentence():
+            yield said
+        if (hit := self.obstacles) is not None:
+            total, hits = hit.to_json(), hit.hits_table()
+            yield (
+                f"obstacles: {len(hit.hits)} hits; the model covers {100.0 * total['covered']:.0f} "
+                f"% of what they added ({total['nuisance_parameters']} nuisance numbers: when, "
+                "phase, level and alignment of each)"
+            )
+            yield hits.columns(*hits.names[:-2])
+
+    def _errors_page(self) -> Iterator[str | AnswerTable]:
+        """The errors of one observable, and where they are."""
+        named = f"{self.observable} of {self.member}" if self.member else self.observable
+        unit, errors = shown(self.observable, self.unit)[1], self.errors_table()
+        yield f"{named} in {unit}: {self.revolutions} revolutions, {self.manoeuvres} manoeuvres"
+        yield errors.columns(*errors.names[:-1])
+        yield from self.floor_sentences()
+        yield f"reduced chi-square {self.reduced_chi2:.3g}, fit {self.fit_percent:.2f} %"
+
     def by(self, name: str) -> Iterator[list[dict[str, Any]]]:
         """Rows of the errors by revolution, angle, speed, ... (`ERRORS_BY`), part by part.
 

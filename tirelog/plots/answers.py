@@ -362,16 +362,11 @@ _MOST_HITS = 4
 SHOWN_S = 0.25
 
 
-def transient_figure(result: TransientComparison) -> Figure:
-    """A matplotlib figure of the first hits."""
+def draw_transient(result: TransientComparison, path: Path) -> None:
+    """Write a figure of the first hits; the suffix decides the format."""
     as_shown = drawn(result.observable, result.unit)
     rows = [hit_panels(hit, result.observable, as_shown) for hit in result.hits[:_MOST_HITS]]
-    return picture(Page(rows, (15.0, 3.2 * len(rows) + 0.6)))
-
-
-def draw_transient(result: TransientComparison, path: Path) -> None:
-    """Write the figure; the suffix decides the format."""
-    write(transient_figure(result), path)
+    write(picture(Page(rows, (15.0, 3.2 * len(rows) + 0.6))), path)
 
 
 def hit_panels(
@@ -449,24 +444,36 @@ def compare_figure(result: Comparison, kind: str = "page") -> Figure:
     UsageError: not of a number per revolution, which has no waveform.
     """
     refuse_unknown(kind, COMPARE, f"no picture is called {kind!r}", do="choose one")
-    if kind != "page":
-        return _of_waveforms(result, kind)
-    factor, unit = drawn(result.observable, result.unit)
-    maps = ((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]"))
-    edge, floor = result.half_angle_rad, result.noise_floor * factor
-    left = [_map(m, m.residual * factor, floor, f"residual [{unit}]", s, edge) for m, s in maps]
-    white = [
-        _map(m, m.whitened, _SIGMAS, "residual [standard errors]", name, edge) for m, name in maps
-    ]
-    return picture(
-        Page(
-            [[waveforms(result)], left, white],
-            (12.0, 9.5),
-            f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor "
-            f"{floor:.3g}, excess {in_unit(result.excess_heldout, factor)}; reduced chi-square "
-            f"{result.reduced_chi2:.3g}",
-            heights=(1.1, 1.0, 1.0),
+    if kind == "page":
+        return picture(_residuals(result))
+    if result.observable not in WAVEFORMS:
+        raise UsageError(
+            f"--plot-kind {kind} of {result.observable}, a number per revolution",
+            allowed="it is allowed for waveforms: strain and radial_acceleration",
+            do="leave it out",
         )
+    with on_a_slide():
+        made = picture(_polar(result) if kind == "polar" else _edge_zoom(result))
+        made.draw_without_rendering()  # while letters are large
+    return made
+
+
+def _residuals(result: Comparison) -> Page:
+    """Waveforms, and below them the residual and the whitened one, over speed and over time."""
+    factor, unit = drawn(result.observable, result.unit)
+    edge, floor = result.half_angle_rad, result.noise_floor * factor
+    left, white = [], []
+    for map_, name in ((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]")):
+        residual = map_.residual * factor
+        left.append(_map(map_, residual, floor, f"residual [{unit}]", name, edge))
+        white.append(_map(map_, map_.whitened, _SIGMAS, "residual [standard errors]", name, edge))
+    return Page(
+        [[waveforms(result)], left, white],
+        (12.0, 9.5),
+        f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {floor:.3g}, "
+        f"excess {in_unit(result.excess_heldout, factor)}; reduced chi-square "
+        f"{result.reduced_chi2:.3g}",
+        heights=(1.1, 1.0, 1.0),
     )
 
 
@@ -484,32 +491,16 @@ def draw_compare(result: Comparison, path: Path, kind: str = "page") -> list[Pat
     return beside
 
 
-def _of_waveforms(result: Comparison, kind: str) -> Figure:
-    """A slide of the waveforms.  UsageError: the model gives a number per revolution."""
-    if result.observable not in WAVEFORMS:
-        raise UsageError(
-            f"--plot-kind {kind} of {result.observable}, a number per revolution",
-            allowed="it is allowed for waveforms: strain and radial_acceleration",
-            do="leave it out",
-        )
-    with on_a_slide():
-        made = picture({"polar": _polar, "edges": _edge_zoom}[kind](result))
-        made.draw_without_rendering()  # while letters are large
-    return made
-
-
 def _polar(result: Comparison) -> Page:
     """Measured and predicted around the wheel; the contact pressure that the model has there."""
     factor, unit = drawn(result.observable, result.unit)
     waves, half = result.waveforms, result.half_angle_rad
     colours = by_value(waves.conditions.speed_m_s)
-    each = zip(waves.phi_rad, waves.predicted, waves.floor, waves.labels, strict=True)
-    drawn_waves = [
-        (phi, factor * wave, 2.0 * factor * floor, name) for phi, wave, floor, name in each
-    ]
+    floors = 2.0 * factor * waves.floor
+    lines = list(zip(waves.phi_rad, factor * waves.predicted, floors, waves.labels, strict=True))
 
     def around(wheel: Any) -> None:
-        zero = around_the_wheel(wheel, drawn_waves, colours, half, unit)
+        zero = around_the_wheel(wheel, lines, colours, half, unit)
         for phi, measured, colour in zip(waves.phi_rad, waves.measured, colours, strict=True):
             wheel.plot(phi, zero + factor * measured, ".", ms=4, color=colour)
 
@@ -547,16 +538,15 @@ def _edge_zoom(result: Comparison) -> Page:
     above: list[Panel | None] = []
     below: list[Panel | None] = []
     for side, name in ((-1.0, "entry"), (1.0, "exit")):
+        edge = upright([side * half], colour=EDGE, width=1.5, dash="dash")
         shown: list[Mark] = []
         left: list[Mark] = []
         for i, colour in enumerate(colours):
-            phi = np.degrees(waves.phi_rad[i])
-            near = np.abs(phi - side * half) <= _CLOSE * half
-            predicted, measured, floor = (
-                factor * one[i][near]
-                for one in (waves.predicted, waves.measured, 2.0 * waves.floor)
+            near = np.abs(np.degrees(waves.phi_rad[i]) - side * half) <= _CLOSE * half
+            at, floor = np.degrees(waves.phi_rad[i])[near], 2.0 * factor * waves.floor[i][near]
+            predicted, measured = (
+                factor * one[i][near] for one in (waves.predicted, waves.measured)
             )
-            at = phi[near]
             shown += [
                 line(at, predicted, waves.labels[i], colour),
                 band(at, predicted - floor, predicted + floor, "", colour, opacity=0.3),
@@ -566,12 +556,12 @@ def _edge_zoom(result: Comparison) -> Page:
                 band(at, -floor, floor, "", colour, opacity=0.15),
                 dots(at, measured - predicted, "", colour, size=5, width=1.0, dash="solid"),
             ]
-        edge = upright([side * half], colour=EDGE, width=1.5, dash="dash")
-        y = (f"{result.observable} [{unit}]", f"measured - predicted [{unit}]")
-        y = y if side < 0 else ("", "")
-        place = {"loc": "best", "fontsize": 9} if side < 0 else None
-        above.append(Panel("", y[0], shown + edge, f"{name} edge", legend=place))
-        below.append(Panel("angle [deg]", y[1], left + edge))
+        first = side < 0  # the one that has the titles of the axes
+        place = {"loc": "best", "fontsize": 9} if first else None
+        y = f"{result.observable} [{unit}]" if first else ""
+        above.append(Panel("", y, shown + edge, f"{name} edge", legend=place))
+        y = f"measured - predicted [{unit}]" if first else ""
+        below.append(Panel("angle [deg]", y, left + edge))
     said = "dots measured, lines predicted, bands two noise floors of a mean"
     return Page([above, below], SLIDE, said, heights=(1.3, 1.0), share="xy")
 
@@ -617,13 +607,13 @@ def _map(map_: Map, values: Any, small: float, label: str, name: str, edge: floa
     known = np.abs(values[np.isfinite(values)])
     largest = float(np.percentile(known, _QUANTILE)) if known.size else 1.0
     colours = coloured(map_, values, label, small, max(largest, small))
-    if colours is None:
-        of_angle = map_.phi_rad.size > 1
-        x = np.rad2deg(map_.phi_rad) if of_angle else map_.axis
-        return Panel("angle [deg]" if of_angle else name, label, [dots(x, np.ravel(values))])
-    between = [level(begin) for begin in map_.begins]
-    after = ", logs one after the other" if map_.begins else ""
-    return Panel("angle [deg]", f"{name}{after}", [colours, *edges(edge), *between])
+    if colours is not None:
+        between = [level(begin) for begin in map_.begins]
+        after = ", logs one after the other" if map_.begins else ""
+        return Panel("angle [deg]", f"{name}{after}", [colours, *edges(edge), *between])
+    if map_.phi_rad.size > 1:
+        return Panel("angle [deg]", label, [dots(np.rad2deg(map_.phi_rad), np.ravel(values))])
+    return Panel(name, label, [dots(map_.axis, np.ravel(values))])
 
 
 def coloured(map_: Map, values: Any, unit: str, small: float, largest: float) -> Mark | None:
@@ -699,8 +689,9 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
         marks = [*([] if mesh is None else [mesh]), *edges(one.half_angle_rad)]
         title = f"{word}: {_error(one, factor)} {unit}"
         panels.append(Panel("angle [deg]", "" if panels else "speed [m/s]", marks, title))
-        phi, size = _by_angle(one.by_speed)
-        sizes.append(line(phi, size * factor, word, colour, width=1.4))
+        some = np.isfinite(values).any(axis=0)
+        phi, size = np.rad2deg(one.by_speed.phi_rad), np.sqrt(np.nanmean(values[:, some] ** 2, 0))
+        sizes.append(line(phi[some], size, word, colour, width=1.4))
     of_floor = level(floor, "noise floor of a revolution", _FLOOR, dash="dash")
     return [
         *panels,
@@ -738,13 +729,6 @@ def _values(both: Sequence[Comparison]) -> Panel:
         level(side * both[0].noise_floor * factor, "", _FLOOR, dash="dash") for side in (-1.0, 1.0)
     ]
     return Panel("speed [m/s]", f"residual [{unit}]", [*marks, *floors])
-
-
-def _by_angle(map_: Map) -> tuple[Any, Any]:
-    """Angle [deg] and root mean square over the speeds, where anything is known."""
-    some = np.isfinite(map_.residual).any(axis=0)
-    size = np.sqrt(np.nanmean(map_.residual[:, some] ** 2, axis=0))
-    return np.rad2deg(map_.phi_rad[some]), size
 
 
 def _error(one: Comparison, factor: float) -> str:

@@ -28,10 +28,21 @@ from tirelog.diagnosis.answer import (
 from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.obstacles import HitResult, TransientComparison
+from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
 from tirelog.diagnosis.rules import RULES
+from tirelog.inference.obstacle_log import TransientLog
 from tirelog.physics.effects import Effect
-from tirelog.plots.answers import climbed_panel, edges, ranked_panel, wave_marks
+from tirelog.plots.answers import (
+    climbed_panel,
+    edges,
+    hit_panels,
+    ranked_panel,
+    rest,
+    shape,
+    wave_marks,
+)
 from tirelog.plots.record import Mark, Panel, band, dots, heat, line
 from tirelog.report.page import (
     DASHES,
@@ -43,12 +54,10 @@ from tirelog.report.page import (
     Figure,
     LadderRow,
     LogColours,
-    PageTable,
+    ReportRequest,
     Section,
     figure,
 )
-from tirelog.report.request import ReportRequest
-from tirelog.report.sections.recorded import shown_number
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
 
@@ -85,12 +94,6 @@ def shown_value(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which the page shows the observable."""
     factor, unit = shown(observable, unit)
     return factor, _WRITTEN.get(unit, unit)
-
-
-def page_table(table: AnswerTable) -> PageTable:
-    """A table of an answer as the page shows it."""
-    caption, *header = (text.replace("m/s^2", "m/s²") for text in (table.caption, *table.names))
-    return PageTable(caption, header, [[shown_number(cell) for cell in row] for row in table.rows])
 
 
 def logs_of(result: Comparison) -> list[str]:
@@ -461,8 +464,8 @@ def _together(result: Comparison, command: str) -> Section:
         ],
         (),
         [
-            page_table(result.together_table()),
-            page_table(result.parameters_table()),
+            result.together_table(),
+            result.parameters_table(),
         ],
     )
 
@@ -499,8 +502,8 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         words,
         figures,
         [
-            page_table(result.errors_table(lambda log: Path(log).name)),
-            page_table(result.parameters_table(fixed=True)),
+            result.errors_table(lambda log: Path(log).name),
+            result.parameters_table(fixed=True),
         ],
     )
 
@@ -625,7 +628,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         f"{errors[:1].upper()}{errors[1:]}.",
         *(f"{said[:1].upper()}{said[1:]}" for said in result.further_sentences()),
     ]
-    tables, ranked = [page_table(result.ranking_table())], result.effects
+    tables, ranked = [result.ranking_table()], result.effects
     if not ranked:
         return Section("diagnosis", "The diagnosis", command, words, (), tables)
     best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
@@ -669,6 +672,149 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     alt += f"; noise floor {floors[-1]:.3g} {unit}."
     panel = climbed_panel(climbed, (factor, unit), (PALE, INK, INK, GREY))
     figures = [figure("ladder-steps", "The error falling to the floor", alt, panel)]
-    return Section(
-        "ladder", "The ladder", command, words, figures, [page_table(steps_table(climbed))]
+    return Section("ladder", "The ladder", command, words, figures, [steps_table(climbed)])
+
+
+# ---- The section of logs that met an obstacle: how well the model answers it, hit by hit.
+#
+# MeasuredLogs --`compare_transients` behind `compare`, of a model that moves--> Section
+
+
+#: hits that are drawn
+_HITS = 3
+
+
+def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Section:
+    """The hits that were found, if the model does not move."""
+    hits = sum(log.hits_s.size for log in logs)
+    text = (
+        f"{hits} hits on an obstacle; answer, comparison and diagnosis leave their revolutions "
+        f"out. A {carcass} says nothing of an obstacle; a model with carcass = "
+        '"coupled_ring" does.'
     )
+    rows = [
+        [
+            Path(log.log).name,
+            log.road.kind,
+            str(log.hits_s.size),
+            ", ".join(f"{time:.3f}" for time in log.hits_s),
+        ]
+        for log in logs
+    ]
+    table = AnswerTable("Obstacles", ["log", "kind", "hits", "at [s]"], rows)
+    return Section("obstacles", "Obstacles", command, [text], (), [table])
+
+
+def obstacles(result: TransientComparison, command: str, colours: LogColours) -> Section:
+    """Each hit as measured and predicted, what of the added the model misses, and by frequency."""
+    factor, unit = shown_value(result.observable, result.unit)
+    total = result.to_json()
+    words = [
+        f"{len(result.hits)} hits on an obstacle, kept apart from the steady revolutions; the "
+        f"model covers {100.0 * total['covered']:.0f} % of what they added: "
+        f"{total['added'] * factor:.3g} {unit} added, {total['missed'] * factor:.3g} missed, at a "
+        f"floor of {total['noise_floor'] * factor:.3g}.",
+        f"The prediction has {total['nuisance_parameters']} nuisance numbers (when, phase, level "
+        "and alignment of each hit), which the errors are charged for.",
+        *(f"{remark}." for remark in result.remarks),
+    ]
+    if len(result.hits) > _HITS:
+        words.append(f"The first {_HITS} hits are drawn; the table has all of them.")
+    figures = [
+        figure
+        for number, hit in enumerate(result.hits[:_HITS])
+        for figure in _hit(hit, number, result.observable, (factor, unit), colours)
+    ]
+    table = result.hits_table(lambda log: Path(log).name)
+    return Section("obstacles", "Obstacles", command, words, figures, [table])
+
+
+def _hit(
+    found: HitResult, number: int, observable: str, as_shown: tuple[float, str], colours: LogColours
+) -> list[Figure]:
+    hit, log = found.hit, Path(found.log.log).name
+    own = colours(log)
+    panels = hit_panels(found, observable, as_shown, (own, own, INK, INK, GREY))
+    covered = f"{100.0 * found.row()['covered']:.0f} % of the added is covered"
+    which = f"Hit {number + 1}"
+    told = (
+        (
+            f"hit-{number}",
+            f"{which}: {log}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s",
+            f"Measured (points) and predicted (line) {observable} after the hit; {covered}.",
+        ),
+        (
+            f"hit-added-{number}",
+            f"{which}: what the obstacle added, and what the model misses",
+            f"Change by the obstacle, and the part that the model does not cover; {covered}.",
+        ),
+        (
+            f"hit-bands-{number}",
+            f"{which} by frequency",
+            "Root mean squares per band: what the obstacle added, what of it is missed, the "
+            "residual with and off the obstacle, the floor.",
+        ),
+    )
+    return [
+        figure(id, title, alt, panel, half=panel is not panels[-1])
+        for (id, title, alt), panel in zip(told, panels, strict=True)
+    ]
+
+
+# ---- The section of what `propose` wrote down: formulas or a measured shape, and how well they do.
+#
+# Proposal --> sentence, formulas with their numbers, errors on locked manoeuvres, two figures, the
+# command that writes the model file
+
+
+def proposed(result: Proposal, command: str) -> Section:
+    """The section; of no proposal the reason."""
+    title = "What is unknown, written down"
+    if result.status == "nothing":
+        return Section("propose", title, command, [result.sentence])
+    as_shown = shown_value(result.observable, result.unit)
+    terms = result.terms if result.status == "formula" else ()
+    panel = rest(result, as_shown, (GREY, INK))
+    alt = "The leading shape of what is left over the angle, before and with the proposal."
+    left = figure("propose-rest", "What is left, before and after", alt, panel, half=True)
+    return Section(
+        "propose",
+        title,
+        command,
+        [result.sentence, *result.sentences()],
+        [*_shape(result, as_shown), left],
+        [*_errors(result, *as_shown), *([result.terms_table()] if terms else [])],
+        folded=False,
+        formulas=[(term.name, term.formula.expression) for term in terms],
+    )
+
+
+def _errors(result: Proposal, factor: float, unit: str) -> list[AnswerTable]:
+    """Errors before and after, on manoeuvres that the search saw and on those it did not."""
+    before, after, floor = result.rmse_heldout_before, result.rmse_heldout_after, result.noise_floor
+    known = []
+    if before is not None and floor is not None:
+        known.append(("seen, held out in turn", result.manoeuvres, (before, after, floor)))
+    if (locked := result.locked) is not None:
+        errors = (locked.before, locked.after, locked.floor)
+        known.append(("locked away from the search", locked.manoeuvres, errors))
+    rows = [
+        [which, str(count), *("" if error is None else f"{error * factor:.3g}" for error in errors)]
+        for which, count, errors in known
+    ]
+    header = ["manoeuvres", "how many", *(f"{w} [{unit}]" for w in ("before", "after", "floor"))]
+    return [AnswerTable("Errors without and with the proposal", header, rows)] if rows else []
+
+
+def _shape(result: Proposal, as_shown: tuple[float, str]) -> list[Figure]:
+    """The best measured shape with two standard errors."""
+    panel = shape(result, as_shown, (GREY, INK))
+    if panel is None:
+        return []
+    best = result.shapes[0]
+    named = f"{best.words}{'' if best.law == '1' else f', times {best.law}'}"
+    alt = (
+        f"A free shape {named}, with two standard errors as a band: what any formula in this frame "
+        "can remove at most."
+    )
+    return [figure("propose-shape", f"Measured shape {named}", alt, panel, half=True)]

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.diagnosis.answer import AnswerTable
 from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
 from tirelog.plots.record import Mark, Panel, dots, line, upright
@@ -28,7 +29,6 @@ from tirelog.report.page import (
     SYMBOLS,
     Figure,
     LogColours,
-    PageTable,
     Section,
     figure,
     thinning,
@@ -66,7 +66,7 @@ def recorded(recordings: Sequence[Recording], command: str, colours: LogColours)
     asked = list(dict.fromkeys(key for about in known for key in about))
     same = [key for key in asked if len({about.get(key, "") for about in known}) == 1]
     apart = [key for key in asked if key not in same]
-    logs = PageTable(
+    logs = AnswerTable(
         "Logs, with their colours in the figures",
         ["log", "channels", "duration [s]", *apart],
         [
@@ -83,7 +83,7 @@ def recorded(recordings: Sequence[Recording], command: str, colours: LogColours)
     tables, paragraphs = [logs], []
     if same:
         rows = [[key, known[0].get(key, "")] for key in same]
-        tables.append(PageTable("Tire and conditions of every log", ["quantity", "value"], rows))
+        tables.append(AnswerTable("Tire and conditions of every log", ["quantity", "value"], rows))
     for recording in recordings:
         of_channels, who = channel_rows(recording), names[recording.log]
         header = [name for name in of_channels if name != "log"]
@@ -91,7 +91,7 @@ def recorded(recordings: Sequence[Recording], command: str, colours: LogColours)
             [text(of_channels[name][i]) for name in header]
             for i in range(len(of_channels["channel"]))
         ]
-        tables.append(PageTable(f"Channels of {who}", header, cells))
+        tables.append(AnswerTable(f"Channels of {who}", header, cells))
         repairs = [
             f"{what} ({n})"
             for done in recording.provenance.get("repairs", {}).values()
@@ -161,13 +161,6 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     return found
 
 
-def shown_number(value: Any) -> str:
-    """A number as a table cell; nothing if there is none."""
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def ways(
     found: Sequence[ChannelRows],
     x: str,
@@ -213,10 +206,15 @@ def drawn_of(table: pd.DataFrame) -> list[str]:
     return words
 
 
-def quality(table: pd.DataFrame, name: str) -> PageTable:
+def holds(table: pd.DataFrame, column: str) -> bool:
+    """True if the table has a value in this column."""
+    return column in table and bool(table[column].notna().any())
+
+
+def quality(table: pd.DataFrame, name: str) -> AnswerTable:
     """How many rows carry which quality."""
     counts = table["quality"].value_counts()
-    return PageTable(
+    return AnswerTable(
         f"Rows of {name} by quality",
         ["quality", "rows"],
         [[str(word), str(n)] for word, n in counts.items() if n],
@@ -499,7 +497,7 @@ def dissipation_section(
         ("strip_power_W", "Power", "power", "W"),
         ("strip_rolling_resistance_N", "Rolling resistance", "resistance", "N"),
     ):
-        if column in good and good[column].notna().any():
+        if holds(good, column):
             title = f"{what} of the strip under the grating"
             alt = (
                 f"{title} against speed with the setup's viscosity and section, not the whole "
@@ -524,8 +522,8 @@ def dissipation_section(
         }  # fmt: skip
         names = [name for name in heads if name in lines]  # a table of an older run has fewer
         header = [heads[name] for name in names]
-        cells = [[shown_number(row[name]) for name in names] for _, row in lines.iterrows()]
-        tables.append(PageTable("Regressions on the speed in m/s", header, cells))
+        cells = [[row[name] for name in names] for _, row in lines.iterrows()]
+        tables.append(AnswerTable("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
 
 
@@ -571,9 +569,7 @@ def phase_shift_section(
     for quantity in ("phase_shift", "patch_width"):
         words = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
         named_columns = {f"{quantity}{part}_deg": word for part, word in words.items()}
-        columns = {
-            c: word for c, word in named_columns.items() if c in good and good[c].notna().any()
-        }
+        columns = {c: word for c, word in named_columns.items() if holds(good, c)}
         name, sizes[quantity] = (
             quantity.replace("_", " "),
             reach(good[f"{quantity}_deg"], "degrees"),
@@ -588,7 +584,7 @@ def phase_shift_section(
             figures.append(figure(f"{quantity}-{x}", title, alt, panel))
     for name in ("vertical", "longitudinal"):
         column = f"{name}_force_N"
-        if column in good and good[column].notna().any():
+        if holds(good, column):
             alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
             panel = Panel(
                 "time [s]", f"{name} force [N]", ways(named, "time_s", {column: f"{name} force"})
@@ -623,5 +619,5 @@ def campaign(summary: Path, command: str) -> Section:
         command,
         [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."],
         (),
-        [PageTable("Logs of the campaign", header, body)],
+        [AnswerTable("Logs of the campaign", header, body)],
     )
