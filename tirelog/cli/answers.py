@@ -81,8 +81,7 @@ def with_question(command: Callable[..., None]) -> Callable[..., None]:
     _, *own = inspect.signature(command, eval_str=True).parameters.values()
 
     def run(**given: Any) -> None:
-        question = Question(**{name: given.pop(name) for name in asked})
-        command(question, **given)
+        command(Question(**{name: given.pop(name) for name in asked}), **given)
 
     run.__doc__ = command.__doc__
     options.with_options(run, (*asked.values(), *own))
@@ -258,8 +257,7 @@ def propose(
         follows = ""
         if result.status != "nothing":
             question.show(session, result, ())
-            better = question.request(output or Path("BETTER.toml"))
-            follows = better.command("compare", model=True)
+            follows = question.request(output or Path("BETTER.toml")).command("compare", model=True)
         elif unwritten := [str(path) for path in (output, plot) if path is not None]:
             session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
         if output is not None and result.model is not None:

@@ -10,7 +10,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import partial, wraps
+from functools import wraps
 from importlib import import_module, util
 from inspect import Parameter, Signature
 from pathlib import Path
@@ -44,12 +44,14 @@ if TYPE_CHECKING:
 # ---- The commands, by name.
 
 
-#: a table whose command does more than write it
-OF_THEIR_OWN = {"phase-shift": "files:phase_shift"}
-#: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in
-#: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
-BEFORE_TABLES = {"ingest": "files:ingest", "info": "files:info"}
-AFTER_TABLES = {
+#: every command in the order of help: a table of `vocabulary.tables` (of a drive, before `tables`;
+#: others after it), or the module in `tirelog.cli` and the function or sub-application in it
+COMMANDS: Mapping[str, str | LogTable] = {
+    "ingest": "files:ingest",
+    "info": "files:info",
+    **{name: table for name, table in LOG_TABLES.items() if table.driven},
+    "tables": "files:tables",
+    **{name: table for name, table in LOG_TABLES.items() if not table.driven},
     "setup": "files:app",
     "simulate": "files:simulate",
     "effects": "model:effects",
@@ -62,19 +64,8 @@ AFTER_TABLES = {
     "report": "answers:report",
     "campaign": "answers:campaigns",
     "check": "files:check",
+    "phase-shift": "files:phase_shift",  # which does more than write its table
 }
-
-
-def _commands() -> Iterator[tuple[str, Callable[[], Any]]]:
-    """Every command's name, and what imports the function or sub-application behind it."""
-    driven, others = (
-        {name: table for name, table in LOG_TABLES.items() if table.driven == of_a_drive}
-        for of_a_drive in (True, False)
-    )
-    every = (
-        BEFORE_TABLES | driven | {"tables": "files:tables"} | others | AFTER_TABLES | OF_THEIR_OWN
-    )
-    yield from ((name, partial(_function, place)) for name, place in every.items())
 
 
 def _function(place: str | LogTable) -> Any:
@@ -175,9 +166,8 @@ def command(asked: str = "") -> Any:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_callback)
-    commands = dict(_commands())
-    for name in [asked] if asked in commands else commands:
-        target = commands[name]()
+    for name in [asked] if asked in COMMANDS else COMMANDS:
+        target = _function(COMMANDS[name])
         if isinstance(target, typer.Typer):
             app.add_typer(target, name=name, cls=WholeHelp)
         else:

@@ -151,13 +151,12 @@ def comparison_page(result: api.answers.Comparison) -> None:
 
 def diagnosis_page(result: api.answers.Diagnosis) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
-    ranking = result.ranking_table(most=2)
     print_page(
         [
             f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}",
             result.certainty.sentence,
             result.errors_sentence(),
-            ranking.columns("  effect", "excess removed", "p", "strength"),
+            result.ranking_table(most=2).columns("  effect", "excess removed", "p", "strength"),
             *([] if result.gratings is None else [_gratings(result.gratings)]),
             *result.further_sentences(),
         ]

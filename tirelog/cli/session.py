@@ -348,8 +348,7 @@ class Session:
     @property
     def json(self) -> bool:
         """True if a JSON document is asked for."""
-        named = self.output is not None and self.output.suffix == ".json"
-        return self.format == "json" or named
+        return self.format == "json" or (self.output is not None and self.output.suffix == ".json")
 
     def say(self, text: str) -> None:
         """What is being done, on standard error, unless --quiet."""

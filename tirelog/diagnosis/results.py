@@ -96,7 +96,10 @@ class ErrorTables(Mapping[str, Rows]):
         small: Mapping[str, list[dict[str, Any]]],
         large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]],
     ) -> None:
-        self._small, self._large = small, large
+        self._parts: dict[str, Callable[[], Iterator[Rows]]] = {
+            **{name: partial(iter, [rows]) for name, rows in small.items()},
+            **large,
+        }
 
     @classmethod
     def joined(cls, parts: Sequence[Comparison]) -> ErrorTables:
@@ -119,13 +122,13 @@ class ErrorTables(Mapping[str, Rows]):
 
     def parts(self, name: str) -> Iterator[Rows]:
         """The rows of a table, some at a time."""
-        return iter([self._small[name]]) if name in self._small else self._large[name]()
+        return self._parts[name]()
 
     def __iter__(self) -> Iterator[str]:
-        return iter([*self._small, *self._large])
+        return iter(self._parts)
 
     def __len__(self) -> int:
-        return len(self._small) + len(self._large)
+        return len(self._parts)
 
 
 @dataclass(frozen=True, repr=False)
@@ -302,8 +305,7 @@ class Comparison(AnswerRecord):
 
     def rows(self) -> list[dict[str, Any]]:
         """One row: the numbers of `to_json` that are neither lists nor tables."""
-        numbers = self.to_json().items()
-        return [{name: v for name, v in numbers if not isinstance(v, dict | list)}]
+        return [{name: v for name, v in self.to_json().items() if not isinstance(v, dict | list)}]
 
     def draw(self, path: Path, **how: str) -> list[Path]:
         """The pictures as files: the first observable's at `path`, of others and of hits beside it.
@@ -595,8 +597,7 @@ def _curve(base: Base, effect: str) -> EffectCurve | ModelError:
     square = np.einsum("cmi,ij,cmj->cm", slopes, covariance, slopes)
     known = bool(np.isfinite(fit.known.se[own]).all())
     error = np.sqrt(np.maximum(square, 0.0)) if known else np.full(added.shape, np.nan)
-    between = base.floor.scatter.square(scatter_columns(cells, fit))
-    floor = np.sqrt(cells.within + between)
+    floor = np.sqrt(cells.within + base.floor.scatter.square(scatter_columns(cells, fit)))
     left = cells.values - fit.prediction - fit.beside + added
     if cells.phi.shape[1] == 1:
         order = np.argsort(cells.conditions.speed_m_s, kind="stable")

@@ -224,8 +224,7 @@ def modes_picture(columns: Mapping[str, Sequence[Any]], path: Path) -> None:
     A mode is drawn as the one wave that has most of its energy; on the road it has others too.
     """
     order = np.argsort(np.asarray(columns["frequency_Hz"], float))[:_MOST]
-    panels = [_mode({name: columns[name][row] for name in columns}) for row in order]
-    rows = rows_of(panels, 4)
+    rows = rows_of([_mode({name: columns[name][row] for name in columns}) for row in order], 4)
     write(picture(Page(rows, (10.0, 2.7 * max(len(rows), 1)))), path)
 
 
@@ -464,8 +463,7 @@ def _residuals(result: Comparison) -> Page:
     edge, floor = result.half_angle_rad, result.noise_floor * factor
     left, white = [], []
     for map_, name in ((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]")):
-        residual = map_.residual * factor
-        left.append(_map(map_, residual, floor, f"residual [{unit}]", name, edge))
+        left.append(_map(map_, map_.residual * factor, floor, f"residual [{unit}]", name, edge))
         white.append(_map(map_, map_.whitened, _SIGMAS, "residual [standard errors]", name, edge))
     return Page(
         [[waveforms(result)], left, white],
@@ -570,8 +568,7 @@ def waveforms(result: Comparison) -> Panel:
     """Means of like revolutions: measured, predicted, and the floor's band."""
     factor, unit = drawn(result.observable, result.unit)
     reach = np.rad2deg(6.0 * result.half_angle_rad)
-    colours = by_value(result.waveforms.conditions.speed_m_s)
-    looks = [(colour, "solid", ".") for colour in colours]
+    looks = [(colour, "solid", ".") for colour in by_value(result.waveforms.conditions.speed_m_s)]
     return Panel(
         "angle from the patch centre [deg], entry to exit",
         f"{result.observable} [{unit}]",

@@ -130,10 +130,9 @@ def _footprint_page(sketches: Sequence[Sketch]) -> Page:
     columns = [_passage(first.found, *shown) for shown in first.closer]
     right = [list(row) for row in zip(*columns, strict=True)] or [[None]]
     left = [Page(over_time, heights=(1.0, 0.7, 1.0), share="x"), Page([[by_speed]])]
-    parts = [Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")]
     return Page(
         size=(13.5 if len(columns) < 2 else 17.0, 10.5),
-        parts=parts,
+        parts=[Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")],
         widths=(1.0, 0.8 * max(len(columns), 1)),
     )
 
@@ -364,13 +363,12 @@ def dissipation_picture(sketches: Sequence[Sketch], path: Path) -> None:
     error = 2.0 * first.found.columns["dissipation_factor_se_1_m"]
     errors = dots(p.time_s, d.factor_1_m, "two standard errors", error=error, symbol="",
                   elinewidth=0.6, opacity=0.5)  # fmt: skip
-    still = np.where(d.steady, p.speed_m_s, np.nan)
     speeds = [
         dots(p.time_s, p.speed_m_s, "", RAW, size=3),
         line(
             _smoothed(p.time_s), _smoothed(p.speed_m_s), f"mean of {AVERAGED}", "#CC0000", width=0.9
         ),
-        dots(p.time_s, still, "constant speed", EDGE, size=3),
+        dots(p.time_s, np.where(d.steady, p.speed_m_s, np.nan), "constant speed", EDGE, size=3),
     ]
     left = [
         signal_panel(first, len(kept)),
@@ -414,8 +412,7 @@ def _magnified(sketch: Sketch) -> Panel:
     """The strain of a few revolutions (P1 Fig. 8)."""
     time, strain, speed = sketch.closer
     title = f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else ""
-    marks = [line(time, MICRO * strain, width=0.9)]
-    return Panel("time [s]", "strain [microstrain]", marks, title)
+    return Panel("time [s]", "strain [microstrain]", [line(time, MICRO * strain, width=0.9)], title)
 
 
 def said(line: Regression) -> str:

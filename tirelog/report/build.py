@@ -274,8 +274,7 @@ def model_story(
 
     TirelogError if model and logs do not fit together.
     """
-    level = not model.ac_coupled
-    logs = measured_for(recordings, model.observables, asked.channel, level=level)
+    logs = measured_for(recordings, model.observables, asked.channel, level=not model.ac_coupled)
     own = own_effects(model.effects_file, asked=False)
     colours = LogColours(r.log for r in recordings) if colours is None else colours
     compared = compare(logs.revolutions, model)

@@ -61,12 +61,9 @@ from tirelog.report.page import (
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
 
-#: remarks that the card has room for; the sections have all of them
-_REMARKS = 3
-#: logs whose conditions are told one by one; of more their reach is
-_TOLD = 3
-#: effects whose curves are drawn
-_CURVES = 3
+#: remarks and logs' conditions that the card has room for, curves of effects and hits that are
+#: drawn; the sections and tables have all of them
+_SHOWN = 3
 #: verdicts that take more than their own word
 _WORDS = {
     "too_few": "Too few manoeuvres",
@@ -77,8 +74,6 @@ _WORDS = {
 NO_MODEL = "No model was held against these logs, so nothing is said of what one would miss."
 
 
-#: units that the page writes otherwise than the tables
-_WRITTEN = {"m/s^2": "m/s²"}
 #: half lengths of the patch that a waveform or map shows at first
 _REACH = 6.0
 _ZONES = {
@@ -93,7 +88,7 @@ ANGLE = "angle from the patch centre [deg], entry to exit"
 def shown_value(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which the page shows the observable."""
     factor, unit = shown(observable, unit)
-    return factor, _WRITTEN.get(unit, unit)
+    return factor, unit.replace("m/s^2", "m/s²")
 
 
 def logs_of(result: Comparison) -> list[str]:
@@ -139,7 +134,6 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
     else:
         word, sentence = _word(given.found), given.found.sentence
     facts, advice = _facts(given, factor, unit), _advice(given.found)
-    card = Card(word, sentence, facts, command, advice, *_rungs(given, factor), unit)
     return Section(
         "answer",
         "The answer",
@@ -147,21 +141,20 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
         (),
         [*_before_and_after(given, colours), *_curves(given, colours)],
         folded=False,
-        card=card,
+        card=Card(word, sentence, facts, command, advice, *_rungs(given, factor), unit),
         sources=[(one.id, one.effect.source) for one in named],
     )
 
 
 def without_a_model(seen: Sequence[tuple[str, str]], asked: ReportRequest, said: str) -> Section:
     """The answer if no model was held against the logs: what was `seen`, and how to ask more."""
-    advice = ["Make a model, then ask for this page again with --model M.toml."]
-    made = asked.make_model() if asked.model is None else asked.command("compare", model=True)
+    lacks = asked.model is None
     card = Card(
         "Measured, not yet explained",
         said,
         seen,
-        made,
-        advice if asked.model is None else (),
+        asked.make_model() if lacks else asked.command("compare", model=True),
+        ["Make a model, then ask for this page again with --model M.toml."] if lacks else (),
     )
     return Section("answer", "The answer", asked.report_command(), folded=False, card=card)
 
@@ -179,7 +172,7 @@ def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, st
     ends = (np.min(first.by_speed.axis), np.max(first.by_speed.axis))
     speeds = " to ".join(dict.fromkeys(f"{float(speed):.3g}" for speed in ends))
     logs = [Path(log).name for log in logs_of(compared)]
-    some = ", ".join(logs[:_TOLD]) + (f" and {len(logs) - _TOLD} more" if logs[_TOLD:] else "")
+    some = ", ".join(logs[:_SHOWN]) + (f" and {len(logs) - _SHOWN} more" if logs[_SHOWN:] else "")
     facts = [
         ("Measured on", f"{compared.observable.replace('_', ' ')} in {some}"),
         (
@@ -189,31 +182,26 @@ def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, st
         ),
         ("Conditions", _conditions(first)),
     ]
-    if found is not None and found.rmse_heldout_before is not None:
-        told = f"{found.rmse_heldout_before * factor:.3g}"
-        if found.found.came_in:
-            told = f"{(compared.rmse_heldout or 0.0) * factor:.3g} → {told}"
-        if found.selected and found.rmse_heldout_after is not None:
-            told += f" → {found.rmse_heldout_after * factor:.3g}"
-        told += (
-            f" {unit} on manoeuvres that the fit had not seen; noise floor "
-            f"{found.noise_floor * factor:.3g}"
-        )
-        facts.append(("Error", told))
     if found is not None:
+        if found.rmse_heldout_before is not None:
+            errors = [
+                compared.rmse_heldout if found.found.came_in else None,
+                found.rmse_heldout_before,
+                found.rmse_heldout_after if found.selected else None,
+            ]
+            fallen = " → ".join(f"{error * factor:.3g}" for error in errors if error is not None)
+            floor = f"noise floor {found.noise_floor * factor:.3g}"
+            said = f"{fallen} {unit} on manoeuvres that the fit had not seen; {floor}"
+            facts.append(("Error", said))
+        known = [name for name in found.selected if name in given.catalogue]
         facts.append(("How sure", _how_sure(found)))
-        facts += [
-            (effect, _physics(given.catalogue[effect]))
-            for effect in found.selected
-            if effect in given.catalogue
-        ]
-        if found.suspects:
-            facts.append(("Or the setup", "; ".join(s.said for s in found.suspects)))
-    facts.append(("Where it fails", where(first)))
-    if remarks := compared.remarks:
-        more = len(remarks) - _REMARKS
-        told = "; ".join(remarks[:_REMARKS]) + (f"; and {more} more below" if more > 0 else "")
-        facts.append(("Mind", told))
+        facts += [(name, _physics(given.catalogue[name])) for name in known]
+        facts.append(("Or the setup", "; ".join(s.said for s in found.suspects)))
+    more = len(compared.remarks) - _SHOWN
+    remarks = "; ".join(compared.remarks[:_SHOWN]) + (
+        f"; and {more} more below" if more > 0 else ""
+    )
+    facts += [("Where it fails", where(first)), ("Mind", remarks)]
     return [(term, text) for term, text in facts if text]
 
 
@@ -228,7 +216,7 @@ def _conditions(result: Comparison) -> str:
         scale, unit = (1e-3, "kPa") if condition.unit == "Pa" else (1.0, condition.unit)
         shown = list(dict.fromkeys(f"{value * scale:.4g}" for value in known))
         reach = (min(known) * scale, max(known) * scale)
-        told = ", ".join(shown) if len(shown) <= _TOLD else "{:.4g} to {:.4g}".format(*reach)
+        told = ", ".join(shown) if len(shown) <= _SHOWN else "{:.4g} to {:.4g}".format(*reach)
         said.append(f"{condition.name or condition.symbol} {told} {unit}")
     return "; ".join(said)
 
@@ -404,7 +392,7 @@ def _curves(given: AnswerSection, colours: LogColours) -> list[Figure]:
     one = last.parts[0] if last.parts else last
     factor, unit = shown_value(one.observable, one.unit)
     figures: list[Figure] = []
-    for curve in given.curves[:_CURVES]:
+    for curve in given.curves[:_SHOWN]:
         of_angle = bool(curve.label)
         x = np.rad2deg(curve.along) if of_angle else curve.along
         added, error, floor = (
@@ -675,13 +663,7 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     return Section("ladder", "The ladder", command, words, figures, [steps_table(climbed)])
 
 
-# ---- The section of logs that met an obstacle: how well the model answers it, hit by hit.
-#
-# MeasuredLogs --`compare_transients` behind `compare`, of a model that moves--> Section
-
-
-#: hits that are drawn
-_HITS = 3
+# ---- Logs that met an obstacle: how well the model answers it, hit by hit.
 
 
 def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Section:
@@ -718,11 +700,11 @@ def obstacles(result: TransientComparison, command: str, colours: LogColours) ->
         "and alignment of each hit), which the errors are charged for.",
         *(f"{remark}." for remark in result.remarks),
     ]
-    if len(result.hits) > _HITS:
-        words.append(f"The first {_HITS} hits are drawn; the table has all of them.")
+    if len(result.hits) > _SHOWN:
+        words.append(f"The first {_SHOWN} hits are drawn; the table has all of them.")
     figures = [
         figure
-        for number, hit in enumerate(result.hits[:_HITS])
+        for number, hit in enumerate(result.hits[:_SHOWN])
         for figure in _hit(hit, number, result.observable, (factor, unit), colours)
     ]
     table = result.hits_table(lambda log: Path(log).name)
@@ -761,10 +743,7 @@ def _hit(
     ]
 
 
-# ---- The section of what `propose` wrote down: formulas or a measured shape, and how well they do.
-#
-# Proposal --> sentence, formulas with their numbers, errors on locked manoeuvres, two figures, the
-# command that writes the model file
+# ---- What `propose` wrote down: formulas or a measured shape, and how well they do.
 
 
 def proposed(result: Proposal, command: str) -> Section:

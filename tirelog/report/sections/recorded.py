@@ -461,8 +461,7 @@ def dissipation_section(
     Specific power and factor in time, with their moving averages; averages against speed, with the
     regressions.
     """
-    wanted = [name for name in _DISSIPATION if name in table]
-    good = table.loc[good_rows(table["quality"]), wanted]
+    good = table.loc[good_rows(table["quality"]), [name for name in _DISSIPATION if name in table]]
     steady = good[good["steady"].astype(bool)]
     named, averaged = groups(good, colours), groups(steady, colours)
     figures = []
