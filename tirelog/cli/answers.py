@@ -76,15 +76,19 @@ class Question:
 
 
 def with_question(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the options of a Question, its first argument, before its own."""
-    asked = inspect.signature(Question, eval_str=True).parameters
-    _, *own = inspect.signature(command, eval_str=True).parameters.values()
+    """The command with the options of a Question, its first argument, before or among its own.
+
+    An option of its own takes the place of the question's of that name.
+    """
+    shared = inspect.signature(Question, eval_str=True).parameters
+    own = dict(list(inspect.signature(command, eval_str=True).parameters.items())[1:])
 
     def run(**given: Any) -> None:
-        command(Question(**{name: given.pop(name) for name in asked}), **given)
+        asked = {name: given.pop(name) for name in shared if name not in own}
+        command(Question(**asked), **given)
 
     run.__doc__ = command.__doc__
-    options.with_options(run, (*asked.values(), *own))
+    options.with_options(run, {**shared, **own}.values())
     return run
 
 
@@ -216,10 +220,9 @@ def ladder(
         write_answer(session, "ladder", result, rows=rows, empty=_BY_LOG)
 
 
+@with_question
 def propose(
-    logs: options.Logs,
-    model: options.ModelFile,
-    setup: options.SetupFile = None,
+    asked: Question,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -232,10 +235,6 @@ def propose(
     format: Annotated[
         str | None, typer.Option("--format", help="json in place of the page.")
     ] = None,
-    quiet: options.Quiet = False,
-    channel: options.ChannelName = None,
-    effects: options.EffectsFile = None,
-    plot: options.Plot = None,
     despite: Annotated[
         bool, typer.Option("--despite", help="Also if an effect of the catalogue explains it.")
     ] = False,
@@ -250,15 +249,14 @@ def propose(
         )
     if output is not None:
         api.models.refuse_another(output)
-    question = Question(logs, model, setup, None, None, quiet, channel, effects, plot)
-    with question.session as session:
+    with asked.session as session:
         ask = partial(api.answers.propose, despite=despite, shape=shape, progress=session.say)
-        result = question.answered(session, "proposing", ask)
+        result = asked.answered(session, "proposing", ask)
         follows = ""
         if result.status != "nothing":
-            question.show(session, result, ())
-            follows = question.request(output or Path("BETTER.toml")).command("compare", model=True)
-        elif unwritten := [str(path) for path in (output, plot) if path is not None]:
+            asked.show(session, result, ())
+            follows = asked.request(output or Path("BETTER.toml")).command("compare", model=True)
+        elif unwritten := [str(path) for path in (output, asked.plot) if path is not None]:
             session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
         if output is not None and result.model is not None:
             api.models.save_model(result.model, output)

@@ -166,20 +166,24 @@ def ways(
     x: str,
     columns: Mapping[str, str],
     factor: float = 1.0,
+    *,
+    look: Mapping[str, Any] | None = None,
     aside: Mapping[str, Any] | None = None,
+    all_named: bool = False,
 ) -> list[Mark]:
     """Several `columns` (name -> words) that tell one quantity, against another.
 
     Of one group by colour; of several the colour is the group's and the symbol tells them apart.
-    All but the first look as `aside` says.
+    Points look as `look` says, those of all columns but the first as `aside`. Of several groups the
+    words are said if there are several columns, or with `all_named`.
     """
     drawn = []
-    one = len(found) == 1
+    one, worded = len(found) == 1, all_named or len(columns) > 1
     for g in found:
         rows = g.rows.iloc[:: thinning(len(found) * len(g.rows))]  # one figure's worth for all
         for i, (column, words) in enumerate(columns.items()):
-            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside or {}) if i else {})}
-            name = words if one else g.name if len(columns) == 1 else f"{g.name}, {words}"
+            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside if i else look) or {})}
+            name = words if one else f"{g.name}, {words}" if worded else g.name
             colour = i if one else g.colour
             drawn.append(dots(rows[x], rows[column] * factor, name, colour, marker=marker))
     return drawn
@@ -421,7 +425,7 @@ def footprint_section(
             f"length-{name}",
             f"Contact length against {name}",
             f"Contact length by three methods against {label}; best estimate {best}.",
-            Panel(label, "contact length [mm]", ways(named, x, _METHODS, 1e3, _ASIDE)),
+            Panel(label, "contact length [mm]", ways(named, x, _METHODS, 1e3, aside=_ASIDE)),
         )
         for name, x, label in (
             ("speed", "speed_m_s", "speed [m/s]"),
@@ -470,14 +474,11 @@ def dissipation_section(
         ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
     ):
         title, label = quantity.capitalize(), f"{quantity} [{unit}]"
-        of = "" if len(averaged) == 1 else ", moving average"
-        marks = [
-            _with_marker(m, "", {"size": 4, "opacity": 0.4})
-            for m in ways(named, "time_s", {column: "each revolution"})
-        ] + [
-            _with_marker(m, of, {"size": 7, "opacity": 1.0, "symbol": "square"})
-            for m in ways(averaged, "time_s", {mean: "moving average"})
-        ]
+        pale = {"size": 4, "opacity": 0.4}
+        full = {"size": 7, "opacity": 1.0, "symbol": "square"}
+        means = {mean: "moving average"}
+        marks = ways(named, "time_s", {column: "each revolution"}, look=pale)
+        marks += ways(averaged, "time_s", means, look=full, all_named=True)
         alt = (
             f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
             "moving averages at constant speed (P1 Figs. 9, 10)."
@@ -524,11 +525,6 @@ def dissipation_section(
         cells = [[row[name] for name in names] for _, row in lines.iterrows()]
         tables.append(AnswerTable("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
-
-
-def _with_marker(mark: Mark, name: str, marker: Mapping[str, Any]) -> Mark:
-    """The points with more in their name and another look."""
-    return replace(mark, name=mark.name + name, style={"marker": mark.style["marker"] | marker})
 
 
 def _regressions(lines: pd.DataFrame, column: str, colours: LogColours) -> list[Mark]:
