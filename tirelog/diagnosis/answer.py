@@ -408,38 +408,38 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
             f"What remains repeats: {facts['observable']} contradicts the others on what they "
             "share."
         )
-    parts = [f"in {facts['observable']}"] if facts.get("observable") else []
-    if facts["where"]:
-        parts.append(_WHERE[facts["where"]])
-        if not facts["in_time"]:
-            parts.append(_PARITY[facts["parity"]])
-    if facts["frequency_Hz"]:
-        parts.append(f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time")
-    elif facts["follows"] == "nothing":
-        parts.append("much the same at every speed")
-    elif facts["speed_exponent"] is not None:
-        parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
-    elif facts["follows"]:
-        parts.append(_following(facts))
-    if facts["in_time"] and not facts["frequency_Hz"]:
-        parts.append("fixed in the time since that edge")
-    if facts["in_pressure"] and not facts["frequency_Hz"]:
-        parts.append("as a change of the contact pressure would be")
+    rings, in_time, where = facts["frequency_Hz"], facts["in_time"], facts["where"]
+    parts = (
+        f"in {facts['observable']}" if facts.get("observable") else "",
+        _WHERE[where] if where else "",
+        _PARITY[facts["parity"]] if where and not in_time else "",
+        _following(facts),
+        "fixed in the time since that edge" if in_time and not rings else "",
+        "as a change of the contact pressure would be"
+        if facts["in_pressure"] and not rings
+        else "",
+    )
     near = ""
     if facts["nearest_effect"]:
         near = (
             f" The nearest effect is {facts['nearest_effect']}: "
             f"{percent(facts['nearest_share'])} of the excess."
         )
-    return f"What remains repeats: {', '.join(parts)}.{near}"
+    return f"What remains repeats: {', '.join(filter(None, parts))}.{near}"
 
 
 def _following(facts: Mapping[str, Any]) -> str:
-    """What a remainder follows, with what went along with it."""
-    follows = str(facts["follows"])
+    """What a remainder follows, with what went along with it; "" if that is not known."""
+    follows = str(facts["follows"] or "")
+    if facts["frequency_Hz"]:
+        return f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time"
+    if follows == "nothing":
+        return "much the same at every speed"
+    if facts["speed_exponent"] is not None:
+        return f"growing as speed to the power {facts['speed_exponent']:g}"
     if follows.startswith("log "):
         return f"other in log {int(follows[4:]) + 1} than in the others"
-    return f"following {follows}{_or_those(facts['together'])}"
+    return f"following {follows}{_or_those(facts['together'])}" if follows else ""
 
 
 def _or_those(along: Sequence[str]) -> str:
