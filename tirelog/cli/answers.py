@@ -178,7 +178,6 @@ def diagnose(
 @with_question
 def form(asked: Question) -> None:
     """Read the tire's contact pressure and stiffness out of its logs, with standard errors."""
-
     with asked.session as session:
         result = asked.answered(session, "fitting the form", api.answers.tire_form)
         asked.show(session, result, result.notes)
@@ -352,7 +351,6 @@ def run(
     quiet: options.Quiet = False,
 ) -> None:
     """Make what is not made yet: every log's tables, then the models over all logs."""
-
     session = Session(quiet=quiet)
     if dry_run:
         for log in api.campaigns.campaign_status(
@@ -382,7 +380,6 @@ def run(
 @campaigns.command("status")
 def status(manifest: Manifest, quiet: options.Quiet = False) -> None:
     """Say what is done, failed and open; also while a run works."""
-
     found = api.campaigns.campaign_status(manifest)
     typer.echo(
         f"{found.name}: {len(found.logs)} logs, {found.count('done')} done, "

@@ -303,7 +303,6 @@ def conditions_given(
 
     UsageError: no number, one that no tire is driven under, or more than MOST of them together.
     """
-
     given = {
         _FIELDS[name]: values_of(text, f"--{name}")
         for name, text in options.items()

@@ -48,7 +48,6 @@ def check(
     Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
     log's file name, which is said.
     """
-
     session = Session(None, quiet, output, format)
     if bless:
         api.tables.bless(table, against)
@@ -131,7 +130,6 @@ NewSetup = Annotated[
 @app.command("new")
 def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None:
     """Draft a setup from what a log holds; what is guessed is marked."""
-
     made = api.logs.draft_setup(log, output)
     if output is None:
         typer.echo(made.text, nl=False)
@@ -145,7 +143,6 @@ def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None
 @app.command("check")
 def check_setup(log: Log, setup: options.SetupFile = None, quiet: options.Quiet = False) -> None:
     """Say what is implausible, missing, unused or still guessed in the setup of a log."""
-
     found = api.logs.check_setup(log, setup)
     lines = [
         f"{name}: {kind}, {rate_Hz:,.6g} Hz, {duration_s:,.6g} s"
@@ -187,7 +184,6 @@ def simulate(
     moves: over the [road] (flat, step, cleat, sine, profile), under [[load_steps]], through every
     [[manoeuvres]]. The keys are explained in sample_data/README.md.
     """
-
     session = Session(quiet=quiet)
     with session.working_on(f"driving {scenario}"):
         described, files = api.logs.simulated_log(scenario, output, seed=seed)
@@ -219,7 +215,6 @@ def info(
 
     Of a log without a setup: its columns, topics or datasets, with ranges and likely kinds.
     """
-
     with Session(setup, quiet, output, format, hashed=True) as session:
         if setup is None and not any(api.logs.described(log) for log in logs):
             found = session.contents(logs)

@@ -72,7 +72,6 @@ def new(
     quiet: options.Quiet = False,
 ) -> None:
     """Make a model without effects; tire and conditions come from the setup if it has them."""
-
     session = Session(setup, quiet)
     model, remarks = api.models.new_model(
         carcass,
@@ -140,7 +139,6 @@ def add(
     """Add an effect at its start values (or --set ones); a grating's length is fixed if the
     setup gives it.
     """
-
     read, given = api.models.load_model(model, effects=effects), Session(setup, quiet).setup()
     values = _assignments(sets, f"{effect}.")
     api.models.save_model(
@@ -157,7 +155,6 @@ def remove(
     quiet: options.Quiet = False,
 ) -> None:
     """Remove an effect."""
-
     api.models.save_model(
         api.models.load_model(model, effects=effects).without_effect(effect), new_model
     )
@@ -183,7 +180,6 @@ def worn(
 
     P3 shows wear (Figs. 5, 6) and gives no equation; this is that of a block of rubber.
     """
-
     read = api.models.load_model(model, effects=effects)
     made, changed = api.models.worn_model(read, new_depth, depth, neutral_axis)
     api.models.save_model(made, output)
@@ -207,7 +203,6 @@ def nuisance(
     quiet: options.Quiet = False,
 ) -> None:
     """Say whether a nuisance of wheel, road or day, or the tire's form, stands beside the model."""
-
     api.models.save_model(api.models.load_model(model).with_nuisance(name, use), new_model)
 
 
@@ -241,7 +236,6 @@ def fit(
     Masses, damping and bristles of a coupled ring are fitted to the
     obstacles of logs whose setup has a [road].
     """
-
     api.models.refuse_another(new_model)
     start = api.models.load_model(model, effects=effects)
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"]
@@ -263,7 +257,6 @@ def _measured(
 
     One channel's logs are read one after the other.
     """
-
     if len(channels) < 2:
         return [
             api.answers.measure(session.recordings(logs), model, channels[0] if channels else None)
@@ -368,7 +361,6 @@ def predict(
     --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle
     and what sensors read.
     """
-
     session = Session(setup, quiet, output, format)
     read, given = api.models.load_model(model, effects=effects), session.setup()
     conditions = options.conditions_given(
@@ -434,7 +426,6 @@ def forces(
     Several speeds, loads, pressures, accelerations or slips are combined, each with each. Empty is
     what this model does not have: a beam has no hub, a ring no critical speed.
     """
-
     session = Session(setup, quiet, output, format)
     read, given = api.models.load_model(model, effects=effects), session.setup()
     conditions = options.conditions_given(
@@ -484,7 +475,6 @@ def modes(
     --plot draws their shapes; with --log the modes over the log's order map, as the turning belt
     feels them.
     """
-
     if log and plot is None:
         raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
     read = api.models.load_model(model, effects=effects)

@@ -229,7 +229,6 @@ def _cells(p: Any) -> tuple[str, ...]:
 
 def model_page(model: api.models.Model) -> str:
     """The model as a person reads it."""
-
     road = {"flat_road": ", on a flat road", "point": ", under a point load"}.get(model.contact, "")
     parts = [
         f"{together(model.observables)} of a {model.carcass}{road}",
@@ -295,7 +294,6 @@ def fit_page(fitted: api.answers.FitOfLogs) -> str:
 
 def effect_page(effect: api.models.Effect) -> str:
     """One effect of the catalogue."""
-
     rows: list[tuple[str, ...]] = [
         ("follows", effect.follows_said),
         ("acts on", ", ".join(effect.acts_on)),
@@ -342,7 +340,6 @@ def catalogue_page(effects: Iterable[api.models.Effect]) -> str:
 
 def catalogue_rows(effects: Iterable[api.models.Effect]) -> dict[str, list[Any]]:
     """Columns of the catalogue's table."""
-
     effects = list(effects)
     return {
         "effect": [e.id for e in effects],

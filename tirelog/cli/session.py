@@ -436,7 +436,6 @@ class Session:
         If rows go to standard output, all that could refuse a log is looked at before the first. A
         file takes its place whole or not at all, so that its channels need not be read twice.
         """
-
         api.parts.checked_options(table, options)
         first = self._streams or len(logs) > 1
         return self.parts_of(
@@ -491,7 +490,6 @@ class Session:
 
     def _note_copy(self, recording: Recording) -> None:
         """A note if the log holds the samples of an earlier one, whose rows then come twice."""
-
         digest = api.logs.samples_hash(recording)
         if digest in self._copies:
             self.note(
@@ -502,7 +500,6 @@ class Session:
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None if it cannot be read (which has been said)."""
-
         try:
             recording = resources.enter_context(
                 api.logs.open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
