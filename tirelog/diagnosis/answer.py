@@ -144,9 +144,7 @@ def plain_values(value: Any) -> Any:
 
 def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     """The sentence, '' if there is nothing to say."""
-    same: list[str] = []
-    unknown: list[str] = []
-    who: list[str] = []
+    same, unknown, who = list[str](), list[str](), list[str]()
     candidates = list(effects)
     for field in SETUP_KEYS:
         followers = [

@@ -533,12 +533,10 @@ def _edge_zoom(result: Comparison) -> Page:
     waves = result.waveforms
     half = np.degrees(result.half_angle_rad) or _NO_EDGE_DEG
     colours = by_value(waves.conditions.speed_m_s)
-    above: list[Panel | None] = []
-    below: list[Panel | None] = []
+    above, below = list[Panel | None](), list[Panel | None]()
     for side, name in ((-1.0, "entry"), (1.0, "exit")):
         edge = upright([side * half], colour=EDGE, width=1.5, dash="dash")
-        shown: list[Mark] = []
-        left: list[Mark] = []
+        shown, left = list[Mark](), list[Mark]()
         for i, colour in enumerate(colours):
             near = np.abs(np.degrees(waves.phi_rad[i]) - side * half) <= _CLOSE * half
             at, floor = np.degrees(waves.phi_rad[i])[near], 2.0 * factor * waves.floor[i][near]
@@ -677,8 +675,7 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
     floor = both[0].noise_floor * factor
     shown = [one.by_speed.residual * factor for one in both]
     limit = float(np.nanmax(np.abs(shown[0]))) if np.isfinite(shown[0]).any() else 1.0
-    panels: list[Panel] = []
-    sizes: list[Mark] = []
+    panels, sizes = list[Panel](), list[Mark]()
     for word, one, values, colour in zip(
         ("before", "after"), both, shown, (_BEFORE, _AFTER), strict=True
     ):

@@ -478,9 +478,7 @@ def speed_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
 
 def _speeds(log: str, channels: Sequence[Mapping[str, Any]]) -> list[Panel]:
     """Speed and acceleration of a log."""
-    speeds: list[Mark] = []
-    accelerations: list[Mark] = []
-    reached = []
+    speeds, accelerations, reached = list[Mark](), list[Mark](), list[FloatArray]()
     for number, columns in enumerate(channels):
         colour = COLOURS[number % len(COLOURS)]
         names = ("time_s", "speed_m_s", "speed_se_m_s", "acceleration_m_s2", "quality")

@@ -151,8 +151,7 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
     """
     style, named = mark.style, not mark.name.startswith("_")
     colour = mark.colour if isinstance(mark.colour, str) else COLOURS[mark.colour % len(COLOURS)]
-    at: Any
-    along: Any
+    at, along = mark.x, mark.y
     own: dict[str, Any] = {"type": "scatter", "name": safe(mark.name.removeprefix("_"))}
     if mark.kind in ("words", "level", "span"):
         return []
@@ -188,12 +187,11 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
         marker = {"color": colour, "size": 5, "opacity": 0.7, "symbol": symbol}
         marker |= _MARKERS.get(style.get("symbol", "."), {"symbol": style.get("symbol")})
         own |= {"mode": "markers", "marker": marker | style.get("marker", {})}
-        at, along = np.asarray(mark.x)[::step], np.asarray(mark.y)[::step]
+        at, along = np.asarray(at)[::step], np.asarray(along)[::step]
     else:
         steps = {"steps-mid": "hvh", "steps-post": "hv"}.get(style.get("drawstyle", ""), "linear")
         drawn = {"dash": style.get("dash", "solid"), "shape": steps} | style.get("line", {})
         own |= {"mode": "lines", "line": {"color": colour, "width": 1.5} | drawn}
-        at, along = mark.x, mark.y
     if mark.kind == "upright":  # one without a name is a shape of the layout
         if panel.limits[1] is None:
             return []
@@ -280,7 +278,8 @@ class ReportRequest:
 
     def command(self, name: str, *more: str, model: bool = False) -> str:
         """A command line on the same logs."""
-        words = ["tirelog", name, *(self._logs() or ["LOG"]), *more, *self._given("setup")]
+        logs = list(map(shown, self.logs)) or ["LOG"]
+        words = ["tirelog", name, *logs, *more, *self._given("setup")]
         if model:
             words += ["--model", str(self.model or "M"), *self._given("channel", "effects")]
         return shlex.join(words)
@@ -289,8 +288,7 @@ class ReportRequest:
         """The command line that makes a first model of these logs."""
         beside = setup_beside(self.logs[0]) if self.logs else None
         setup = str(self.setup or beside or "SETUP.toml")
-        words = ["tirelog", "model", "new", "--carcass", "beam", "--setup", setup]
-        return shlex.join([*words, "-o", "M.toml"])
+        return f"tirelog model new --carcass beam --setup {shlex.quote(setup)} -o M.toml"
 
     def with_options(self, line: str) -> str:
         """A command line on these logs with the options that were given for them and it lacks."""
@@ -299,14 +297,11 @@ class ReportRequest:
 
     def report_command(self) -> str:
         """The page's own command line."""
-        words = ["tirelog", "report", *self._logs()]
+        words = ["tirelog", "report", *map(shown, self.logs)]
         words += self._given("setup", "model", "ladder", "campaign", "channel", "effects")
         words += [word for path in self.tables for word in ("--table", str(path))]
         words += ["--propose"] if self.propose else []
         return shlex.join([*words, "-o", "report.html"])
-
-    def _logs(self) -> list[str]:
-        return [shown(log) for log in self.logs]
 
     def _given(self, *names: str) -> list[str]:
         """These options with their values, those that were given."""

@@ -557,8 +557,7 @@ def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
 def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """The same waveforms, measured less predicted, so that the floor's band can be seen."""
     waves, looks = result.waveforms, styles(result.waveforms.logs, colours)
-    bands: list[Mark] = []
-    lines: list[Mark] = []
+    bands, lines = list[Mark](), list[Mark]()
     for i, (said, (colour, dash, _)) in enumerate(zip(waves.labels, looks, strict=True)):
         phi, floor = np.rad2deg(waves.phi_rad[i]), 2.0 * factor * waves.floor[i]
         bands.insert(0, band(phi, -floor, floor, f"_two floors, {said}", colour))

@@ -147,8 +147,7 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     names = short_names(logs)
     several = max(len(logs), len(colours)) > 1
     alone = table["channel"].nunique() == 1  # then the log says it all
-    found: list[ChannelRows] = []
-    drawn: dict[str, int] = {}
+    found, drawn = list[ChannelRows](), dict[str, int]()
     for (log, channel), rows in table.groupby(["log", "channel"], sort=False, observed=True):
         number = drawn[str(log)] = drawn.get(str(log), -1) + 1
         name = str(channel)
