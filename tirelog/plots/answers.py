@@ -433,6 +433,8 @@ def hit_panels(
 #: errors, or to the noise floor
 _QUANTILE = 99.9
 _SIGMAS = 3.0
+#: half lengths of the patch that a waveform or map shows at first
+_REACH = 6.0
 #: half of a close-up of an edge, in half angles of the patch; and the edge, if none is known
 _CLOSE, _NO_EDGE_DEG = 0.6, 10.0
 
@@ -562,18 +564,28 @@ def _edge_zoom(result: Comparison) -> Page:
     return Page([above, below], SLIDE, said, heights=(1.3, 1.0), share="xy")
 
 
-def waveforms(result: Comparison) -> Panel:
-    """Means of like revolutions: measured, predicted, and the floor's band."""
-    factor, unit = drawn(result.observable, result.unit)
-    reach = np.rad2deg(6.0 * result.half_angle_rad)
-    looks = [(colour, "solid", ".") for colour in by_value(result.waveforms.conditions.speed_m_s)]
-    return Panel(
-        "angle from the patch centre [deg], entry to exit",
-        f"{result.observable} [{unit}]",
-        [*wave_marks(result, factor, looks), *edges(result.half_angle_rad)],
-        "dots measured (means of like revolutions), lines predicted, band two noise floors",
-        ((-reach, reach) if reach > 0 else None, None),
-    )
+def waveforms(
+    result: Comparison,
+    as_shown: tuple[float, str] | None = None,
+    looks: Sequence[tuple[Any, str, str]] | None = None,
+) -> Panel:
+    """Means of like revolutions: measured, predicted, and the floor's band.
+
+    `as_shown`: factor and unit of the observable; `looks`: colour, dash and symbol of each mean.
+    """
+    factor, unit = as_shown or drawn(result.observable, result.unit)
+    colours = by_value(result.waveforms.conditions.speed_m_s) if looks is None else ()
+    marks = wave_marks(result, factor, looks or [(colour, "solid", ".") for colour in colours])
+    said = "dots measured (means of like revolutions), lines predicted, band two noise floors"
+    return over_angle(result, f"{result.observable} [{unit}]", marks, said)
+
+
+def over_angle(result: Comparison, y: str, marks: Sequence[Mark], title: str = "") -> Panel:
+    """What stands over the angle [deg], with the patch's edges; far off them it is not shown."""
+    half = result.half_angle_rad
+    reach = min(float(np.rad2deg(_REACH * half)), 180.0) if half > 0 else 180.0
+    x = "angle from the patch centre [deg], entry to exit"
+    return Panel(x, y, [*marks, *edges(half)], title, ((-reach, reach), None))
 
 
 def wave_marks(

@@ -36,12 +36,12 @@ from tirelog.inference.obstacle_log import TransientLog
 from tirelog.physics.effects import Effect
 from tirelog.plots.answers import (
     climbed_panel,
-    edges,
     hit_panels,
+    over_angle,
     ranked_panel,
     rest,
     shape,
-    wave_marks,
+    waveforms,
 )
 from tirelog.plots.record import Mark, Panel, band, dots, heat, line
 from tirelog.report.page import (
@@ -74,15 +74,12 @@ _WORDS = {
 NO_MODEL = "No model was held against these logs, so nothing is said of what one would miss."
 
 
-#: half lengths of the patch that a waveform or map shows at first
-_REACH = 6.0
 _ZONES = {
     "entry": "around the entry edge",
     "patch": "inside the patch",
     "exit": "around the exit edge",
     "away": "away from the patch",
 }
-ANGLE = "angle from the patch centre [deg], entry to exit"
 
 
 def shown_value(observable: str, unit: str) -> tuple[float, str]:
@@ -478,7 +475,7 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         *(f"{remark}." for remark in result.remarks),
     ]
     figures = [
-        _waveforms(result, unit, colours),
+        _waveforms(result, factor, unit, colours),
         _differences(result, factor, unit, colours),
         residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
         residual_map("residual-time", "Residual over angle and time", result.by_time, result),
@@ -519,13 +516,6 @@ def where(result: Comparison) -> str:
     )
 
 
-def over_angle(result: Comparison, y: str, marks: Sequence[Mark]) -> Panel:
-    """What stands over the angle [deg], with the patch's edges; far off them it is not shown."""
-    half = result.half_angle_rad
-    reach = min(float(np.rad2deg(_REACH * half)), 180.0) if half > 0 else 180.0
-    return Panel(ANGLE, y, [*marks, *edges(half)], limits=((-reach, reach), None))
-
-
 def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str]]:
     """(number of the colour, dash, symbol) of each waveform, by the log that it is of.
 
@@ -540,7 +530,7 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
     ]
 
 
-def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
+def _waveforms(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """Measured and predicted waveforms, with two noise floors about the prediction."""
     alt = (
         "Measured means of like revolutions (points), the model (lines) and two noise floors "
@@ -548,9 +538,7 @@ def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
         f"{'; '.join(result.waveforms.labels)}; dashed lines: the "
         "patch's edges."
     )
-    factor = shown_value(result.observable, result.unit)[0]
-    marks = wave_marks(result, factor, styles(result.waveforms.logs, colours))
-    panel = over_angle(result, f"{result.observable} [{unit}]", marks)
+    panel = waveforms(result, (factor, unit), styles(result.waveforms.logs, colours))
     return figure("waveforms", "Waveforms", alt, panel, height=520)
 
 
