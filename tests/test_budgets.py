@@ -36,7 +36,7 @@ FOLDERS = {
     "physics": (29, 4050),
     "plots": (6, 1150),
     "readers": (28, 5220),
-    "report": (6, 1250),
+    "report": (6, 1240),
     "runs": (8, 1580),
     "simulation": (18, 2680),
     "storage": (5, 650),
