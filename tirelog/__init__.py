@@ -34,10 +34,9 @@ if TYPE_CHECKING:
         write_report,
     )
     from tirelog.api.campaigns import campaign_status, run_campaign
-    from tirelog.api.logs import ingest, open_log, simulate
+    from tirelog.api.logs import check_setup, draft_setup, ingest, open_log, simulate
     from tirelog.api.models import contributions, load_model, new_model, predict, save_model
     from tirelog.api.parts import save_calibration
-    from tirelog.api.setups import check_setup, draft_setup
     from tirelog.api.tables import (
         calibrate,
         check,
@@ -61,12 +60,11 @@ _HOMES = {
             "write_report",
         ),
         "tirelog.api.campaigns": ("campaign_status", "run_campaign"),
-        "tirelog.api.logs": ("ingest", "open_log", "simulate"),
+        "tirelog.api.logs": ("check_setup", "draft_setup", "ingest", "open_log", "simulate"),
         "tirelog.api.models": (
             *("contributions", "load_model", "new_model", "predict", "save_model"),
         ),
         "tirelog.api.parts": ("save_calibration",),
-        "tirelog.api.setups": ("check_setup", "draft_setup"),
         "tirelog.api.tables": (
             *("calibrate", "dissipation", "footprint", "inflation", "phase_shift", "plot_table"),
             *("check", "speed"),

@@ -6,8 +6,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import typer
 
-from tirelog.cli import options
+from tirelog.cli import app as options
 from tirelog.cli.app import EXAMPLES, GROUPS, command
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -108,11 +109,19 @@ def test_commands_share_their_options():
     assert {name: flags for name, flags in said.items() if len(flags) > 1} == {}
 
 
+def completed(path, name, beginning):
+    parameter = next(one for one in ALL[path].params if one.name == name)
+    items = parameter.shell_complete(typer.Context(ALL[path]), beginning)
+    return [item.value for item in items]
+
+
 def test_values_are_completed():
-    assert options.formats("c") == ["csv"]
-    assert "water_film" in options.effects("water")
-    assert options.nuisances("d") == ["drift"]
-    assert options.tables("sp") == ["speed"]
+    assert completed("speed", "format", "c") == ["csv"]
+    assert "water_film" in completed("effects", "name", "water")
+    assert completed("model nuisance", "name", "d") == ["drift"]
+    assert completed("model new", "preset", "P3") == ["P3"]
+    assert completed("tables", "table", "sp") == ["speed"]
+    assert completed("footprint", "kind", "po") == ["polar"]
 
 
 def test_channels_are_those_of_the_setup(tmp_path):

@@ -26,8 +26,8 @@ from tirelog.inference.measured import measured
 from tirelog.inference.stacks.cut import Stacks
 from tirelog.physics.model.file import load_model, save_model
 from tirelog.physics.model.model import Model
-from tirelog.report.request import ReportRequest
-from tirelog.report.sections.diagnosed import model_story
+from tirelog.report.build import model_story
+from tirelog.report.page import ReportRequest
 from tirelog.runs.ingest import open_recording
 
 pytestmark = pytest.mark.xdist_group("measured")  # one worker makes what these tests share
@@ -83,8 +83,10 @@ def test_every_command_gives_one_number_on_a_log_with_an_obstacle(
         compared.noise_floor,
     )
     assert climbed.revolutions == 7
-    story = model_story([cleat], beam, None, ReportRequest((cleat.log,)), {}, lambda text: None)
-    told = {s.id: " ".join(s.text) for s in (*story.before_ladder, *story.after_ladder)}
+    _, *sections = model_story(
+        [cleat], beam, None, ReportRequest((cleat.log,)), {}, lambda text: None
+    )[0]
+    told = {s.id: " ".join(s.text) for s in sections}
     assert list(told) == ["obstacles", "diagnosis", "model"]
     assert "2 hits on an obstacle" in told["obstacles"]
     assert "7 revolutions" in told["diagnosis"]

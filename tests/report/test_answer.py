@@ -26,7 +26,7 @@ from tirelog.diagnosis.results import Map
 from tirelog.errors import UsageError
 from tirelog.inference.measured import MeasuredLogs
 from tirelog.physics.effects import BY_ID
-from tirelog.report.build import PAPERS, used_papers
+from tirelog.report.build import PAPERS, model_story, used_papers
 from tirelog.report.page import (
     COLOURS,
     DARK_COLOURS,
@@ -36,13 +36,12 @@ from tirelog.report.page import (
     PALE,
     LogColours,
     Report,
+    ReportRequest,
     Section,
     render,
 )
-from tirelog.report.request import ReportRequest
-from tirelog.report.sections import diagnosed
-from tirelog.report.sections.diagnosed import model_story, proposed
-from tirelog.report.sections.models import residual_map
+from tirelog.report.sections import models
+from tirelog.report.sections.models import proposed, residual_map
 from tirelog.vocabulary.arrays import FloatArray
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
@@ -393,7 +392,7 @@ def test_obstacles_are_told_hit_by_hit() -> None:
         to_json=lambda: total,
     )
     result.hits_table = partial(TransientComparison.hits_table, result)
-    section = diagnosed.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
+    section = models.obstacles(result, "tirelog compare", LogColours(["f/0.csv", "f/a.csv"]))
     assert "5 hits on an obstacle" in section.text[0]
     assert "the model covers 98 %" in section.text[0]
     assert "20 microstrain added, 3 missed, at a floor of 1" in section.text[0]
@@ -410,7 +409,7 @@ def test_a_model_that_does_not_move_says_so() -> None:
     log = SimpleNamespace(
         log="f/a.csv", hits_s=np.array([1.0, 2.0]), road=SimpleNamespace(kind="cleat")
     )
-    section = diagnosed.not_answered([log], "beam", "tirelog compare")
+    section = models.not_answered([log], "beam", "tirelog compare")
     assert section.text[0].startswith("2 hits on an obstacle")
     assert "coupled_ring" in section.text[0]
     assert section.tables[0].rows == [["a.csv", "cleat", "2", "1.000, 2.000"]]
@@ -427,23 +426,24 @@ def test_what_is_unknown_is_written_down_if_asked_and_obstacles_have_their_secti
 ) -> None:
     log = SimpleNamespace(log="made", hits_s=np.ones(2), road=SimpleNamespace(kind="cleat"))
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)], (log,))
-    monkeypatch.setattr("tirelog.report.sections.diagnosed.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.report.sections.diagnosed.propose", lambda *_, **__: proposal())
+    monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
+    monkeypatch.setattr("tirelog.report.build.propose", lambda *_, **__: proposal())
     asked = ReportRequest(("made",), model=Path("M.toml"), setup=Path("s.toml"), propose=asked_for)
-    story = model_story([], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"]))
-    assert story.answer.card is not None
-    assert story.answer.card.word == "Unknown effect"
-    assert story.answer.card.command.startswith("tirelog propose made --model ")
-    assert story.answer.card.command.endswith("--setup s.toml")
-    assert not any(figure.id == "answer-map-1" for figure in story.answer.figures)
-    found = [section.id for section in story.before_ladder]
+    (answer, *sections), missing = model_story(
+        [], MODEL, None, asked, BY_ID, lambda _: None, LogColours(["made"])
+    )
+    assert answer.card is not None
+    assert answer.card.word == "Unknown effect"
+    assert answer.card.command.startswith("tirelog propose made --model ")
+    assert answer.card.command.endswith("--setup s.toml")
+    assert not any(figure.id == "answer-map-1" for figure in answer.figures)
     wanted = ["propose", "obstacles"] if asked_for else ["obstacles"]
-    assert found == [*wanted, "diagnosis"]
-    offered = [command for what, command in story.missing if "written down" in what]
+    assert [section.id for section in sections] == [*wanted, "diagnosis", "model"]
+    offered = [command for what, command in missing if "written down" in what]
     again = "tirelog report made --setup s.toml --model M.toml --propose -o report.html"
     assert offered == ([] if asked_for else [again])
     if asked_for:
-        assert story.before_ladder[0].command == story.answer.card.command
+        assert sections[0].command == answer.card.command
 
 
 def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -451,13 +451,13 @@ def test_what_cannot_be_proposed_costs_no_other_section(monkeypatch: pytest.Monk
         raise UsageError("no waveform")
 
     measured = MeasuredLogs([stack(ringing, manoeuvres=9, revolutions=4, m=64)])
-    monkeypatch.setattr("tirelog.report.sections.diagnosed.measured_for", lambda *_, **__: measured)
-    monkeypatch.setattr("tirelog.report.sections.diagnosed.propose", refused)
+    monkeypatch.setattr("tirelog.report.build.measured_for", lambda *_, **__: measured)
+    monkeypatch.setattr("tirelog.report.build.propose", refused)
     asked = ReportRequest(("made",), model=Path("M.toml"), propose=True)
-    story = model_story([], MODEL, None, asked, BY_ID, lambda _: None)
-    assert [section.id for section in story.before_ladder] == ["diagnosis"]
+    sections, missing = model_story([], MODEL, None, asked, BY_ID, lambda _: None)
+    assert [section.id for section in sections] == ["answer", "diagnosis", "model"]
     told = "what is unknown, written down as a formula: no waveform"
-    assert told in [what for what, _ in story.missing]
+    assert told in [what for what, _ in missing]
 
 
 def test_the_demo_s_page_has_the_ladder_that_it_climbed(

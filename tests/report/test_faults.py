@@ -10,7 +10,7 @@ import pytest
 
 from tests.cli.conftest import Command, folder, tirelog
 from tests.report.test_page import data, numbers
-from tirelog.report.request import ReportRequest
+from tirelog.report.page import ReportRequest
 
 __all__ = ["folder", "tirelog"]
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from tirelog.cli import run
+from tirelog.diagnosis.answer import AnswerTable
 from tirelog.errors import UsageError
 from tirelog.report.build import model_pages, read_stored, stored
-from tirelog.report.page import Card, Figure, LadderRow, PageTable, Section, packed_array
+from tirelog.report.page import Card, Figure, LadderRow, Section, packed_array
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
 
@@ -32,7 +33,7 @@ def section(name: str = "effects") -> Section:
         "tirelog x",
         ["said"],
         [figure],
-        [PageTable("T", ["a"], [["1"]], [0])],
+        [AnswerTable("T", ["a"], [["1"]], [0])],
         folded=False,
         card=card,
         formulas=(("a", "b"),),

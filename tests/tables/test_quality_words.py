@@ -32,7 +32,7 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 REGISTER = PACKAGE / "vocabulary" / "quality.py"
 #: other things of the same name: a column, an option, a regime of the simulation, a repair's count
 NAMESAKES = {
-    "implausible": ("api/setups.py", "drafts/setup.py", "cli/files.py", "cli/pages.py"),
+    "implausible": ("api/logs.py", "drafts/setup.py", "cli/files.py", "cli/pages.py"),
     "leak": {
         "vocabulary/columns.py",
         "vocabulary/tables.py",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path as File
 from typing import Any
@@ -42,7 +42,7 @@ from tirelog.inference.measured import MeasuredLogs, measured_for, motion_names
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.user_effects import own_effects
-from tirelog.report.request import ReportRequest
+from tirelog.report.page import ReportRequest
 from tirelog.storage.whole import whole_file
 from tirelog.vocabulary.observables import (
     WAVEFORMS,
@@ -59,7 +59,6 @@ __all__ = [
     "Ladder",
     "MeasuredLogs",
     "Proposal",
-    "ReportOrder",
     "ReportRequest",
     "TireForm",
     "TransientComparison",
@@ -67,9 +66,11 @@ __all__ = [
     "diagnose",
     "fit",
     "ladder",
+    "make_report",
     "measure",
     "observable_of",
     "propose",
+    "report_page",
     "tire_form",
     "write_report",
 ]
@@ -489,53 +490,48 @@ def _known(value: object) -> MeasuredLogs:
 _PAGES = (".html", ".htm")
 
 
-@dataclass(frozen=True)
-class ReportOrder:
-    """What a report is to be made of and written to, known to be possible before any work.
+def report_page(asked: ReportRequest, output: File | None) -> File:
+    """The page to write, .html.  UsageError, before any work: nothing could come of what is asked.
 
-    asked    logs and files, as typed; the commands on the page name them so
-    output   the page to write, .html
+    The commands on the page name logs and files as they are typed in what is `asked`.
     """
+    from tirelog.report.page import plotting_library
 
-    asked: ReportRequest
-    output: File | None = None
+    if not asked.logs and asked.campaign is None:
+        raise UsageError(
+            "nothing to report on",
+            allowed="allowed are logs, runs and --campaign DIR",
+            do="give one",
+        )
+    if output is None:
+        raise UsageError("nothing to write", do="add -o PAGE.html")
+    if asked.propose and asked.model is None:
+        raise UsageError("--propose asks what a model lacks", do="give the model with --model")
+    if output.suffix.lower() not in _PAGES and (output.is_file() or not output.exists()):
+        raise UsageError(
+            f"-o {output}: the page is HTML",
+            allowed=f"allowed are the suffixes {', '.join(_PAGES)}",
+            do="rename it",
+        )
+    plotting_library()
+    return output
 
-    def __post_init__(self) -> None:
-        """UsageError: nothing could come of it."""
-        if not self.asked.logs and self.asked.campaign is None:
-            raise UsageError(
-                "nothing to report on",
-                allowed="allowed are logs, runs and --campaign DIR",
-                do="give one",
-            )
-        if self.output is None:
-            raise UsageError("nothing to write", do="add -o PAGE.html")
-        if self.asked.propose and self.asked.model is None:
-            raise UsageError("--propose asks what a model lacks", do="give the model with --model")
-        from tirelog.report.page import plotting_library
 
-        page = self.output
-        if page.suffix.lower() not in _PAGES and (page.is_file() or not page.exists()):
-            raise UsageError(
-                f"-o {page}: the page is HTML",
-                allowed=f"allowed are the suffixes {', '.join(_PAGES)}",
-                do="rename it",
-            )
-        plotting_library()
+def make_report(
+    recordings: Sequence[Recording],
+    asked: ReportRequest,
+    page: File,
+    progress: Progress = lambda text: None,
+) -> tuple[str, ...]:
+    """The page of open logs, as `report_page` allows it; a sentence on what was written."""
+    from tirelog.report.build import build
+    from tirelog.report.page import render
 
-    def make(
-        self, recordings: Sequence[Recording], progress: Callable[[str], None] = lambda text: None
-    ) -> tuple[str, ...]:
-        """The page of open logs; a sentence on what was written."""
-        from tirelog.report.build import build
-        from tirelog.report.page import render
-
-        made = build(recordings, self.asked, progress)
-        assert self.output is not None
-        with whole_file(self.output) as part, part.open("w", encoding="utf-8") as stream:
-            stream.writelines(render(made))
-            size = stream.tell()
-        return (f"{self.output}: {len(made.sections)} sections, {size / 1e6:.1f} MB",)
+    made = build(recordings, asked, progress)
+    with whole_file(page) as part, part.open("w", encoding="utf-8") as stream:
+        stream.writelines(render(made))
+        size = stream.tell()
+    return (f"{page}: {len(made.sections)} sections, {size / 1e6:.1f} MB",)
 
 
 def write_report(
@@ -550,7 +546,7 @@ def write_report(
     channel: str | None = None,
     effects: Path | None = None,
     propose: bool = False,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = lambda text: None,
 ) -> tuple[str, ...]:
     """One offline page: what was recorded, what came of it, where a model fails.
 
@@ -589,21 +585,18 @@ def write_report(
     """
     given: dict[str, Any] = {"setup": setup, "model": model, "ladder": ladder}
     given |= {"campaign": campaign, "effects": effects}
-    paths = {name: None if path is None else File(path) for name, path in given.items()}
     named = as_logs(logs)
-    order = ReportOrder(
-        ReportRequest(
-            tuple(log.log if isinstance(log, Recording) else os.fspath(log) for log in named),
-            tables=tuple(map(File, tables)),
-            channel=channel,
-            propose=propose,
-            **paths,
-        ),
-        None if output is None else File(output),
+    asked = ReportRequest(
+        tuple(log.log if isinstance(log, Recording) else os.fspath(log) for log in named),
+        tables=tuple(map(File, tables)),
+        channel=channel,
+        propose=propose,
+        **{name: None if path is None else File(path) for name, path in given.items()},
     )
+    page = report_page(asked, None if output is None else File(output))
     with ExitStack() as resources:
         opened = [
             log if isinstance(log, Recording) else resources.enter_context(open_log(log, setup))
             for log in named
         ]
-        return order.make(opened, progress)
+        return make_report(opened, asked, page, progress)

@@ -32,6 +32,7 @@ from tirelog.physics.model.model import Model, difference_rows, parameter_rows
 from tirelog.physics.model.presets import PRESETS
 from tirelog.physics.model.user_effects import catalogue_with, effect_called
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
 #: angles over a revolution if none are asked for
@@ -51,11 +52,11 @@ _ALONG = {
 
 
 __all__ = [
-    "NUISANCES", "PRESETS", "Effect", "Model", "added", "angles", "carcass_facts", "catalogue_with",
-    "conditions_of", "contributions", "difference_rows", "draw_effects", "draw_modes", "forces",
-    "given_conditions", "known_surface", "ladder_rows", "load_model", "modes", "new_model",
-    "numbers", "parameter_rows", "passage", "predict", "refuse_another", "revolutions",
-    "save_model", "serves", "worn_model",
+    "NUISANCES", "PRESETS", "SCALARS", "Effect", "Model", "added", "angles", "carcass_facts",
+    "catalogue_with", "conditions_of", "contributions", "difference_rows", "draw_effects",
+    "draw_modes", "forces", "given_conditions", "known_surface", "ladder_rows", "load_model",
+    "modes", "new_model", "numbers", "parameter_rows", "passage", "predict", "refuse_another",
+    "revolutions", "save_model", "serves", "table_columns", "worn_model",
 ]  # fmt: skip
 
 
@@ -301,6 +302,11 @@ def numbers(
     return columns
 
 
+def table_columns(name: str, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the columns that a table of `model predict` has."""
+    return {column: columns[column] for column in TABLES[name] if column in columns}
+
+
 def _condition_columns(model: Model, given: Conditions) -> dict[str, FloatArray]:
     """What revolutions are driven under, columns (n,), the load as the model has it."""
     names = ("speed_m_s", "load_N", "inflation_pressure_Pa", "acceleration_m_s2", "slip")
@@ -371,7 +377,6 @@ def modes(model: Model, *, speed_m_s: float = 0.0, **asked: Any) -> dict[str, li
     `asked` as `modes_of_model`. ModelError as that.
     """
     from tirelog.physics.moving.ring import modes_of_model
-    from tirelog.vocabulary.columns import TABLES
 
     rows = [
         {"support": support, "speed_m_s": speed_m_s, **asdict(mode)}

@@ -102,11 +102,14 @@ def parts_of_drive(
 class TablePicture:
     """The picture of a table: what it needs of each part, kept while its log is open."""
 
-    def __init__(self, table: LogTable, kind: str = "") -> None:
-        """UsageError: the table has no picture, or none of that kind (default: its first)."""
-        self._table, self._kept = table, list[Any]()
+    def __init__(self, table: LogTable, path: Path | None, kind: str = "") -> None:
+        """Without a path nothing is kept, and none is drawn.
+
+        UsageError: the table has no picture, or none of that kind (default: its first).
+        """
+        self._table, self._path, self._kept = table, path, list[Any]()
         self._kind = kind or next(iter(table.pictures), "")
-        if not table.picture:
+        if path is not None and not table.picture:
             raise UsageError(f"{table.name} has no picture", do="draw its rows")
         if table.pictures:
             what = f"no picture is called {self._kind!r}"
@@ -114,15 +117,16 @@ class TablePicture:
 
     def keep(self, recording: Recording, part: Part) -> None:
         """What the picture needs of a part.  UsageError: it cannot be drawn of this log."""
-        sketch = self._table.sketch
-        own = resolve_name(sketch)(recording, part, self._kind) if sketch else (recording, part)
-        self._kept.append(own)
+        if self._path is not None:
+            sketch = resolve_name(self._table.sketch) if self._table.sketch else None
+            own = (recording, part) if sketch is None else sketch(recording, part, self._kind)
+            self._kept.append(own)
 
-    def draw(self, path: File) -> None:
+    def draw(self) -> None:
         """The picture, written to the path; none if there was no part."""
-        if self._kept:
+        if self._path is not None and self._kept:
             kind = (self._kind,) if self._table.pictures else ()
-            resolve_name(self._table.picture)(self._kept, path, *kind)
+            resolve_name(self._table.picture)(self._kept, File(self._path), *kind)
 
 
 def calibrated(

@@ -337,11 +337,11 @@ def plot_table(
         No such table, picture or option, or a log that it cannot be drawn of.
     """
     refuse_unknown(name, LOG_TABLES, f"no table is called {name!r}", do="choose among them")
-    picture = TablePicture(LOG_TABLES[name], kind)
+    picture = TablePicture(LOG_TABLES[name], path, kind)
     for recording in each_log(logs, setup):
         for part in parts_of(recording, name, options):
             picture.keep(recording, part)
-    picture.draw(File(path))
+    picture.draw()
 
 
 def _table(

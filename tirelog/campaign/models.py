@@ -181,9 +181,8 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
     The sections that it makes of a model and single logs.
     """
     from tirelog.physics.effects import BY_ID
-    from tirelog.report.build import stored
-    from tirelog.report.sections import models as model_sections
-    from tirelog.report.sections.diagnosed import story_of
+    from tirelog.report.build import stored, story_of
+    from tirelog.report.sections.models import ladder_section
 
     command = shlex.join(["tirelog", "campaign", "run", manifest])
     found, climbed = (
@@ -191,12 +190,9 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
         results["ladder"].to_json() if "ladder" in results else None,
     )
     compared = results.get("compare") or (found.before if found is not None else None)
-    sections = [model_sections.ladder_section(climbed, command)] if climbed is not None else []
     if compared is None:
-        return stored(sections, [])
-    story = story_of(pieces, compared, found, climbed, lambda name: command, BY_ID)
-    shown = [story.answer, *story.before_ladder, *sections, *story.after_ladder]
-    return stored(shown, story.missing)
+        return stored([] if climbed is None else [ladder_section(climbed, command)], [])
+    return stored(*story_of(pieces, compared, found, climbed, lambda name: command, BY_ID))
 
 
 def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from typing import Any
 
 from tirelog.errors import (
@@ -20,7 +20,6 @@ from tirelog.errors import (
     ExitStatus,
     OutputError,
     TirelogError,
-    printable,
     system_message,
 )
 
@@ -30,6 +29,8 @@ _INTERRUPTED = 130
 
 def _status_of(problem: BaseException, command: str) -> int:
     """Say what went wrong in a `command`; the exit status for it."""
+    from tirelog.cli.session import say
+
     if isinstance(problem, TirelogError):
         text, status = str(problem), int(problem.exit_status)
     elif isinstance(problem, KeyboardInterrupt) or type(problem).__name__ == "Abort":
@@ -37,7 +38,7 @@ def _status_of(problem: BaseException, command: str) -> int:
         text = f"{how}; nothing was left under the result's name; start it again"
         status = getattr(problem, "status", _INTERRUPTED)
     elif type(problem).__name__ == "NoArgsIsHelpError":
-        _on_stderr(f"{problem}")
+        sys.stderr.write(f"{problem}\n")
         return int(ExitStatus.UNUSABLE_REQUEST)
     elif hasattr(problem, "format_message") and hasattr(
         problem, "exit_code"
@@ -56,7 +57,7 @@ def _status_of(problem: BaseException, command: str) -> int:
             "--debug and report what it prints"
         )
         status = int(ExitStatus.DEFECT)
-    _on_stderr(f"tirelog: error: {printable(text)}")
+    say(f"error: {text}")
     return status
 
 
@@ -72,21 +73,9 @@ def _command_of(parsed: Any, arguments: list[str]) -> str:
     return command
 
 
-def _on_stderr(line: str) -> None:
-    """A line on standard error, if anybody is there to read it."""
-    with suppress(OSError, ValueError):
-        sys.stderr.write(line + "\n")
-        sys.stderr.flush()
-
-
-def _on_notice(text: str) -> None:
-    """A notice about what takes long, as a line on standard error."""
-    _on_stderr(f"tirelog: {printable(text)}")
-
-
 def run(arguments: list[str] | None = None) -> int:
     """Carry out a command line; its exit status."""
-    from tirelog.cli.session import drop_output, endings_unwind
+    from tirelog.cli.session import drop_output, endings_unwind, say
     from tirelog.runtime import hearing
 
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -101,7 +90,7 @@ def run(arguments: list[str] | None = None) -> int:
         if completes:  # the shell asks for completions
             parsed.main(prog_name="tirelog")
         # not main(): it would turn a reader that leaves (`| head`) into status 1
-        hears = nullcontext() if "--quiet" in arguments else hearing(_on_notice)
+        hears = nullcontext() if "--quiet" in arguments else hearing(say)
         with endings_unwind(), inputs_kept(), warnings.catch_warnings(), hears:
             if not debug and not sys.warnoptions:  # a library's warning is no message to a user
                 warnings.simplefilter("ignore")

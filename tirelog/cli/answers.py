@@ -12,20 +12,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 
-from tirelog.cli import options
-from tirelog.cli.options import in_a_folder
+import tirelog.api as api
+from tirelog.cli import app as options
+from tirelog.cli import pages
 from tirelog.cli.session import CampaignProgress, Session, say, write_json
 from tirelog.errors import ExitStatus, UsageError, printable, refuse_unknown
 from tirelog.vocabulary.tables import COMPARE, ERRORS_BY
-
-if TYPE_CHECKING:
-    from tirelog.api.answers import MeasuredLogs
-    from tirelog.api.models import Model
-
 
 Answer = TypeVar("Answer")
 #: columns of `ladder --by-log`
@@ -52,37 +48,47 @@ class Question:
         return Session(self.setup, self.quiet, self.output, self.format)
 
     def answered(
-        self, session: Session, doing: str, ask: Callable[[MeasuredLogs, Model], Answer]
+        self,
+        session: Session,
+        doing: str,
+        ask: Callable[[api.answers.MeasuredLogs, api.models.Model], Answer],
     ) -> Answer:
         """What is answered; a log that cannot be read is said and left out."""
-        from tirelog.api.answers import measure
-        from tirelog.api.models import load_model
-
-        read = load_model(self.model, effects=self.effects)
-        found = measure(session.recordings(self.logs), read, self.channel)
-        session.notes(found.notes)
-        with session.working() as line:
-            line.say(doing)
+        read = api.models.load_model(self.model, effects=self.effects)
+        found = api.answers.measure(session.recordings(self.logs), read, self.channel)
+        session.note(*found.notes)
+        with session.working_on(doing):
             return ask(found, read)
+
+    def request(self, model: Path) -> api.answers.ReportRequest:
+        """What was asked, of which a command line on the same logs is made, with this model."""
+        return api.answers.ReportRequest(
+            tuple(self.logs), self.setup, model, channel=self.channel, effects=self.effects
+        )
 
     def show(self, session: Session, answer: Any, remarks: Iterable[str], **how: str) -> None:
         """What a reader should know first, said; and the picture, if one is asked for."""
-        session.notes(remarks)
+        session.note(*remarks)
         if self.plot is not None:
-            session.notes(f"more is drawn in {beside}" for beside in answer.draw(self.plot, **how))
+            session.note(
+                *(f"more is drawn in {beside}" for beside in answer.draw(self.plot, **how))
+            )
 
 
 def with_question(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the options of a Question, its first argument, before its own."""
-    asked = inspect.signature(Question, eval_str=True).parameters
-    _, *own = inspect.signature(command, eval_str=True).parameters.values()
+    """The command with the options of a Question, its first argument, before or among its own.
+
+    An option of its own takes the place of the question's of that name.
+    """
+    shared = inspect.signature(Question, eval_str=True).parameters
+    own = dict(list(inspect.signature(command, eval_str=True).parameters.items())[1:])
 
     def run(**given: Any) -> None:
-        question = Question(**{name: given.pop(name) for name in asked})
-        command(question, **given)
+        asked = {name: given.pop(name) for name in shared if name not in own}
+        command(Question(**asked), **given)
 
     run.__doc__ = command.__doc__
-    options.with_options(run, (*asked.values(), *own))
+    options.with_options(run, {**shared, **own}.values())
     return run
 
 
@@ -117,18 +123,15 @@ def compare(
     kind: Annotated[str, options.plot_kind(COMPARE)] = "page",
 ) -> None:
     """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
-    from tirelog.api import answers
-    from tirelog.cli.pages import comparison_page
-
     options.refuse_kind_alone(kind, asked.plot)
     if by is not None:
         refuse_unknown(by, ERRORS_BY, f"--by {by}", do="choose one")
     with asked.session as session:
-        result = asked.answered(session, "fitting the model", answers.compare)
+        result = asked.answered(session, "fitting the model", api.answers.compare)
         parts = None if by is None else result.by(by)
         asked.show(session, result, result.notes, kind=kind)
         if parts is None:
-            write_answer(session, "compare", result, comparison_page)
+            write_answer(session, "compare", result, pages.comparison_page)
         else:
             session.write_rows("compare", parts)
 
@@ -154,40 +157,29 @@ def diagnose(
     ] = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
-    from tirelog.api import answers
-    from tirelog.cli.pages import diagnosis_page
-
     if leave_one_out not in (None, "log", "tire"):
         raise UsageError(
             f"--leave-one-out {leave_one_out}", allowed="allowed are log, tire", do="choose one"
         )
     with asked.session as session:
         ask = partial(
-            answers.diagnose,
+            api.answers.diagnose,
             bootstrap=bootstrap,
             leave_one_out=session.tires if leave_one_out == "tire" else bool(leave_one_out),
             progress=session.say,
         )
         result = asked.answered(session, "diagnosing", ask)
-        to_repeat = answers.ReportRequest(
-            tuple(asked.logs),
-            asked.setup,
-            asked.model,
-            channel=asked.channel,
-            effects=asked.effects,
-        )
-        result = replace(result, next_command=to_repeat.with_options(result.next_command))
+        follows = asked.request(asked.model).with_options(result.next_command)
+        result = replace(result, next_command=follows)
         asked.show(session, result, result.before.remarks)
-        write_answer(session, "diagnose", result, diagnosis_page)
+        write_answer(session, "diagnose", result, pages.diagnosis_page)
 
 
 @with_question
 def form(asked: Question) -> None:
     """Read the tire's contact pressure and stiffness out of its logs, with standard errors."""
-    from tirelog.api import answers
-
     with asked.session as session:
-        result = asked.answered(session, "fitting the form", answers.tire_form)
+        result = asked.answered(session, "fitting the form", api.answers.tire_form)
         asked.show(session, result, result.notes)
         write_answer(session, "form", result)
 
@@ -198,7 +190,7 @@ def ladder(
     save: Annotated[
         Path | None,
         typer.Option(
-            "--save", help="Write the model at the top of the ladder.", callback=in_a_folder
+            "--save", help="Write the model at the top of the ladder.", callback=options.in_a_folder
         ),
     ] = None,
     propose: Annotated[
@@ -213,44 +205,35 @@ def ladder(
     ] = False,
 ) -> None:
     """Add effects one by one until nothing more is worth adding; one row per step."""
-    from tirelog.api import answers
-    from tirelog.api.models import refuse_another, save_model
-    from tirelog.cli.pages import ladder_bars
-
     if save is not None:
-        refuse_another(save)
+        api.models.refuse_another(save)
     with asked.session as session:
-        ask = partial(answers.ladder, propose=propose, keep=asked.model, progress=session.say)
+        ask = partial(api.answers.ladder, propose=propose, keep=asked.model, progress=session.say)
         result = asked.answered(session, "climbing", ask)
         if not asked.quiet:
-            ladder_bars(result)
+            pages.ladder_bars(result)
         asked.show(session, result, result.remarks)
         if save is not None:
-            save_model(result.model, save)
+            api.models.save_model(result.model, save)
         rows = result.strengths_by_log if by_log else None
         write_answer(session, "ladder", result, rows=rows, empty=_BY_LOG)
 
 
+@with_question
 def propose(
-    logs: options.Logs,
-    model: options.ModelFile,
-    setup: options.SetupFile = None,
+    asked: Question,
     output: Annotated[
         Path | None,
         typer.Option(
             "-o",
             "--output",
             help="Write the model with what is proposed; none if nothing is.",
-            callback=in_a_folder,
+            callback=options.in_a_folder,
         ),
     ] = None,
     format: Annotated[
         str | None, typer.Option("--format", help="json in place of the page.")
     ] = None,
-    quiet: options.Quiet = False,
-    channel: options.ChannelName = None,
-    effects: options.EffectsFile = None,
-    plot: options.Plot = None,
     despite: Annotated[
         bool, typer.Option("--despite", help="Also if an effect of the catalogue explains it.")
     ] = False,
@@ -259,36 +242,27 @@ def propose(
     ] = False,
 ) -> None:
     """Write down the unknown effect: formulas that remove it, or its measured shape."""
-    from tirelog.api import answers
-    from tirelog.api.models import refuse_another, save_model
-    from tirelog.cli.pages import proposal_page
-
     if format not in (None, "json"):
         raise UsageError(
             f"--format {format}", allowed="json is allowed", do="give it, or leave it out"
         )
     if output is not None:
-        refuse_another(output)
-    question = Question(logs, model, setup, None, None, quiet, channel, effects, plot)
-    with question.session as session:
-        ask = partial(answers.propose, despite=despite, shape=shape, progress=session.say)
-        result = question.answered(session, "proposing", ask)
+        api.models.refuse_another(output)
+    with asked.session as session:
+        ask = partial(api.answers.propose, despite=despite, shape=shape, progress=session.say)
+        result = asked.answered(session, "proposing", ask)
         follows = ""
         if result.status != "nothing":
-            question.show(session, result, ())
-            better = output or Path("BETTER.toml")
-            asked = answers.ReportRequest(
-                tuple(logs), setup, better, channel=channel, effects=effects
-            )
-            follows = asked.command("compare", model=True)
-        elif unwritten := [str(path) for path in (output, plot) if path is not None]:
+            asked.show(session, result, ())
+            follows = asked.request(output or Path("BETTER.toml")).command("compare", model=True)
+        elif unwritten := [str(path) for path in (output, asked.plot) if path is not None]:
             session.note(f"{' and '.join(unwritten)} not written: there is no proposal")
         if output is not None and result.model is not None:
-            save_model(result.model, output)
+            api.models.save_model(result.model, output)
         if format == "json":
             write_json(result.to_json() | {"next_command": follows}, None)
         else:
-            proposal_page(result, follows)
+            pages.proposal_page(result, follows)
 
 
 # ---- `tirelog report LOG... -o report.html`.
@@ -300,7 +274,9 @@ def report(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="The page to write, .html.", callback=in_a_folder),
+        typer.Option(
+            "-o", "--output", help="The page to write, .html.", callback=options.in_a_folder
+        ),
     ] = None,
     setup: options.SetupFile = None,
     table: Annotated[
@@ -330,25 +306,23 @@ def report(
     os.environ.setdefault(
         "ARROW_DEFAULT_MEMORY_POOL", "system"
     )  # the default one keeps what is freed: 50 MB for an hour's tables
-    from tirelog.api.answers import ReportOrder, ReportRequest
 
     paths, tables = tuple(logs or ()), tuple(table or ())
-    order = ReportOrder(
-        ReportRequest(paths, setup, model, ladder, campaign, tables, channel, effects, propose),
-        output,
+    asked = api.answers.ReportRequest(
+        paths, setup, model, ladder, campaign, tables, channel, effects, propose
     )
+    page = api.answers.report_page(asked, output)
     with Session(setup, quiet, hashed=True) as session:
-        with session.working() as line:
-            line.say("making the page")
+        with session.working_on("making the page"):
             recordings = session.all_recordings(list(paths)) if paths else []
-            written = order.make(recordings, session.say)
-        session.notes(written)
+            written = api.answers.make_report(recordings, asked, page, session.say)
+        session.note(*written)
 
 
 # ---- `tirelog campaign run | status MANIFEST`.
 
 
-campaigns = typer.Typer(
+campaigns = options.Commands(
     help="Every log of a test campaign, every table, resumable.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -377,15 +351,15 @@ def run(
     quiet: options.Quiet = False,
 ) -> None:
     """Make what is not made yet: every log's tables, then the models over all logs."""
-    from tirelog.api.campaigns import campaign_status, run_campaign
-
     session = Session(quiet=quiet)
     if dry_run:
-        for log in campaign_status(manifest, only=only, retry_failed=retry_failed).logs:
+        for log in api.campaigns.campaign_status(
+            manifest, only=only, retry_failed=retry_failed
+        ).logs:
             if log.made:
                 typer.echo(printable(f"{log.log}: {', '.join(log.made)}"))
         return
-    done = run_campaign(
+    done = api.campaigns.run_campaign(
         manifest,
         workers=workers,
         scheduler=scheduler,
@@ -406,9 +380,7 @@ def run(
 @campaigns.command("status")
 def status(manifest: Manifest, quiet: options.Quiet = False) -> None:
     """Say what is done, failed and open; also while a run works."""
-    from tirelog.api.campaigns import campaign_status
-
-    found = campaign_status(manifest)
+    found = api.campaigns.campaign_status(manifest)
     typer.echo(
         f"{found.name}: {len(found.logs)} logs, {found.count('done')} done, "
         f"{found.count('failed')} failed, {found.count('open')} open"

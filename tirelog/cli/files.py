@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.cli import options
-from tirelog.cli.options import folder, in_a_folder
+import tirelog.api as api
+from tirelog.cli import app as options
+from tirelog.cli import pages
 from tirelog.cli.session import Session
 from tirelog.errors import ExitStatus, UsageError, printable
 from tirelog.vocabulary.tables import LOG_TABLES, LogTable, TableOption
 
 if TYPE_CHECKING:
-    from tirelog.api.parts import Part
     from tirelog.data.recording import Recording
     from tirelog.tables.writer import TableWriter
 
@@ -48,18 +48,15 @@ def check(
     Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
     log's file name, which is said.
     """
-    from tirelog.api import tables as checks
-
     session = Session(None, quiet, output, format)
     if bless:
-        checks.bless(table, against)
+        api.tables.bless(table, against)
         session.note(f"{against} is now {table}")
         return
-    found = checks.check(table, against, _tolerances(tolerance or []))
-    session.notes(found.remarks)
+    found = api.tables.check(table, against, _tolerances(tolerance or []))
+    session.note(*found.remarks)
     if found.differences or output is not None:
-        with session.table("check") as writer:
-            writer.write(found.columns)
+        session.write("check", [found.columns])
     if found.differences:
         raise typer.Exit(int(ExitStatus.ANSWER_IS_NO))
 
@@ -92,7 +89,10 @@ def _tolerances(texts: list[str]) -> dict[str, float]:
 def ingest(
     log: Annotated[str, typer.Argument(help="The log, or '-' for standard input.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="The run to write (HDF5).", callback=in_a_folder)
+        Path,
+        typer.Option(
+            "-o", "--output", help="The run to write (HDF5).", callback=options.in_a_folder
+        ),
     ],
     setup: options.SetupFile = None,
     quiet: options.Quiet = False,
@@ -100,25 +100,19 @@ def ingest(
     """Write a log as a run: channels in SI on exact time axes, with its setup, provenance and
     quality flags.
     """
-    from tirelog.api import logs
-    from tirelog.cli.pages import print_summary
-
     with Session(setup, quiet) as session:
-        with session.working() as line:
-            line.say(f"reading {log}")
-            summary = logs.ingest(log, output, session.setup())
-        session.notes(f"{log}: {remark}" for remark in summary.remarks)
-        for loss in summary.losses:
-            session.lost(f"{log}: {loss}")
+        with session.working_on(f"reading {log}"):
+            summary = api.logs.ingest(log, output, session.setup())
+        session.hear(log, summary.remarks, summary.losses)
         if not quiet:
-            with logs.opened_run(output, log) as recording:
-                print_summary(recording)
+            with api.logs.opened_run(output, log) as recording:
+                pages.print_summary(recording)
 
 
 # ---- `tirelog setup new LOG` and `tirelog setup check LOG`.
 
 
-app = typer.Typer(help="Draft the setup of a log, and check one.", no_args_is_help=True)
+app = options.Commands(help="Draft the setup of a log, and check one.", no_args_is_help=True)
 
 NOTHING = "nothing is implausible, missing, unused or guessed"
 Log = Annotated[str, typer.Argument(help="A log; '-' is standard input.")]
@@ -128,7 +122,7 @@ NewSetup = Annotated[
         "-o",
         "--output",
         help="Setup file to write; standard output without it.",
-        callback=in_a_folder,
+        callback=options.in_a_folder,
     ),
 ]
 
@@ -136,9 +130,7 @@ NewSetup = Annotated[
 @app.command("new")
 def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None:
     """Draft a setup from what a log holds; what is guessed is marked."""
-    from tirelog.api.setups import draft_setup
-
-    made = draft_setup(log, output)
+    made = api.logs.draft_setup(log, output)
     if output is None:
         typer.echo(made.text, nl=False)
     else:
@@ -151,9 +143,7 @@ def new(log: Log, output: NewSetup = None, quiet: options.Quiet = False) -> None
 @app.command("check")
 def check_setup(log: Log, setup: options.SetupFile = None, quiet: options.Quiet = False) -> None:
     """Say what is implausible, missing, unused or still guessed in the setup of a log."""
-    from tirelog.api.setups import check_setup
-
-    found = check_setup(log, setup)
+    found = api.logs.check_setup(log, setup)
     lines = [
         f"{name}: {kind}, {rate_Hz:,.6g} Hz, {duration_s:,.6g} s"
         for name, kind, rate_Hz, duration_s in found.channels
@@ -177,7 +167,10 @@ def simulate(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", help="The log: .csv, .txt, .mcap or .h5.", callback=in_a_folder
+            "-o",
+            "--output",
+            help="The log: .csv, .txt, .mcap or .h5.",
+            callback=options.in_a_folder,
         ),
     ],
     seed: Annotated[
@@ -191,12 +184,9 @@ def simulate(
     moves: over the [road] (flat, step, cleat, sine, profile), under [[load_steps]], through every
     [[manoeuvres]]. The keys are explained in sample_data/README.md.
     """
-    from tirelog.api.logs import simulated_log
-
     session = Session(quiet=quiet)
-    with session.working() as line:
-        line.say(f"driving {scenario}")
-        described, files = simulated_log(scenario, output, seed=seed)
+    with session.working_on(f"driving {scenario}"):
+        described, files = api.logs.simulated_log(scenario, output, seed=seed)
     planted = ", ".join(effect.name for effect in described.effects) or "no effect"
     session.note(
         f"{described.duration_s:g} s of log with {planted} planted; "
@@ -225,41 +215,27 @@ def info(
 
     Of a log without a setup: its columns, topics or datasets, with ranges and likely kinds.
     """
-    from tirelog.api.logs import changed, channels, described
-
     with Session(setup, quiet, output, format, hashed=True) as session:
-        if setup is None and not any(described(log) for log in logs):
-            _contents(session, logs)
+        if setup is None and not any(api.logs.described(log) for log in logs):
+            found = session.contents(logs)
+            if session.paged:
+                for inside in found:
+                    pages.print_contents(inside)
+            else:
+                session.write("contents", map(api.logs.contents_rows, found))
             return
+        recordings = session.recordings(logs, blocks=_BLOCKS)
         if session.paged:
-            from tirelog.cli import pages
-
-            for recording in session.recordings(logs, blocks=_BLOCKS):
+            for recording in recordings:
                 pages.print_summary(recording)
         else:
-            with session.table("info") as table:
-                for recording in session.recordings(logs, blocks=_BLOCKS):
-                    table.write(channels(recording))
+            session.write("info", map(api.logs.channels, recordings))
         for log in logs if verify else ():
-            for name in changed(log):
+            for name in api.logs.changed(log):
                 session.lost(
                     f"{log}: {name} is not what was written (sha256); copy the run again, or "
                     "ingest the log again"
                 )
-
-
-def _contents(session: Session, logs: list[str]) -> None:
-    """What is in logs that have no setup."""
-    from tirelog.api.setups import contents_rows
-    from tirelog.cli.pages import print_contents
-
-    if session.paged:
-        for inside in session.contents(logs):
-            print_contents(inside)
-        return
-    with session.table("contents") as table:
-        for inside in session.contents(logs):
-            table.write(contents_rows(inside))
 
 
 # ---- `tirelog NAME LOG...` for a table of `vocabulary.tables`, as its entry says.
@@ -277,7 +253,7 @@ def table_command(table: LogTable) -> Callable[..., None]:
         asked = {option.name: given[option.name] for option in (*table.options, *table.views)}
         plot, kind = given.get("plot"), given.get("kind", "page")
         options.refuse_kind_alone(kind, plot)
-        picture = None
+        picture = api.parts.TablePicture(table, plot, kind)
         with (
             Session(given["setup"], given["quiet"], given["output"], given["format"]) as session,
             session.table(table.given(asked)) as writer,
@@ -287,13 +263,8 @@ def table_command(table: LogTable) -> Callable[..., None]:
             ):
                 if part.columns:
                     writer.write(part.columns)
-                if plot is not None:
-                    from tirelog.api.parts import TablePicture
-
-                    picture = picture or TablePicture(table, kind)
-                    picture.keep(recording, part)
-            if plot is not None and picture is not None:
-                picture.draw(plot)
+                picture.keep(recording, part)
+            picture.draw()
 
     own: list[tuple[str, Any, Any]] = [
         (option.name, Annotated[option.kind | None, table_option(option)], None)
@@ -336,7 +307,7 @@ def tables(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", help="Folder to write FOLDER/NAME.csv into.", callback=folder
+            "-o", "--output", help="Folder to write FOLDER/NAME.csv into.", callback=options.folder
         ),
     ],
     setup: options.SetupFile = None,
@@ -345,7 +316,7 @@ def tables(
         typer.Option(
             "--table",
             help="One of the tables; without it all that the logs have channels for.",
-            autocompletion=options.tables,
+            autocompletion=options.completing(LOG_TABLES),
         ),
     ] = None,
     format: Annotated[str, typer.Option("--format", help="csv, ndjson, parquet or json.")] = "csv",
@@ -361,14 +332,13 @@ def tables(
     quiet: options.Quiet = False,
 ) -> None:
     """Make several tables in one go, each log read once."""
-    from tirelog.api.parts import parts_of_drive, refuse_other_tables
     from tirelog.storage.whole import all_or_none, make_folder
 
-    refuse_other_tables(table or ())
+    api.parts.refuse_other_tables(table or ())
     with Session(setup, quiet, format=format) as session, all_or_none(), ExitStack() as open_tables:
 
-        def made(recording: Recording) -> Iterator[Part]:
-            parts, unsuited = parts_of_drive(
+        def made(recording: Recording) -> Iterator[api.parts.Part]:
+            parts, unsuited = api.parts.parts_of_drive(
                 recording,
                 table or (),
                 channel or (),
@@ -376,7 +346,7 @@ def tables(
                 refused_first=len(logs) > 1,
                 processes=True,
             )
-            session.notes(f"{recording.log}: no channel for {name}" for name in unsuited)
+            session.note(*(f"{recording.log}: no channel for {name}" for name in unsuited))
             return parts
 
         writers: dict[str, TableWriter] = {}
@@ -404,7 +374,7 @@ def phase_shift(
         Path | None,
         typer.Option(
             help="Calibration file to write, learnt from these logs, and applied.",
-            callback=in_a_folder,
+            callback=options.in_a_folder,
         ),
     ] = None,
     zero: Annotated[str, _OWN["zero"]] = "auto",
@@ -417,8 +387,6 @@ def phase_shift(
     quiet: options.Quiet = False,
 ) -> None:
     """Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4)."""
-    from tirelog.api.parts import TablePicture, calibrated, calibration_notes, save_calibration
-
     if calibration is not None and calibrate is not None:
         raise UsageError(
             "--calibration and --calibrate",
@@ -431,8 +399,8 @@ def phase_shift(
             allowed="the force maps are part of a calibration",
             do="give --calibrate FILE",
         )
-    applied = calibration_notes(calibration)
-    picture = TablePicture(TABLE)
+    applied = api.parts.calibration_notes(calibration)
+    picture = api.parts.TablePicture(TABLE, plot)
     asked = {"zero": zero, "calibration": calibration}
     with (
         Session(setup, quiet, output, format) as session,
@@ -442,16 +410,14 @@ def phase_shift(
             made = session.parts(logs, TABLE.name, channel, by_time=by_time, **asked)
         else:
             read = list(session.parts(logs, TABLE.name, channel, forces=True, **asked))
-            learnt, rows = calibrated(
+            learnt, rows = api.parts.calibrated(
                 [part for _, part in read], forces=fit_forces, by_time=by_time
             )
-            save_calibration(learnt, calibrate)
+            api.parts.save_calibration(learnt, calibrate)
             applied = learnt.remarks
             made = ((read[0][0], part) for part in rows)
         for recording, part in made:
             writer.write(part.columns)
-            if plot is not None:
-                picture.keep(recording, part)
-        session.notes(applied)
-        if plot is not None:
-            picture.draw(plot)
+            picture.keep(recording, part)
+        session.note(*applied)
+        picture.draw()

@@ -6,22 +6,17 @@ import math
 import shlex
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from tirelog.cli import options
+import tirelog.api as api
+from tirelog.cli import app as options
+from tirelog.cli import pages
 from tirelog.cli.session import Session
 from tirelog.errors import UsageError, refuse_unknown
-from tirelog.vocabulary.columns import TABLES
-from tirelog.vocabulary.observables import SCALARS
 
-if TYPE_CHECKING:
-    from tirelog.api.answers import MeasuredLogs
-    from tirelog.api.models import Model
-
-
-app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
+app = options.Commands(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
 
 
 def _words(text: str) -> list[str]:
@@ -58,7 +53,7 @@ def new(
         str | None,
         typer.Option(
             help="Start from the numbers of a paper's table: P1, P2 (beams) or P3 (a ring).",
-            autocompletion=options.presets,
+            autocompletion=options.completing(lambda: api.models.PRESETS),
         ),
     ] = None,
     setup: options.SetupFile = None,
@@ -77,10 +72,8 @@ def new(
     quiet: options.Quiet = False,
 ) -> None:
     """Make a model without effects; tire and conditions come from the setup if it has them."""
-    from tirelog.api.models import new_model, save_model
-
     session = Session(setup, quiet)
-    model, remarks = new_model(
+    model, remarks = api.models.new_model(
         carcass,
         session.setup(),
         observable=None if observable is None else _words(observable),
@@ -88,8 +81,8 @@ def new(
         values=_assignments(sets),
         preset=preset,
     )
-    save_model(model, output)
-    session.notes(remarks)
+    api.models.save_model(model, output)
+    session.note(*remarks)
     named, fitted = (
         shlex.quote(str(path)) for path in (output, output.with_stem(f"{output.stem}_fitted"))
     )
@@ -116,24 +109,16 @@ def show(
     """Show a model to read, or its parameters as a table; with --against the difference of two
     models in sigma.
     """
-    from tirelog.api.models import difference_rows, ladder_rows, load_model, parameter_rows
-    from tirelog.cli.pages import difference_page, history_page, model_page
-
-    session = Session(None, quiet, output, format)
-    read = load_model(model, effects=effects)
+    read = api.models.load_model(model, effects=effects)
     if history:
-        rows: dict[str, Any] = ladder_rows(model)
-        shown = history_page(rows)
+        rows: dict[str, Any] = api.models.ladder_rows(model)
+        shown = pages.history_page(rows)
     elif against is not None:
-        rows = difference_rows(read, load_model(against, effects=effects))
-        shown = difference_page(rows)
+        rows = api.models.difference_rows(read, api.models.load_model(against, effects=effects))
+        shown = pages.difference_page(rows)
     else:
-        rows, shown = parameter_rows(read), model_page(read)
-    if session.paged:
-        typer.echo(shown)
-        return
-    with session.table("model") as table:
-        table.write(rows)
+        rows, shown = api.models.parameter_rows(read), pages.model_page(read)
+    Session(None, quiet, output, format).show("model", shown, rows)
 
 
 @app.command()
@@ -154,11 +139,11 @@ def add(
     """Add an effect at its start values (or --set ones); a grating's length is fixed if the
     setup gives it.
     """
-    from tirelog.api.models import added, load_model, save_model
-
-    read, given = load_model(model, effects=effects), Session(setup, quiet).setup()
+    read, given = api.models.load_model(model, effects=effects), Session(setup, quiet).setup()
     values = _assignments(sets, f"{effect}.")
-    save_model(added(read, effect, values, setup=given, effects=effects), new_model)
+    api.models.save_model(
+        api.models.added(read, effect, values, setup=given, effects=effects), new_model
+    )
 
 
 @app.command()
@@ -170,9 +155,9 @@ def remove(
     quiet: options.Quiet = False,
 ) -> None:
     """Remove an effect."""
-    from tirelog.api.models import load_model, save_model
-
-    save_model(load_model(model, effects=effects).without_effect(effect), new_model)
+    api.models.save_model(
+        api.models.load_model(model, effects=effects).without_effect(effect), new_model
+    )
 
 
 @app.command()
@@ -195,12 +180,11 @@ def worn(
 
     P3 shows wear (Figs. 5, 6) and gives no equation; this is that of a block of rubber.
     """
-    from tirelog.api.models import load_model, save_model, worn_model
-
-    made, changed = worn_model(load_model(model, effects=effects), new_depth, depth, neutral_axis)
-    save_model(made, output)
-    Session(quiet=quiet).notes(
-        f"{name} {before:g} -> {after:g}" for name, (before, after) in changed.items()
+    read = api.models.load_model(model, effects=effects)
+    made, changed = api.models.worn_model(read, new_depth, depth, neutral_axis)
+    api.models.save_model(made, output)
+    Session(quiet=quiet).note(
+        *(f"{name} {before:g} -> {after:g}" for name, (before, after) in changed.items())
     )
 
 
@@ -211,7 +195,7 @@ def nuisance(
         str,
         typer.Argument(
             help="wheel, drift, rolling, patch_law, pressure_law or form.",
-            autocompletion=options.nuisances,
+            autocompletion=options.completing(lambda: api.models.NUISANCES),
         ),
     ],
     use: Annotated[str, typer.Argument(help="on, off, or auto: if it earns its place.")],
@@ -219,9 +203,7 @@ def nuisance(
     quiet: options.Quiet = False,
 ) -> None:
     """Say whether a nuisance of wheel, road or day, or the tire's form, stands beside the model."""
-    from tirelog.api.models import load_model, save_model
-
-    save_model(load_model(model).with_nuisance(name, use), new_model)
+    api.models.save_model(api.models.load_model(model).with_nuisance(name, use), new_model)
 
 
 @app.command()
@@ -254,40 +236,36 @@ def fit(
     Masses, damping and bristles of a coupled ring are fitted to the
     obstacles of logs whose setup has a [road].
     """
-    from tirelog.api.answers import fit as fit_model
-    from tirelog.api.models import load_model, refuse_another, save_model
-    from tirelog.cli.pages import fit_page, learned_page
-
-    refuse_another(new_model)
-    start = load_model(model, effects=effects)
+    api.models.refuse_another(new_model)
+    start = api.models.load_model(model, effects=effects)
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"]
     with Session(setup, quiet) as session:
         measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
-        with session.working() as line:
-            line.say("fitting the model")
-            result = fit_model(measured, start, nuisances=words)
-        session.notes(result.remarks)
+        with session.working_on("fitting the model"):
+            result = api.answers.fit(measured, start, nuisances=words)
+        session.note(*result.remarks)
         session.refuse_edit(model, new_model)
-        save_model(result.model, new_model)
+        api.models.save_model(result.model, new_model)
         if not quiet:
-            typer.echo(fit_page(result))
-            if result.learned is not None:
-                typer.echo(learned_page(result.learned))
+            typer.echo(pages.fit_page(result))
 
 
 def _measured(
-    session: Session, logs: list[str], model: Model, channels: list[str]
-) -> list[MeasuredLogs]:
+    session: Session, logs: list[str], model: api.models.Model, channels: list[str]
+) -> list[api.answers.MeasuredLogs]:
     """What was measured by each of the channels; by the first that fits if none is named.
 
     One channel's logs are read one after the other.
     """
-    from tirelog.api.answers import measure, observable_of
-
     if len(channels) < 2:
-        return [measure(session.recordings(logs), model, channels[0] if channels else None)]
+        return [
+            api.answers.measure(session.recordings(logs), model, channels[0] if channels else None)
+        ]
     recordings = session.all_recordings(logs)
-    return [measure(recordings, observable_of(name, recordings, model), name) for name in channels]
+    return [
+        api.answers.measure(recordings, api.answers.observable_of(name, recordings, model), name)
+        for name in channels
+    ]
 
 
 # ---- What a model says by itself.
@@ -383,22 +361,26 @@ def predict(
     --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle
     and what sensors read.
     """
-    from tirelog.api import models
-
     session = Session(setup, quiet, output, format)
-    read, given = models.load_model(model, effects=effects), session.setup()
+    read, given = api.models.load_model(model, effects=effects), session.setup()
     conditions = options.conditions_given(
         given, {"time_s": time, "temperature_K": temperature},
         speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
     )  # fmt: skip
     options.refuse_many(len(conditions), points)
-    side = surface or models.known_surface(given) or "outer"
-    driven = road is not None or bool(load_step) or bool(speed_ramp)
-    name = _table(read.observable, len(conditions), everything or modes is not None, driven)
-    if driven:
-        with session.working() as line:
-            line.say("driving")
-            rows, remarks = models.passage(
+    side = surface or api.models.known_surface(given) or "outer"
+    number = read.observable in api.models.SCALARS
+    whole = everything or modes is not None or len(conditions) > 1
+    if road is not None or load_step or speed_ramp:
+        if number or whole:
+            raise UsageError(
+                "--road, --load-step or --speed-ramp with several conditions, --all or --modes, or "
+                f"a model of {read.observable}",
+                allowed="one drive from one speed and load is allowed, of a model of a waveform",
+                do="leave them out",
+            )
+        with session.working_on("driving"):
+            rows, remarks = api.models.passage(
                 read,
                 conditions,
                 options.road_words(road or "flat", given),
@@ -410,29 +392,14 @@ def predict(
                 sensors_deg=sensor,
                 surface=side,
             )
-        session.notes(remarks)
-    elif name == "predict-numbers":
-        rows = models.numbers(read, conditions, surface=side)
+        session.note(*remarks)
+        name = "passage"
+    elif number and not (everything or modes is not None):
+        name, rows = "predict-numbers", api.models.numbers(read, conditions, surface=side)
     else:
-        rows = models.revolutions(read, conditions, points=points, surface=side, modes=modes)
-    with session.table(name) as table:
-        table.write({column: rows[column] for column in TABLES[name] if column in rows})
-
-
-def _table(observable: str, conditions: int, everything: bool, driven: bool) -> str:
-    """The table that a prediction is.  UsageError: a drive of what is none."""
-    numbers = observable in SCALARS and not everything
-    if not driven:
-        along = "predict-all" if everything or conditions > 1 else "predict"
-        return "predict-numbers" if numbers else along
-    if numbers or everything or conditions > 1:
-        raise UsageError(
-            "--road, --load-step or --speed-ramp with several conditions, --all or --modes, or a "
-            f"model of {observable}",
-            allowed="one drive from one speed and load is allowed, of a model of a waveform",
-            do="leave them out",
-        )
-    return "passage"
+        name = "predict-all" if whole else "predict"
+        rows = api.models.revolutions(read, conditions, points=points, surface=side, modes=modes)
+    session.write(name, [api.models.table_columns(name, rows)])
 
 
 @app.command()
@@ -459,19 +426,16 @@ def forces(
     Several speeds, loads, pressures, accelerations or slips are combined, each with each. Empty is
     what this model does not have: a beam has no hub, a ring no critical speed.
     """
-    from tirelog.api import models
-
     session = Session(setup, quiet, output, format)
-    read, given = models.load_model(model, effects=effects), session.setup()
+    read, given = api.models.load_model(model, effects=effects), session.setup()
     conditions = options.conditions_given(
         given, {"time_s": 0.0},
         speed=speed, load=load, pressure=pressure, acceleration=acceleration, slip=slip,
     )  # fmt: skip
-    rows = models.forces(
+    rows = api.models.forces(
         read, conditions, slip_angle_deg=slip_angle, camber_deg=camber, setup=given
     )
-    with session.table("forces") as table:
-        table.write(rows)
+    session.write("forces", [rows])
 
 
 @app.command()
@@ -511,19 +475,16 @@ def modes(
     --plot draws their shapes; with --log the modes over the log's order map, as the turning belt
     feels them.
     """
-    from tirelog.api import models
-
     if log and plot is None:
         raise UsageError("--log without --plot", allowed="its order map is drawn", do="add --plot")
-    read = models.load_model(model, effects=effects)
+    read = api.models.load_model(model, effects=effects)
     hub: dict[str, Any] = {"hub_mass_kg": hub_mass, "hub_inertia_kg_m2": hub_inertia}
     session = Session(setup, quiet, output, format)
-    with session.working() as line:
-        line.say("looking for modes")
-        columns = models.modes(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
+    with session.working_on("looking for modes"):
+        columns = api.models.modes(read, speed_m_s=speed, load_N=load, to_Hz=to_frequency, **hub)
     with session, session.table("modes") as table:
         if plot is not None:
-            models.draw_modes(
+            api.models.draw_modes(
                 read,
                 columns,
                 plot,
@@ -551,20 +512,14 @@ def effects(
     """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each
     does to the strain.
     """
-    from tirelog.api.models import catalogue_with, draw_effects
-    from tirelog.cli.pages import catalogue_page, catalogue_rows, effect_page
-
     session = Session(None, quiet, output, format)
-    catalogue = catalogue_with(own)
+    catalogue = api.models.catalogue_with(own)
     if name is not None:
         refuse_unknown(
             name, catalogue, f"unknown effect {name!r}", do="name one, or none for the list"
         )
     chosen = list(catalogue.values()) if name is None else [catalogue[name]]
     if plot is not None:
-        draw_effects(chosen, plot)
-    if session.paged:
-        typer.echo(catalogue_page(chosen) if name is None else effect_page(chosen[0]))
-        return
-    with session.table("effects") as table:
-        table.write(catalogue_rows(chosen))
+        api.models.draw_effects(chosen, plot)
+    page = pages.catalogue_page(chosen) if name is None else pages.effect_page(chosen[0])
+    session.show("effects", page, pages.catalogue_rows(chosen))

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import tirelog.api as api
 from tirelog.errors import (
     DataLoss,
     ExitStatus,
@@ -42,9 +43,6 @@ from tirelog.storage.whole import output_error, whole_file
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tirelog.api.campaigns import Entry
-    from tirelog.api.parts import Part
-    from tirelog.api.setups import Contents
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
     from tirelog.tables.writer import TableWriter
@@ -230,13 +228,12 @@ class Working:
 
 def summary(output: Path | str, rows: int, logs: int, began: float) -> None:
     """One line on a terminal: the file, its rows, of how many logs, in how long."""
-    if not sys.stderr.isatty():
-        return
-    of = f" of {logs} logs" if logs > 1 else ""
-    sys.stderr.write(
-        f"{printable(str(output))}: {rows:,} row{'' if rows == 1 else 's'}{of}, "
-        f"{time.monotonic() - began:.1f} s\n"
-    )
+    if sys.stderr.isatty():
+        of = f" of {logs} logs" if logs > 1 else ""
+        sys.stderr.write(
+            f"{printable(str(output))}: {rows:,} row{'' if rows == 1 else 's'}{of}, "
+            f"{time.monotonic() - began:.1f} s\n"
+        )
 
 
 class CampaignProgress:
@@ -248,7 +245,7 @@ class CampaignProgress:
             sys.stderr.write(f"\r\x1b[Ktirelog: 0/{of}, working")
             sys.stderr.flush()
 
-    def __call__(self, entry: Entry, finished: int, of: int) -> None:
+    def __call__(self, entry: api.campaigns.Entry, finished: int, of: int) -> None:
         if self.quiet:
             return
         left = (time.monotonic() - self.begun) / finished * (of - finished)
@@ -322,22 +319,15 @@ class Session:
         hashed: bool = False,
     ) -> None:
         self.quiet, self.output, self.format = quiet, output, format
-        self._hashed = hashed or self._parquet()
         self._setup_file = setup
+        self._hashed = hashed or self._parquet()
         self._shared: Setup | None = None
-        self._resources = ExitStack()
-        self._noted: set[str] = set()
-        self._copies: dict[str, str] = {}
-        self._lost: list[str] = []
-        self._unread: list[str] = []
-        self._refused: list[TirelogError] = []
-        self._kept: list[Recording] = []
-        self._read = 0
-        self._streams = False
-        self._began = time.monotonic()
+        self._resources, self._kept = ExitStack(), list["Recording"]()
+        self._noted, self._copies = set[str](), dict[str, str]()
+        self._lost, self._unread, self._refused = list[str](), list[str](), list[TirelogError]()
+        self._read, self._streams, self._began = 0, False, time.monotonic()
         self._tables: list[TableWriter] = []
-        self.hashes: dict[str, str] = {}
-        self.tires: dict[str, list[str]] = {}
+        self.hashes, self.tires = dict[str, str](), dict[str, list[str]]()
 
     def __enter__(self) -> Session:
         return self
@@ -358,24 +348,19 @@ class Session:
     @property
     def json(self) -> bool:
         """True if a JSON document is asked for."""
-        named = self.output is not None and self.output.suffix == ".json"
-        return self.format == "json" or named
+        return self.format == "json" or (self.output is not None and self.output.suffix == ".json")
 
     def say(self, text: str) -> None:
         """What is being done, on standard error, unless --quiet."""
         if not self.quiet:
             say(text)
 
-    def note(self, text: str) -> None:
-        """A remark on standard error, once, unless --quiet."""
-        if not self.quiet and text not in self._noted:
-            self._noted.add(text)
-            say(f"note: {text}")
-
-    def notes(self, texts: Iterable[str]) -> None:
-        """Remarks on standard error, unless --quiet."""
+    def note(self, *texts: str) -> None:
+        """Remarks on standard error, each once, unless --quiet."""
         for text in texts:
-            self.note(text)
+            if not self.quiet and text not in self._noted:
+                self._noted.add(text)
+                say(f"note: {text}")
 
     def working(self) -> Working:
         """A line on the terminal while something takes longer; none if rows go there."""
@@ -391,9 +376,7 @@ class Session:
     def setup(self) -> Setup | None:
         """The setup given with --setup, read once."""
         if self._shared is None and self._setup_file is not None:
-            from tirelog.api.logs import as_setup
-
-            self._shared = as_setup(self._setup_file)
+            self._shared = api.logs.as_setup(self._setup_file)
         return self._shared
 
     def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
@@ -414,20 +397,16 @@ class Session:
                         yield recording
         self._stop_if_unread()
 
-    def contents(self, logs: list[str]) -> Iterator[Contents]:
+    def contents(self, logs: list[str]) -> Iterator[api.logs.Contents]:
         """What is in logs that have no setup, one after the other; errors as for `recordings`."""
-        from tirelog.api.setups import contents
-
         for log in logs:
             try:
-                inside = contents(log)
+                inside = api.logs.contents(log)
             except ReadError as problem:
                 self._cannot_read(log, problem)
                 continue
             self._read += 1
-            self.notes(f"{log}: {remark}" for remark in inside.remarks)
-            for loss in inside.losses:
-                self.lost(f"{log}: {loss}")
+            self.hear(log, inside.remarks, inside.losses)
             yield inside
         self._stop_if_unread()
 
@@ -447,27 +426,28 @@ class Session:
             recording = self._open(log, resources, blocks)
             yield recording
             if recording is not None:
-                self._say_losses(recording)
+                self.hear(recording.log, losses=recording.losses)
 
     def parts(
         self, logs: list[str], table: str, channels: list[str] | None = None, **options: Any
-    ) -> Iterator[tuple[Recording, Part]]:
+    ) -> Iterator[tuple[Recording, api.parts.Part]]:
         """The rows of one table of every log, or of these `channels`, part by part (`parts_of`).
 
         If rows go to standard output, all that could refuse a log is looked at before the first. A
         file takes its place whole or not at all, so that its channels need not be read twice.
         """
-        from tirelog.api.parts import checked_options, parts_of
-
-        checked_options(table, options)
+        api.parts.checked_options(table, options)
         first = self._streams or len(logs) > 1
         return self.parts_of(
-            logs, lambda log: parts_of(log, table, options, channels or (), refused_first=first)
+            logs,
+            lambda log: api.parts.parts_of(
+                log, table, options, channels or (), refused_first=first
+            ),
         )
 
     def parts_of(
-        self, logs: list[str], made: Callable[[Recording], Iterator[Part]]
-    ) -> Iterator[tuple[Recording, Part]]:
+        self, logs: list[str], made: Callable[[Recording], Iterator[api.parts.Part]]
+    ) -> Iterator[tuple[Recording, api.parts.Part]]:
         """What is `made` of every log, part by part, what is to be said of it said.
 
         Of several logs each stands for itself: one that is refused, for its setup or for what it
@@ -486,21 +466,17 @@ class Session:
                         if len(logs) > 1:
                             self._note_copy(recording)
                         for part in made(recording):
-                            self.notes(f"{log}: {remark}" for remark in part.remarks)
+                            self.hear(log, part.remarks)
                             gave = True
                             yield recording, part
                 except (UsageError, SetupError, ReadError, DataLoss) as problem:
                     if len(logs) == 1:
                         raise
-                    self._refuse(log, problem)
+                    self._refused.append(problem)  # said now, and status 3 in the end
+                    say(f"error: {problem if problem.file is not None else problem.at(log)}")
         self._stop_if_unread()
         if self._refused and not gave:
             raise typer.Exit(int(self._refused[0].exit_status))
-
-    def _refuse(self, log: str, problem: TirelogError) -> None:
-        """One log of several is refused: said now, and status 3 in the end."""
-        self._refused.append(problem)
-        say(f"error: {problem if problem.file is not None else problem.at(log)}")
 
     def all_recordings(self, logs: list[str]) -> list[Recording]:
         """The logs, open together until the session ends."""
@@ -514,9 +490,7 @@ class Session:
 
     def _note_copy(self, recording: Recording) -> None:
         """A note if the log holds the samples of an earlier one, whose rows then come twice."""
-        from tirelog.api.logs import samples_hash
-
-        digest = samples_hash(recording)
+        digest = api.logs.samples_hash(recording)
         if digest in self._copies:
             self.note(
                 f"{recording.log}: holds the same samples as {self._copies[digest]}; what is made "
@@ -526,28 +500,25 @@ class Session:
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None if it cannot be read (which has been said)."""
-        from tirelog.api.logs import open_recording
-
         try:
             recording = resources.enter_context(
-                open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
+                api.logs.open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
             )
         except ReadError as problem:
             self._cannot_read(log, problem)
             return None
         self._read += 1
         self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))
-        self.notes(f"{log}: {remark}" for remark in recording.remarks)
-        self._say_losses(recording)
+        self.hear(log, recording.remarks, recording.losses)
         return recording
 
-    def _say_losses(self, recording: Recording) -> None:
-        """Say each loss once.
+    def hear(self, log: str, remarks: Iterable[str] = (), losses: Iterable[str] = ()) -> None:
+        """What is to be said of a log, and each loss once.
 
-        When the log is opened, and again at its end, since a damaged chunk is met while reading.
+        When it is opened, and again at its end, since a damaged chunk is met while reading.
         """
-        for loss in recording.losses:
-            text = f"{recording.log}: {loss}"
+        self.note(*(f"{log}: {remark}" for remark in remarks))
+        for text in (f"{log}: {loss}" for loss in losses):
             if text not in self._lost:
                 self.lost(text)
 
@@ -576,31 +547,40 @@ class Session:
         self._tables.append(writer)
         return writer
 
+    def write(self, name: str, parts: Iterable[Mapping[str, Any]]) -> None:
+        """A table of columns that come in parts."""
+        with self.table(name) as table:
+            for columns in parts:
+                table.write(columns)
+
+    def show(self, name: str, shown: str, columns: Mapping[str, Any]) -> None:
+        """The page to read, unless a table is asked for."""
+        if self.paged:
+            typer.echo(shown)
+        else:
+            self.write(name, [columns])
+
     def write_rows(
         self, name: str, parts: Iterable[Sequence[Mapping[str, Any]]], empty: Sequence[str] = ()
     ) -> None:
         """A table of rows that come in parts; if there are none the columns `empty`."""
-        with self.table(name) as table:
-            for rows in parts:
-                table.write(columns_of_rows(rows) or {name: [] for name in empty})
+        nothing: dict[str, list[Any]] = {name: [] for name in empty}
+        self.write(name, (columns_of_rows(rows) or nothing for rows in parts))
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()
-        if isinstance(value, UsageError) and self._unread and not self._read:  # why has been said
-            raise typer.Exit(int(ExitStatus.NOTHING_READ))
-        if (
-            isinstance(value, UsageError) and self._lost
-        ):  # what was asked for is not there because it was lost
-            say(f"error: {value}")
-            raise typer.Exit(int(DataLoss.exit_status))
+        if isinstance(value, UsageError):
+            self._stop_if_unread()  # why has been said
+            if self._lost:  # what was asked for is not there because of that
+                say(f"error: {value}")
+                raise typer.Exit(int(DataLoss.exit_status))
         if kind is not None:
             return
         for recording in self._kept:
-            self._say_losses(recording)
+            self.hear(recording.log, losses=recording.losses)
         self._stop_if_unread()
-        if not self.quiet:
-            for table in self._tables:
-                if table.output is not None:
-                    summary(table.output, table.rows, self._read, self._began)
+        for table in self._tables:
+            if table.output is not None and not self.quiet:
+                summary(table.output, table.rows, self._read, self._began)
         if self._unread or self._lost or self._refused:
             raise typer.Exit(int(DataLoss.exit_status))

@@ -38,11 +38,15 @@ PICTURES = "tirelog.plots.answers"
 
 @dataclass(frozen=True)
 class AnswerTable:
-    """A small table to read: words and numbers, None for nothing."""
+    """A small table to read: words and numbers, None for nothing.
+
+    colours   of each row the number of its colour in the figures, if they stand for something there
+    """
 
     caption: str
     names: Sequence[str]
     rows: Sequence[Sequence[Any]]
+    colours: Sequence[int] = ()
 
     def columns(self, *names: str) -> AnswerTable:
         """The table with these columns alone."""
@@ -140,9 +144,7 @@ def plain_values(value: Any) -> Any:
 
 def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     """The sentence, '' if there is nothing to say."""
-    same: list[str] = []
-    unknown: list[str] = []
-    who: list[str] = []
+    same, unknown, who = list[str](), list[str](), list[str]()
     candidates = list(effects)
     for field in SETUP_KEYS:
         followers = [
@@ -404,38 +406,38 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
             f"What remains repeats: {facts['observable']} contradicts the others on what they "
             "share."
         )
-    parts = [f"in {facts['observable']}"] if facts.get("observable") else []
-    if facts["where"]:
-        parts.append(_WHERE[facts["where"]])
-        if not facts["in_time"]:
-            parts.append(_PARITY[facts["parity"]])
-    if facts["frequency_Hz"]:
-        parts.append(f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time")
-    elif facts["follows"] == "nothing":
-        parts.append("much the same at every speed")
-    elif facts["speed_exponent"] is not None:
-        parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
-    elif facts["follows"]:
-        parts.append(_following(facts))
-    if facts["in_time"] and not facts["frequency_Hz"]:
-        parts.append("fixed in the time since that edge")
-    if facts["in_pressure"] and not facts["frequency_Hz"]:
-        parts.append("as a change of the contact pressure would be")
+    rings, in_time, where = facts["frequency_Hz"], facts["in_time"], facts["where"]
+    parts = (
+        f"in {facts['observable']}" if facts.get("observable") else "",
+        _WHERE[where] if where else "",
+        _PARITY[facts["parity"]] if where and not in_time else "",
+        _following(facts),
+        "fixed in the time since that edge" if in_time and not rings else "",
+        "as a change of the contact pressure would be"
+        if facts["in_pressure"] and not rings
+        else "",
+    )
     near = ""
     if facts["nearest_effect"]:
         near = (
             f" The nearest effect is {facts['nearest_effect']}: "
             f"{percent(facts['nearest_share'])} of the excess."
         )
-    return f"What remains repeats: {', '.join(parts)}.{near}"
+    return f"What remains repeats: {', '.join(filter(None, parts))}.{near}"
 
 
 def _following(facts: Mapping[str, Any]) -> str:
-    """What a remainder follows, with what went along with it."""
-    follows = str(facts["follows"])
+    """What a remainder follows, with what went along with it; "" if that is not known."""
+    follows = str(facts["follows"] or "")
+    if facts["frequency_Hz"]:
+        return f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time"
+    if follows == "nothing":
+        return "much the same at every speed"
+    if facts["speed_exponent"] is not None:
+        return f"growing as speed to the power {facts['speed_exponent']:g}"
     if follows.startswith("log "):
         return f"other in log {int(follows[4:]) + 1} than in the others"
-    return f"following {follows}{_or_those(facts['together'])}"
+    return f"following {follows}{_or_those(facts['together'])}" if follows else ""
 
 
 def _or_those(along: Sequence[str]) -> str:

@@ -96,7 +96,10 @@ class ErrorTables(Mapping[str, Rows]):
         small: Mapping[str, list[dict[str, Any]]],
         large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]],
     ) -> None:
-        self._small, self._large = small, large
+        self._parts: dict[str, Callable[[], Iterator[Rows]]] = {
+            **{name: partial(iter, [rows]) for name, rows in small.items()},
+            **large,
+        }
 
     @classmethod
     def joined(cls, parts: Sequence[Comparison]) -> ErrorTables:
@@ -119,13 +122,13 @@ class ErrorTables(Mapping[str, Rows]):
 
     def parts(self, name: str) -> Iterator[Rows]:
         """The rows of a table, some at a time."""
-        return iter([self._small[name]]) if name in self._small else self._large[name]()
+        return self._parts[name]()
 
     def __iter__(self) -> Iterator[str]:
-        return iter([*self._small, *self._large])
+        return iter(self._parts)
 
     def __len__(self) -> int:
-        return len(self._small) + len(self._large)
+        return len(self._parts)
 
 
 @dataclass(frozen=True, repr=False)
@@ -244,6 +247,45 @@ class Comparison(AnswerRecord):
         said = [text for text in (self.nuisances_sentence(), self.agreement) if text]
         return [errors, self.parameters_table()], [*said, *self.notes]
 
+    def page(self) -> Iterator[str | AnswerTable]:
+        """What a terminal shows: errors, where they are, parameters; of several what each brings.
+
+        Of logs that met an obstacle also what the model says of each hit.
+        """
+        if self.parts:
+            yield (
+                f"{self.observable}, fitted together, in {self.unit}: {self.revolutions} "
+                f"revolutions, {self.manoeuvres} manoeuvres"
+            )
+            yield self.together_table()
+            yield self.agreement
+        else:
+            yield from self._errors_page()
+        yield self.parameters_table()
+        if self.parts and not all(part.member for part in self.parts):
+            yield "without an observable: the error that the others alone would leave"
+            for part in self.parts:
+                yield from ("", *part._errors_page())
+        if said := self.nuisances_sentence():
+            yield said
+        if (hit := self.obstacles) is not None:
+            total, hits = hit.to_json(), hit.hits_table()
+            yield (
+                f"obstacles: {len(hit.hits)} hits; the model covers {100.0 * total['covered']:.0f} "
+                f"% of what they added ({total['nuisance_parameters']} nuisance numbers: when, "
+                "phase, level and alignment of each)"
+            )
+            yield hits.columns(*hits.names[:-2])
+
+    def _errors_page(self) -> Iterator[str | AnswerTable]:
+        """The errors of one observable, and where they are."""
+        named = f"{self.observable} of {self.member}" if self.member else self.observable
+        unit, errors = shown(self.observable, self.unit)[1], self.errors_table()
+        yield f"{named} in {unit}: {self.revolutions} revolutions, {self.manoeuvres} manoeuvres"
+        yield errors.columns(*errors.names[:-1])
+        yield from self.floor_sentences()
+        yield f"reduced chi-square {self.reduced_chi2:.3g}, fit {self.fit_percent:.2f} %"
+
     def by(self, name: str) -> Iterator[list[dict[str, Any]]]:
         """Rows of the errors by revolution, angle, speed, ... (`ERRORS_BY`), part by part.
 
@@ -263,8 +305,7 @@ class Comparison(AnswerRecord):
 
     def rows(self) -> list[dict[str, Any]]:
         """One row: the numbers of `to_json` that are neither lists nor tables."""
-        numbers = self.to_json().items()
-        return [{name: v for name, v in numbers if not isinstance(v, dict | list)}]
+        return [{name: v for name, v in self.to_json().items() if not isinstance(v, dict | list)}]
 
     def draw(self, path: Path, **how: str) -> list[Path]:
         """The pictures as files: the first observable's at `path`, of others and of hits beside it.
@@ -556,8 +597,7 @@ def _curve(base: Base, effect: str) -> EffectCurve | ModelError:
     square = np.einsum("cmi,ij,cmj->cm", slopes, covariance, slopes)
     known = bool(np.isfinite(fit.known.se[own]).all())
     error = np.sqrt(np.maximum(square, 0.0)) if known else np.full(added.shape, np.nan)
-    between = base.floor.scatter.square(scatter_columns(cells, fit))
-    floor = np.sqrt(cells.within + between)
+    floor = np.sqrt(cells.within + base.floor.scatter.square(scatter_columns(cells, fit)))
     left = cells.values - fit.prediction - fit.beside + added
     if cells.phi.shape[1] == 1:
         order = np.argsort(cells.conditions.speed_m_s, kind="stable")

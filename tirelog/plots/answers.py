@@ -224,8 +224,7 @@ def modes_picture(columns: Mapping[str, Sequence[Any]], path: Path) -> None:
     A mode is drawn as the one wave that has most of its energy; on the road it has others too.
     """
     order = np.argsort(np.asarray(columns["frequency_Hz"], float))[:_MOST]
-    panels = [_mode({name: columns[name][row] for name in columns}) for row in order]
-    rows = rows_of(panels, 4)
+    rows = rows_of([_mode({name: columns[name][row] for name in columns}) for row in order], 4)
     write(picture(Page(rows, (10.0, 2.7 * max(len(rows), 1)))), path)
 
 
@@ -362,16 +361,11 @@ _MOST_HITS = 4
 SHOWN_S = 0.25
 
 
-def transient_figure(result: TransientComparison) -> Figure:
-    """A matplotlib figure of the first hits."""
+def draw_transient(result: TransientComparison, path: Path) -> None:
+    """Write a figure of the first hits; the suffix decides the format."""
     as_shown = drawn(result.observable, result.unit)
     rows = [hit_panels(hit, result.observable, as_shown) for hit in result.hits[:_MOST_HITS]]
-    return picture(Page(rows, (15.0, 3.2 * len(rows) + 0.6)))
-
-
-def draw_transient(result: TransientComparison, path: Path) -> None:
-    """Write the figure; the suffix decides the format."""
-    write(transient_figure(result), path)
+    write(picture(Page(rows, (15.0, 3.2 * len(rows) + 0.6))), path)
 
 
 def hit_panels(
@@ -439,6 +433,8 @@ def hit_panels(
 #: errors, or to the noise floor
 _QUANTILE = 99.9
 _SIGMAS = 3.0
+#: half lengths of the patch that a waveform or map shows at first
+_REACH = 6.0
 #: half of a close-up of an edge, in half angles of the patch; and the edge, if none is known
 _CLOSE, _NO_EDGE_DEG = 0.6, 10.0
 
@@ -449,24 +445,35 @@ def compare_figure(result: Comparison, kind: str = "page") -> Figure:
     UsageError: not of a number per revolution, which has no waveform.
     """
     refuse_unknown(kind, COMPARE, f"no picture is called {kind!r}", do="choose one")
-    if kind != "page":
-        return _of_waveforms(result, kind)
-    factor, unit = drawn(result.observable, result.unit)
-    maps = ((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]"))
-    edge, floor = result.half_angle_rad, result.noise_floor * factor
-    left = [_map(m, m.residual * factor, floor, f"residual [{unit}]", s, edge) for m, s in maps]
-    white = [
-        _map(m, m.whitened, _SIGMAS, "residual [standard errors]", name, edge) for m, name in maps
-    ]
-    return picture(
-        Page(
-            [[waveforms(result)], left, white],
-            (12.0, 9.5),
-            f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor "
-            f"{floor:.3g}, excess {in_unit(result.excess_heldout, factor)}; reduced chi-square "
-            f"{result.reduced_chi2:.3g}",
-            heights=(1.1, 1.0, 1.0),
+    if kind == "page":
+        return picture(_residuals(result))
+    if result.observable not in WAVEFORMS:
+        raise UsageError(
+            f"--plot-kind {kind} of {result.observable}, a number per revolution",
+            allowed="it is allowed for waveforms: strain and radial_acceleration",
+            do="leave it out",
         )
+    with on_a_slide():
+        made = picture(_polar(result) if kind == "polar" else _edge_zoom(result))
+        made.draw_without_rendering()  # while letters are large
+    return made
+
+
+def _residuals(result: Comparison) -> Page:
+    """Waveforms, and below them the residual and the whitened one, over speed and over time."""
+    factor, unit = drawn(result.observable, result.unit)
+    edge, floor = result.half_angle_rad, result.noise_floor * factor
+    left, white = [], []
+    for map_, name in ((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]")):
+        left.append(_map(map_, map_.residual * factor, floor, f"residual [{unit}]", name, edge))
+        white.append(_map(map_, map_.whitened, _SIGMAS, "residual [standard errors]", name, edge))
+    return Page(
+        [[waveforms(result)], left, white],
+        (12.0, 9.5),
+        f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {floor:.3g}, "
+        f"excess {in_unit(result.excess_heldout, factor)}; reduced chi-square "
+        f"{result.reduced_chi2:.3g}",
+        heights=(1.1, 1.0, 1.0),
     )
 
 
@@ -484,32 +491,16 @@ def draw_compare(result: Comparison, path: Path, kind: str = "page") -> list[Pat
     return beside
 
 
-def _of_waveforms(result: Comparison, kind: str) -> Figure:
-    """A slide of the waveforms.  UsageError: the model gives a number per revolution."""
-    if result.observable not in WAVEFORMS:
-        raise UsageError(
-            f"--plot-kind {kind} of {result.observable}, a number per revolution",
-            allowed="it is allowed for waveforms: strain and radial_acceleration",
-            do="leave it out",
-        )
-    with on_a_slide():
-        made = picture({"polar": _polar, "edges": _edge_zoom}[kind](result))
-        made.draw_without_rendering()  # while letters are large
-    return made
-
-
 def _polar(result: Comparison) -> Page:
     """Measured and predicted around the wheel; the contact pressure that the model has there."""
     factor, unit = drawn(result.observable, result.unit)
     waves, half = result.waveforms, result.half_angle_rad
     colours = by_value(waves.conditions.speed_m_s)
-    each = zip(waves.phi_rad, waves.predicted, waves.floor, waves.labels, strict=True)
-    drawn_waves = [
-        (phi, factor * wave, 2.0 * factor * floor, name) for phi, wave, floor, name in each
-    ]
+    floors = 2.0 * factor * waves.floor
+    lines = list(zip(waves.phi_rad, factor * waves.predicted, floors, waves.labels, strict=True))
 
     def around(wheel: Any) -> None:
-        zero = around_the_wheel(wheel, drawn_waves, colours, half, unit)
+        zero = around_the_wheel(wheel, lines, colours, half, unit)
         for phi, measured, colour in zip(waves.phi_rad, waves.measured, colours, strict=True):
             wheel.plot(phi, zero + factor * measured, ".", ms=4, color=colour)
 
@@ -544,19 +535,16 @@ def _edge_zoom(result: Comparison) -> Page:
     waves = result.waveforms
     half = np.degrees(result.half_angle_rad) or _NO_EDGE_DEG
     colours = by_value(waves.conditions.speed_m_s)
-    above: list[Panel | None] = []
-    below: list[Panel | None] = []
+    above, below = list[Panel | None](), list[Panel | None]()
     for side, name in ((-1.0, "entry"), (1.0, "exit")):
-        shown: list[Mark] = []
-        left: list[Mark] = []
+        edge = upright([side * half], colour=EDGE, width=1.5, dash="dash")
+        shown, left = list[Mark](), list[Mark]()
         for i, colour in enumerate(colours):
-            phi = np.degrees(waves.phi_rad[i])
-            near = np.abs(phi - side * half) <= _CLOSE * half
-            predicted, measured, floor = (
-                factor * one[i][near]
-                for one in (waves.predicted, waves.measured, 2.0 * waves.floor)
+            near = np.abs(np.degrees(waves.phi_rad[i]) - side * half) <= _CLOSE * half
+            at, floor = np.degrees(waves.phi_rad[i])[near], 2.0 * factor * waves.floor[i][near]
+            predicted, measured = (
+                factor * one[i][near] for one in (waves.predicted, waves.measured)
             )
-            at = phi[near]
             shown += [
                 line(at, predicted, waves.labels[i], colour),
                 band(at, predicted - floor, predicted + floor, "", colour, opacity=0.3),
@@ -566,29 +554,38 @@ def _edge_zoom(result: Comparison) -> Page:
                 band(at, -floor, floor, "", colour, opacity=0.15),
                 dots(at, measured - predicted, "", colour, size=5, width=1.0, dash="solid"),
             ]
-        edge = upright([side * half], colour=EDGE, width=1.5, dash="dash")
-        y = (f"{result.observable} [{unit}]", f"measured - predicted [{unit}]")
-        y = y if side < 0 else ("", "")
-        place = {"loc": "best", "fontsize": 9} if side < 0 else None
-        above.append(Panel("", y[0], shown + edge, f"{name} edge", legend=place))
-        below.append(Panel("angle [deg]", y[1], left + edge))
+        first = side < 0  # the one that has the titles of the axes
+        place = {"loc": "best", "fontsize": 9} if first else None
+        y = f"{result.observable} [{unit}]" if first else ""
+        above.append(Panel("", y, shown + edge, f"{name} edge", legend=place))
+        y = f"measured - predicted [{unit}]" if first else ""
+        below.append(Panel("angle [deg]", y, left + edge))
     said = "dots measured, lines predicted, bands two noise floors of a mean"
     return Page([above, below], SLIDE, said, heights=(1.3, 1.0), share="xy")
 
 
-def waveforms(result: Comparison) -> Panel:
-    """Means of like revolutions: measured, predicted, and the floor's band."""
-    factor, unit = drawn(result.observable, result.unit)
-    reach = np.rad2deg(6.0 * result.half_angle_rad)
-    colours = by_value(result.waveforms.conditions.speed_m_s)
-    looks = [(colour, "solid", ".") for colour in colours]
-    return Panel(
-        "angle from the patch centre [deg], entry to exit",
-        f"{result.observable} [{unit}]",
-        [*wave_marks(result, factor, looks), *edges(result.half_angle_rad)],
-        "dots measured (means of like revolutions), lines predicted, band two noise floors",
-        ((-reach, reach) if reach > 0 else None, None),
-    )
+def waveforms(
+    result: Comparison,
+    as_shown: tuple[float, str] | None = None,
+    looks: Sequence[tuple[Any, str, str]] | None = None,
+) -> Panel:
+    """Means of like revolutions: measured, predicted, and the floor's band.
+
+    `as_shown`: factor and unit of the observable; `looks`: colour, dash and symbol of each mean.
+    """
+    factor, unit = as_shown or drawn(result.observable, result.unit)
+    colours = by_value(result.waveforms.conditions.speed_m_s) if looks is None else ()
+    marks = wave_marks(result, factor, looks or [(colour, "solid", ".") for colour in colours])
+    said = "dots measured (means of like revolutions), lines predicted, band two noise floors"
+    return over_angle(result, f"{result.observable} [{unit}]", marks, said)
+
+
+def over_angle(result: Comparison, y: str, marks: Sequence[Mark], title: str = "") -> Panel:
+    """What stands over the angle [deg], with the patch's edges; far off them it is not shown."""
+    half = result.half_angle_rad
+    reach = min(float(np.rad2deg(_REACH * half)), 180.0) if half > 0 else 180.0
+    x = "angle from the patch centre [deg], entry to exit"
+    return Panel(x, y, [*marks, *edges(half)], title, ((-reach, reach), None))
 
 
 def wave_marks(
@@ -617,13 +614,13 @@ def _map(map_: Map, values: Any, small: float, label: str, name: str, edge: floa
     known = np.abs(values[np.isfinite(values)])
     largest = float(np.percentile(known, _QUANTILE)) if known.size else 1.0
     colours = coloured(map_, values, label, small, max(largest, small))
-    if colours is None:
-        of_angle = map_.phi_rad.size > 1
-        x = np.rad2deg(map_.phi_rad) if of_angle else map_.axis
-        return Panel("angle [deg]" if of_angle else name, label, [dots(x, np.ravel(values))])
-    between = [level(begin) for begin in map_.begins]
-    after = ", logs one after the other" if map_.begins else ""
-    return Panel("angle [deg]", f"{name}{after}", [colours, *edges(edge), *between])
+    if colours is not None:
+        between = [level(begin) for begin in map_.begins]
+        after = ", logs one after the other" if map_.begins else ""
+        return Panel("angle [deg]", f"{name}{after}", [colours, *edges(edge), *between])
+    if map_.phi_rad.size > 1:
+        return Panel("angle [deg]", label, [dots(np.rad2deg(map_.phi_rad), np.ravel(values))])
+    return Panel(name, label, [dots(map_.axis, np.ravel(values))])
 
 
 def coloured(map_: Map, values: Any, unit: str, small: float, largest: float) -> Mark | None:
@@ -690,8 +687,7 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
     floor = both[0].noise_floor * factor
     shown = [one.by_speed.residual * factor for one in both]
     limit = float(np.nanmax(np.abs(shown[0]))) if np.isfinite(shown[0]).any() else 1.0
-    panels: list[Panel] = []
-    sizes: list[Mark] = []
+    panels, sizes = list[Panel](), list[Mark]()
     for word, one, values, colour in zip(
         ("before", "after"), both, shown, (_BEFORE, _AFTER), strict=True
     ):
@@ -699,8 +695,9 @@ def _maps(both: Sequence[Comparison]) -> list[Panel]:
         marks = [*([] if mesh is None else [mesh]), *edges(one.half_angle_rad)]
         title = f"{word}: {_error(one, factor)} {unit}"
         panels.append(Panel("angle [deg]", "" if panels else "speed [m/s]", marks, title))
-        phi, size = _by_angle(one.by_speed)
-        sizes.append(line(phi, size * factor, word, colour, width=1.4))
+        some = np.isfinite(values).any(axis=0)
+        phi, size = np.rad2deg(one.by_speed.phi_rad), np.sqrt(np.nanmean(values[:, some] ** 2, 0))
+        sizes.append(line(phi[some], size, word, colour, width=1.4))
     of_floor = level(floor, "noise floor of a revolution", _FLOOR, dash="dash")
     return [
         *panels,
@@ -738,13 +735,6 @@ def _values(both: Sequence[Comparison]) -> Panel:
         level(side * both[0].noise_floor * factor, "", _FLOOR, dash="dash") for side in (-1.0, 1.0)
     ]
     return Panel("speed [m/s]", f"residual [{unit}]", [*marks, *floors])
-
-
-def _by_angle(map_: Map) -> tuple[Any, Any]:
-    """Angle [deg] and root mean square over the speeds, where anything is known."""
-    some = np.isfinite(map_.residual).any(axis=0)
-    size = np.sqrt(np.nanmean(map_.residual[:, some] ** 2, axis=0))
-    return np.rad2deg(map_.phi_rad[some]), size
 
 
 def _error(one: Comparison, factor: float) -> str:

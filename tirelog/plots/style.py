@@ -105,8 +105,7 @@ def _fill(figure: Any, page: Page) -> None:
     grid = figure.add_gridspec(
         len(page.rows), across, width_ratios=page.widths, height_ratios=page.heights
     )
-    meshes: list[Any] = []
-    firsts: dict[int, Axes] = {}
+    meshes, firsts = list[Any](), dict[int, "Axes"]()
     for i, row in enumerate(page.rows):
         wide = across // max(len(row), 1)
         first: Axes | None = None
@@ -227,8 +226,7 @@ def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, Flo
     shapes (<= 2 buckets + 2,).
     """
     size = max(1, -(-channel.size // buckets))
-    at: list[FloatArray] = []
-    values: list[FloatArray] = []
+    at, values = list[FloatArray](), list[FloatArray]()
     for start, block in channel.blocks(size * max(1, _BLOCK // size)):
         rows = -(-block.size // size)
         padded = np.full(rows * size, np.nan)

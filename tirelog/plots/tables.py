@@ -70,80 +70,74 @@ _ABOVE = {"fontsize": 6.5, "ncols": 3, "loc": "upper center"}
 #: channels with a colour of their own, or logs with a row, and the window of a passage in half
 #: lengths
 MOST, WINDOW = 8, 2.2
+#: what is read beside a window for the low-pass, in its periods
+_BESIDE = 3.0
 
 
 @dataclass(frozen=True)
-class FootprintSketch:
-    """What the page needs of one channel, read while its log is open.
+class Sketch:
+    """What a page needs of one channel, read while its log is open.
 
-    `signal` decimated; `shown`: (row, title, window) of the passages.
+    found    what the command found of it; `signal` its samples, decimated
+    closer   of a footprint (row, title, window) of the passages that are shown, of a dissipation
+             times, strain and speed of a few revolutions
     """
 
     recording: Recording
-    found: FootprintOfChannel
+    found: Any
     signal: tuple[FloatArray, FloatArray]
-    shown: list[tuple[int, str, PatchWindows]]
-
-    @classmethod
-    def of(cls, recording: Recording, found: FootprintOfChannel) -> FootprintSketch:
-        """The sketch of a channel whose log is open."""
-        shown = []
-        for row, title in _passages(found):
-            window = next(
-                iter(
-                    gather_windows(
-                        found.channel,
-                        found.passages.sign,
-                        found.passages.index,
-                        _reach(found, row),
-                        np.array([row]),
-                    )
-                ),
-                None,
-            )
-            if window is not None:
-                shown.append((row, title, window))
-        return cls(recording, found, decimated(found.channel), shown)
+    closer: Any
 
 
-def footprint_sketch(recording: Recording, part: Part, kind: str) -> FootprintSketch | TurnsSketch:
+def footprint_sketch(recording: Recording, part: Part, kind: str) -> Sketch | TurnsSketch:
     """What a picture of this kind keeps of a channel.  UsageError: it is no grating."""
-    if not isinstance(part.found, FootprintOfChannel):
+    found = part.found
+    if not isinstance(found, FootprintOfChannel):
         raise UsageError(
             "--plot draws the footprint of a grating; this log has accelerometers",
             allowed="a log of strain is allowed",
             do="leave --plot out; `tirelog phase-shift --plot` draws fronts",
             file=recording.log,
         )
-    return (FootprintSketch if kind == "page" else TurnsSketch).of(recording, part.found)
+    if kind != "page":
+        return TurnsSketch.of(recording, found)
+    p, windows = found.passages, []
+    for row, title in _passages(found):
+        near = (float(p.speed_m_s[row]), _length(found, row), _cutoff(found, row))
+        window = passage_window(found.channel, p.sign, p.index[row], *near)
+        windows += [] if window is None else [(row, title, window)]
+    return Sketch(recording, found, decimated(found.channel), windows)
 
 
 def draw_footprint(sketches: Sequence[Any], path: Path, kind: str) -> None:
     """Write the picture of this kind to `path`."""
     if kind == "page":
-        footprint_picture(sketches, path)
+        write(picture(_footprint_page(sketches)), path)
     else:
         turns_picture(sketches, path, kind)
 
 
-def footprint_picture(sketches: Sequence[FootprintSketch], path: Path) -> None:
-    """Write the page to `path`."""
+def _footprint_page(sketches: Sequence[Sketch]) -> Page:
+    """Time series and lengths at the left, passages at the right."""
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     p = first.found.passages
-    speed = line(p.time_s, p.speed_m_s, symbol=".", size=2, width=0.8)
-    speeds = Panel("time [s]", "speed [m/s]", [speed])
+    speeds = Panel(
+        "time [s]", "speed [m/s]", [line(p.time_s, p.speed_m_s, symbol=".", size=2, width=0.8)]
+    )
     by_time, by_speed = _lengths(kept)
     over_time = [[signal_panel(first, len(kept))], [speeds], [by_time]]
-    columns = [_passage(first.found, *shown) for shown in first.shown]
+    columns = [_passage(first.found, *shown) for shown in first.closer]
     right = [list(row) for row in zip(*columns, strict=True)] or [[None]]
     left = [Page(over_time, heights=(1.0, 0.7, 1.0), share="x"), Page([[by_speed]])]
-    parts = [Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")]
-    size = (13.5 if len(columns) < 2 else 17.0, 10.5)
-    write(picture(Page(size=size, parts=parts, widths=(1.0, 0.8 * max(len(columns), 1)))), path)
+    return Page(
+        size=(13.5 if len(columns) < 2 else 17.0, 10.5),
+        parts=[Page(parts=left, stacked=True, heights=(2.7, 1.1)), Page(right, share="x")],
+        widths=(1.0, 0.8 * max(len(columns), 1)),
+    )
 
 
-def signal_panel(sketch: FootprintSketch | DissipationSketch, channels: int) -> Panel:
+def signal_panel(sketch: Sketch, channels: int) -> Panel:
     """The whole strain of one of so many channels over time (P2 Fig. 17)."""
     channel, (time, strain) = sketch.found.channel, sketch.signal
     which = f", 1 of {channels}" if channels > 1 else ""
@@ -209,12 +203,7 @@ def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
         return []
     clean = good(f.quality) & np.isfinite(f.length_m)
     some = np.flatnonzero(clean) if clean.any() else np.arange(len(p))
-    free = some[
-        np.argsort(np.abs(np.nan_to_num(p.acceleration_m_s2[some])), kind="stable")[
-            : max(some.size // 3, 1)
-        ]
-    ]
-    row = int(free[np.argsort(p.speed_m_s[free], kind="stable")[free.size // 4]])
+    row = int(some[free_rolling(p.acceleration_m_s2[some], p.speed_m_s[some])])
     chosen = [(row, "passage")]
     onset = np.flatnonzero(np.isfinite(f.slip["onset_m"]) & clean)
     if onset.size:
@@ -222,15 +211,6 @@ def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
         if best != row:
             chosen.append((best, "passage with slip"))
     return chosen
-
-
-def _reach(found: FootprintOfChannel, row: int) -> FloatArray:
-    """Half window [samples] that shows passage `row`, for every passage."""
-    length, rate = _length(found, row), found.channel.axis.rate_Hz
-    samples = 0.7 * WINDOW * length / found.passages.speed_m_s[row] * rate + 3.0 * rate / _cutoff(
-        found, row
-    )
-    return np.full(len(found.passages), samples)
 
 
 def _length(found: FootprintOfChannel, row: int) -> float:
@@ -264,9 +244,33 @@ def _passage(found: FootprintOfChannel, row: int, title: str, windows: PatchWind
         f", low-pass {cutoff:.0f} Hz"
     )
     inner = found.channel.surface == "inner"
-    at = (speed, acceleration, _length(found, row), cutoff)
-    panels = passage_panels(windows, at, inner, lines, (RAW, COLOURS[0]))
+    panels = passage_panels(
+        windows, (speed, acceleration, _length(found, row), cutoff), inner, lines, (RAW, COLOURS[0])
+    )
     return [replace(panels[0], title=said), *panels[1:]]
+
+
+def free_rolling(acceleration_m_s2: Any, speed_m_s: Any) -> int:
+    """Which of some passages has little acceleration (0 if unknown) and moderate speed."""
+    pushed = np.abs(np.nan_to_num(np.asarray(acceleration_m_s2, float)))
+    free = np.argsort(pushed, kind="stable")[: max(pushed.size // 3, 1)]
+    speeds = np.asarray(speed_m_s, float)[free]
+    return int(free[np.argsort(speeds, kind="stable")[free.size // 4]])
+
+
+def passage_window(
+    channel: Channel, sign: float, index: float, speed_m_s: float, length_m: float, cutoff_Hz: float
+) -> PatchWindows | None:
+    """The samples of a passage at `index`, with what the low-pass needs beside; None without any.
+
+    sign  -1 on the outer surface, whose strain has its minimum in the patch
+    """
+    rate = channel.axis.rate_Hz
+    reach = 0.7 * WINDOW * length_m / speed_m_s * rate + _BESIDE * rate / cutoff_Hz
+    windows = gather_windows(
+        channel, sign, np.array([index]), np.array([reach]), np.zeros(1, np.int64)
+    )
+    return next(iter(windows), None)
 
 
 def passage_panels(
@@ -336,42 +340,21 @@ def passage_panels(
 MAGNIFIED = 4
 
 
-@dataclass(frozen=True)
-class DissipationSketch:
-    """What the page needs of one channel, read while its log is open.
-
-    `signal` decimated, `magnified` a few revolutions.
-    """
-
-    recording: Recording
-    found: DissipationOfChannel
-    signal: tuple[FloatArray, FloatArray]
-    magnified: tuple[FloatArray, FloatArray, float]
-
-    @classmethod
-    def of(cls, recording: Recording, found: DissipationOfChannel) -> DissipationSketch:
-        """The sketch of a channel whose log is open."""
-        p = found.passages
-        steady = np.flatnonzero(found.dissipation.steady)
-        row = int(steady[steady.size // 2]) if steady.size else len(p) // 2
-        row = max(min(row, len(p) - MAGNIFIED - 1), 0)
-        magnified = (np.zeros(0), np.zeros(0), float("nan"))
-        if len(p) > MAGNIFIED:
-            low, high = max(int(p.index[row]) - 10, 0), int(p.index[row + MAGNIFIED])
-            magnified = (
-                found.channel.axis.time(low, high),
-                found.channel.read(low, high),
-                float(p.speed_m_s[row]),
-            )
-        return cls(recording, found, decimated(found.channel), magnified)
-
-
-def dissipation_sketch(recording: Recording, part: Part, kind: str) -> DissipationSketch:
+def dissipation_sketch(recording: Recording, part: Part, kind: str) -> Sketch:
     """What the page keeps of a channel."""
-    return DissipationSketch.of(recording, part.found)
+    found = part.found
+    p, steady = found.passages, np.flatnonzero(found.dissipation.steady)
+    row = int(steady[steady.size // 2]) if steady.size else len(p) // 2
+    row = max(min(row, len(p) - MAGNIFIED - 1), 0)
+    magnified = (np.zeros(0), np.zeros(0), float("nan"))
+    if len(p) > MAGNIFIED:
+        low, high = max(int(p.index[row]) - 10, 0), int(p.index[row + MAGNIFIED])
+        channel = found.channel
+        magnified = channel.axis.time(low, high), channel.read(low, high), float(p.speed_m_s[row])
+    return Sketch(recording, found, decimated(found.channel), magnified)
 
 
-def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> None:
+def dissipation_picture(sketches: Sequence[Sketch], path: Path) -> None:
     """Write the page to `path`."""
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
@@ -380,13 +363,12 @@ def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> No
     error = 2.0 * first.found.columns["dissipation_factor_se_1_m"]
     errors = dots(p.time_s, d.factor_1_m, "two standard errors", error=error, symbol="",
                   elinewidth=0.6, opacity=0.5)  # fmt: skip
-    still = np.where(d.steady, p.speed_m_s, np.nan)
     speeds = [
         dots(p.time_s, p.speed_m_s, "", RAW, size=3),
         line(
             _smoothed(p.time_s), _smoothed(p.speed_m_s), f"mean of {AVERAGED}", "#CC0000", width=0.9
         ),
-        dots(p.time_s, still, "constant speed", EDGE, size=3),
+        dots(p.time_s, np.where(d.steady, p.speed_m_s, np.nan), "constant speed", EDGE, size=3),
     ]
     left = [
         signal_panel(first, len(kept)),
@@ -414,20 +396,23 @@ def _over_time(
     time_s: FloatArray, values: FloatArray, averages: FloatArray, text: str, *more: Mark
 ) -> Panel:
     """Every revolution, and the moving averages in stretches of constant speed (P1 Figs. 9, 10)."""
-    marks = [
-        dots(time_s, values, "each revolution", size=2.5, opacity=0.6),
-        line(time_s, averages, "moving average, constant speed", EDGE, width=1.6),
-        *more,
-    ]
-    return Panel("time [s]", text, marks, limits=(None, robust_range(values, share=0.005)))
+    return Panel(
+        "time [s]",
+        text,
+        [
+            dots(time_s, values, "each revolution", size=2.5, opacity=0.6),
+            line(time_s, averages, "moving average, constant speed", EDGE, width=1.6),
+            *more,
+        ],
+        limits=(None, robust_range(values, share=0.005)),
+    )
 
 
-def _magnified(sketch: DissipationSketch) -> Panel:
+def _magnified(sketch: Sketch) -> Panel:
     """The strain of a few revolutions (P1 Fig. 8)."""
-    time, strain, speed = sketch.magnified
+    time, strain, speed = sketch.closer
     title = f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else ""
-    marks = [line(time, MICRO * strain, width=0.9)]
-    return Panel("time [s]", "strain [microstrain]", marks, title)
+    return Panel("time [s]", "strain [microstrain]", [line(time, MICRO * strain, width=0.9)], title)
 
 
 def said(line: Regression) -> str:
@@ -493,9 +478,7 @@ def speed_picture(kept: Sequence[tuple[Recording, Part]], path: Path) -> None:
 
 def _speeds(log: str, channels: Sequence[Mapping[str, Any]]) -> list[Panel]:
     """Speed and acceleration of a log."""
-    speeds: list[Mark] = []
-    accelerations: list[Mark] = []
-    reached = []
+    speeds, accelerations, reached = list[Mark](), list[Mark](), list[FloatArray]()
     for number, columns in enumerate(channels):
         colour = COLOURS[number % len(COLOURS)]
         names = ("time_s", "speed_m_s", "speed_se_m_s", "acceleration_m_s2", "quality")
@@ -698,9 +681,13 @@ def _times(p: EdgeTimes, cleaned: Cleaned | None) -> list[Panel]:
         shift, se = cleaned.corrected_deg[good], p.shift_se_deg[good]
         shifts.append(_points(time, shift, se, CORRECTED, "corrected (Figs. 11-13)"))
     driven = {True: ", driven", False: ", undriven", None: ""}[p.driven]
-    speed = line(p.time_s, p.speed_m_s, colour="k", width=1)
     return [
-        Panel("", "speed [m/s]", [speed], f"{Path(p.log).name}: {p.channel}{driven}"),
+        Panel(
+            "",
+            "speed [m/s]",
+            [line(p.time_s, p.speed_m_s, colour="k", width=1)],
+            f"{Path(p.log).name}: {p.channel}{driven}",
+        ),
         Panel("", "phase shift [deg]", shifts),
         Panel("time [s]", "patch width [deg]", widths),
     ]

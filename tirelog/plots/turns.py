@@ -207,8 +207,7 @@ def modes_over(
     for number, speed in enumerate(speeds):
         wheel_Hz = float(speed) / (2.0 * np.pi * radius_m)
         # where the tire stands, what goes with the rotation and against it is one: just turning
-        turning = max(float(speed), 1e-3)
-        for mode in natural_modes(tire, speed_m_s=turning, to_Hz=2.0 * highest_Hz):
+        for mode in natural_modes(tire, speed_m_s=max(float(speed), 1e-3), to_Hz=2.0 * highest_Hz):
             if mode.damping_ratio < _MOST_DAMPED:
                 line = lines.setdefault((mode.shape, mode.direction), np.full(len(speeds), np.nan))
                 line[number] = on_the_belt(mode, wheel_Hz)
@@ -370,8 +369,7 @@ class TurnsSketch:
         UsageError: fewer whole revolutions than a picture of them needs.
         """
         stacks = stacks_from_logs([recording], "strain", found.channel.name)
-        total = sum(len(stack) for stack in stacks.outlines())
-        every = -(-total // _MOST_TURNS)
+        every = -(-sum(len(stack) for stack in stacks.outlines()) // _MOST_TURNS)
         kept, first = [], 0  # less the revolutions before this stack
         for stack in stacks:
             kept.append(stack.take(slice(first % every, None, every)))
@@ -475,8 +473,7 @@ def _page(panels: Sequence[Panel], sketches: Sequence[TurnsSketch], bar: str = "
     width = 0.75 * SLIDE[0] if across == 1 else SLIDE[0]
     left = len(sketches) - MOST
     title = f"{left} more are not drawn" if left > 0 else ""
-    size = (width, SLIDE[1] if len(rows) == 1 else 1.45 * SLIDE[1])
-    return Page(rows, size, title, bar=bar)
+    return Page(rows, (width, SLIDE[1] if len(rows) == 1 else 1.45 * SLIDE[1]), title, bar=bar)
 
 
 def waterfall(sketches: Sequence[TurnsSketch]) -> Page:

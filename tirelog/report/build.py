@@ -13,9 +13,10 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,18 +24,32 @@ import numpy as np
 import pandas as pd
 
 from tirelog.data.recording import Recording
+from tirelog.diagnosis.answer import AnswerTable, plain_fields
+from tirelog.diagnosis.compare import Measured, compare, comparison_of, measured_pieces, start_from
+from tirelog.diagnosis.diagnose import Diagnosis, diagnose
 from tirelog.diagnosis.history import read_ladder
-from tirelog.errors import TirelogError, UsageError
+from tirelog.diagnosis.obstacles import compare_transients
+from tirelog.diagnosis.propose.propose import propose
+from tirelog.diagnosis.results import Comparison, effect_curves
+from tirelog.errors import ModelError, TirelogError, UsageError, nearest, or_refusal
+from tirelog.inference.measured import measured_for
 from tirelog.inference.shared_samples import once_each
+from tirelog.physics.effects import Effect
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.model import Model
-from tirelog.physics.model.user_effects import catalogue_with
+from tirelog.physics.model.user_effects import catalogue_with, own_effects
 from tirelog.products import OF_A_DRIVE, tables_of
-from tirelog.report.page import Card, Figure, LadderRow, LogColours, PageTable, Report, Section
-from tirelog.report.request import ReportRequest
+from tirelog.report.page import (
+    Card,
+    Figure,
+    LadderRow,
+    LogColours,
+    Report,
+    ReportRequest,
+    Section,
+)
+from tirelog.report.sections import models
 from tirelog.report.sections import recorded as sections
-from tirelog.report.sections.diagnosed import model_story
-from tirelog.report.sections.models import NO_MODEL, ladder_section, without_a_model
 from tirelog.storage.whole import json_of
 from tirelog.strain.dissipation_table import regressions
 from tirelog.tables.frame import frame_of, table_parts
@@ -59,8 +74,7 @@ def build(
     if model is not None:
         deque(once_each(recordings, model.observables, asked.channel, []), maxlen=0)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    made_by = f"Made on {now} by tirelog {__version__}"
-    report = Report(_title(recordings, asked), made=made_by)
+    report = Report(_title(recordings, asked), made=f"Made on {now} by tirelog {__version__}")
     colours = LogColours(recording.log for recording in recordings)
     look = asked.command("info")
     if recordings:
@@ -81,9 +95,8 @@ def build(
         told += _models(report, recordings, climbed, asked, model, progress, colours, seen)
     answers = [section for section in told if section.card is not None]
     if not answers:
-        answers = [without_a_model(seen, asked, "What is known of a model stands below.")]
-    details = [section for section in told if section.card is None]
-    report.sections[:0] = [*answers, *details]
+        answers = [models.without_a_model(seen, asked, "What is known of a model stands below.")]
+    report.sections[:0] = [*answers, *(section for section in told if section.card is None)]
     report.papers += used_papers(report.sections)
     report.commands += dict.fromkeys(
         [*(section.command for section in report.sections), asked.report_command()]
@@ -104,7 +117,7 @@ def _title(recordings: Sequence[Recording], asked: ReportRequest) -> str:
 def _tables(
     report: Report,
     recordings: Sequence[Recording],
-    tables: SourceTables,
+    files: GivenTables,
     asked: ReportRequest,
     progress: Progress,
     colours: LogColours,
@@ -115,19 +128,23 @@ def _tables(
     """
     speed: pd.DataFrame | None = None
     first = len(report.sections)
-    ready = _made_together([n for n in _COMMANDS if n not in tables.files], recordings, progress)
+    wanted = [name for name in _COMMANDS if name not in files]
+    progress(f"making the tables {', '.join(wanted)}")
+    try:
+        ready = made_tables(wanted, recordings)
+    except TirelogError:  # which of them it is, each alone will say
+        ready = {}
     for name in _COMMANDS:
         command = asked.command(name)
-        lines: pd.DataFrame | None = None
-        remarks: list[str] = []
-        table = tables.get(name)
         try:
-            if table is None:
+            if name in files:
+                table, lines, remarks = given_table(files, name), None, list[str]()
+                if name == "dissipation":
+                    lines = given_table(files, "dissipation-fit")
+            else:  # the table goes as soon as it is drawn
                 made = ready.pop(name, None) or made_tables([name], recordings)[name]
-                table, lines, remarks = made.table, made.regressions, made.remarks
-                del made  # the table goes as soon as it is drawn
-            elif name == "dissipation":
-                lines = tables.get("dissipation-fit")
+                table, lines, remarks = made
+                del made
         except TirelogError as problem:
             report.missing.append((f"{name}: {problem}", command))
             continue
@@ -136,54 +153,28 @@ def _tables(
             seen = asked.command("info") if table is None else command
             report.missing.append((f"{name}: {why}", seen))
             continue
+        drawn = (table, command, remarks, colours)
         if name == "speed":
-            report.sections.append(
-                sections.drive_section(recordings, table, command, remarks, colours)
-            )
-            speed = table.loc[
-                _first(table, recordings), ["log", "channel", "revolution", "acceleration_m_s2"]
-            ]
-            del table  # an hour of 16 gratings is half a million rows
+            report.sections.append(sections.drive_section(recordings, *drawn))
+            of_first = table["log"] == (recordings[0].log if recordings else "")
+            speed = table.loc[of_first, ["log", "channel", "revolution", "acceleration_m_s2"]]
         elif name == "footprint":
             passage = [
                 f
                 for recording in recordings[:1]
                 for f in sections.passage_figures(recording, table, speed, colours(recording.log))
             ]
-            report.sections.append(
-                sections.footprint_section(table, command, remarks, colours, passage)
-            )
+            report.sections.append(sections.footprint_section(*drawn, passage))
         elif name == "dissipation":
-            report.sections.append(
-                sections.dissipation_section(table, command, remarks, colours, lines)
-            )
+            report.sections.append(sections.dissipation_section(*drawn, lines))
             if lines is None:
-                report.missing.append(
-                    (
-                        "dissipation: the regressions on speed (give the file with --table)",
-                        asked.command(name, "--fit", "-o", "fit.csv"),
-                    )
-                )
+                absent = "dissipation: the regressions on speed (give the file with --table)"
+                report.missing.append((absent, asked.command(name, "--fit", "-o", "fit.csv")))
         else:
             _phase_shift(report, table, command, remarks, asked, colours)
+        del table, drawn  # an hour of 16 gratings is half a million rows
     measured = [(section.title, section.text[0]) for section in report.sections[first:]]
     return [("Measured", sections.measured_on(recordings)), *measured] if recordings else measured
-
-
-def _made_together(
-    names: Sequence[str], recordings: Sequence[Recording], progress: Progress
-) -> dict[str, MadeTable]:
-    """The tables that no file gives; none if one of them cannot be made, to be asked each alone."""
-    progress(f"making the tables {', '.join(names)}")
-    try:
-        return made_tables(names, recordings)
-    except TirelogError:
-        return {}
-
-
-def _first(table: pd.DataFrame, recordings: Sequence[Recording]) -> pd.Series:
-    """True for the rows of the first log, of which a passage is shown."""
-    return table["log"] == (recordings[0].log if recordings else "")
 
 
 def _phase_shift(
@@ -200,16 +191,11 @@ def _phase_shift(
         "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
         "vertical_force_N": "forces by the calibration's maps",
     }
-    absent = [
-        what
-        for column, what in wanted.items()
-        if column not in table or not table[column].notna().any()
-    ]
+    absent = [what for column, what in wanted.items() if not sections.holds(table, column)]
     if absent:
         again = asked.command("phase-shift", "--calibration", "CALIBRATION.toml", "-o", "phase.csv")
-        report.missing.append(
-            (f"phase shift: {' and '.join(absent)} (give the table with --table)", again)
-        )
+        said = f"phase shift: {' and '.join(absent)} (give the table with --table)"
+        report.missing.append((said, again))
 
 
 def _models(
@@ -223,31 +209,26 @@ def _models(
     seen: Sequence[tuple[str, str]],
 ) -> list[Section]:
     """The answer, comparison, diagnosis and ladder; or why there are none."""
-    ladder: list[Section] = []
-    if climbed is not None:
-        ladder = [ladder_section(climbed, asked.command("ladder", model=True))]
-    else:
-        report.missing.append(
-            (
-                "the ladder, the error falling to the floor (then --ladder M.ladder.json)",
-                asked.command("ladder", model=True),
-            )
-        )
+    climb = asked.command("ladder", model=True)
+    ladder = [] if climbed is None else [models.ladder_section(climbed, climb)]
+    if climbed is None:
+        absent = "the ladder, the error falling to the floor (then --ladder M.ladder.json)"
+        report.missing.append((absent, climb))
     if model is None:
-        what = "the model against the measurement, the diagnosis"
-        report.missing.append((f"{what} (then --model M)", asked.make_model()))
-        return [without_a_model(seen, asked, NO_MODEL), *ladder]
+        absent = "the model against the measurement, the diagnosis (then --model M)"
+        report.missing.append((absent, asked.make_model()))
+        return [models.without_a_model(seen, asked, models.NO_MODEL), *ladder]
     catalogue = catalogue_with(model.effects_file, asked=False)
     try:
         if not recordings:
             raise UsageError("no log was given")
-        story = model_story(recordings, model, climbed, asked, catalogue, progress, colours)
+        told, missing = model_story(recordings, model, climbed, asked, catalogue, progress, colours)
     except TirelogError as problem:
         said = f"the model against the measurement: {problem}"
         report.missing.append((said, asked.command("compare", model=True)))
-        return [without_a_model(seen, asked, f"Not shown is {said}."), *ladder]
-    report.missing += story.missing
-    return [story.answer, *story.before_ladder, *ladder, *story.after_ladder]
+        return [models.without_a_model(seen, asked, f"Not shown is {said}."), *ladder]
+    report.missing += missing
+    return told
 
 
 def _provenance(recordings: Sequence[Recording], asked: ReportRequest) -> list[str]:
@@ -266,6 +247,158 @@ def _provenance(recordings: Sequence[Recording], asked: ReportRequest) -> list[s
     return said
 
 
+# ---- What a model says of the logs: one search for missing effects, told in sections.
+#
+# recordings, Model --stacks, `diagnose`--> comparison, diagnosis
+#                                           (a campaign: pieces of its logs, and what it was asked)
+# + a ladder, or what the diagnosis selected --> the best model's comparison
+# all of it --`answer`--> the page's first section
+# logs that met an obstacle --> how well the model answers it; something unknown, and --propose -->
+#                               what `propose` writes down
+
+
+#: sections, and (what cannot be shown and why, the command that would show it)
+Told = tuple[list[Section], list[tuple[str, str]]]
+
+
+def model_story(
+    recordings: Sequence[Recording],
+    model: Model,
+    climbed: Mapping[str, Any] | None,
+    asked: ReportRequest,
+    catalogue: Mapping[str, Effect],
+    progress: Callable[[str], None],
+    colours: LogColours | None = None,
+) -> Told:
+    """The sections of a model, the answer first.
+
+    TirelogError if model and logs do not fit together.
+    """
+    logs = measured_for(recordings, model.observables, asked.channel, level=not model.ac_coupled)
+    own = own_effects(model.effects_file, asked=False)
+    colours = LogColours(r.log for r in recordings) if colours is None else colours
+    compared = compare(logs.revolutions, model)
+    asked_of = or_refusal(diagnose)(logs.revolutions, model, effects=own, progress=progress)
+    found = None if isinstance(asked_of, ModelError) else asked_of
+    command = partial(asked.command, model=True)
+    told, missing = story_of(
+        logs.revolutions,
+        compared,
+        found,
+        climbed,
+        command,
+        catalogue,
+        colours,
+        "" if found is None else asked.with_options(found.next_command),
+    )
+    if isinstance(asked_of, ModelError):
+        missing.append((f"the diagnosis: {asked_of}", command("diagnose")))
+    better = f"{(asked.model or Path('M.toml')).with_suffix('')}+proposed.toml"
+    wanted = asked.command("propose", "-o", better, model=True)
+
+    def add(what: str, made_by: str, make: Callable[[], Section]) -> None:
+        """A section below the answer; if it cannot be made the rest of the story stays."""
+        try:
+            told.insert(1, make())
+        except TirelogError as problem:
+            missing.append((f"{what}: {problem}", made_by))
+
+    def answered() -> Section:
+        """The answer to the obstacles of the model that came, as `compare` gives it."""
+        if compared.model.carcass != "coupled_ring":
+            return models.not_answered(logs.obstacles, compared.model.carcass, command("compare"))
+        progress("driving the model over the obstacles")
+        answers = compare_transients(logs.obstacles, compared.model, unit=compared.unit)
+        return models.obstacles(answers, command("compare"), colours)
+
+    if logs.obstacles:
+        add("obstacles", command("compare"), answered)
+    unknown = "what is unknown, written down as a formula"
+    if found is not None and found.next_command.startswith("tirelog propose"):
+        wanted = asked.with_options(found.next_command)
+        if asked.propose:
+            write = partial(propose, logs.stacks, model, effects=own, progress=progress)
+            add(unknown, wanted, lambda: models.proposed(write(), wanted))
+        else:
+            again = replace(asked, propose=True).report_command()
+            missing.append((f"{unknown} (--propose)", again))
+    elif asked.propose and found is not None:
+        word = found.verdict.replace("_", " ")
+        missing.append((f"{unknown}: the verdict is {word}", wanted))
+    return told, missing
+
+
+def story_of(
+    measured: Measured,
+    compared: Comparison,
+    found: Diagnosis | None,
+    climbed: Mapping[str, Any] | None,
+    command: Callable[[str], str],
+    catalogue: Mapping[str, Effect],
+    colours: LogColours | None = None,
+    next_command: str = "",
+) -> Told:
+    """The sections of what was found on `measured`: answer, diagnosis, ladder and comparison.
+
+    `command(name)`: the line that repeats it; `next_command`: what to type next.
+    """
+    colours = LogColours(models.logs_of(compared)) if colours is None else colours
+    best: Comparison | None = None
+    added: Sequence[str] = () if found is None else (*found.found.came_in, *found.selected)
+    missing: list[tuple[str, str]] = []
+    if climbed is not None:
+        top = top_of_ladder(compared.model, climbed, catalogue)
+        came = [effect.id for effect in compared.model.effects]
+        added = [effect.id for effect in top.effects if effect.id not in came]
+        try:
+            best = comparison_of(start_from(measured_pieces(measured), top)) if added else None
+        except ModelError as problem:
+            missing.append((f"the ladder's last model: {problem.message}", command("ladder")))
+    elif found is not None and added:
+        best = found.after
+    curves = []
+    if found is not None:
+        drawn = found.selected or [effect.id for effect in found.model.effects]
+        curves = effect_curves(found.found.after if found.selected else found.found.before, drawn)
+    given = models.AnswerSection(compared, found, best, added, climbed, curves, catalogue)
+    asked = "compare" if found is None else "diagnose"
+    follows = next_command or (command("diagnose") if found is None else found.next_command)
+    told = [models.answer(given, follows, command(asked), colours)]
+    if found is not None:
+        told.append(models.diagnosis(found, command("diagnose")))
+    if climbed is not None:
+        told.append(models.ladder_section(climbed, command("ladder")))
+    return [*told, *models.comparisons(compared, command("compare"), colours)], missing
+
+
+def top_of_ladder(
+    model: Model, climbed: Mapping[str, Any], catalogue: Mapping[str, Effect]
+) -> Model:
+    """The model with the effects that a ladder added and the values it found.
+
+    UsageError: an effect that nobody knows.
+    """
+    added = [step for step in climbed["steps"] if step["outcome"] == "added"]
+    for step in added:
+        name = step["effect"]
+        if name in [e.id for e in model.effects]:
+            continue
+        if name not in catalogue:
+            raise UsageError(
+                f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not "
+                "known here",
+                do="give it with --effects",
+            )
+        model = model.with_effect(catalogue[name])
+    values = {
+        name: p["value"]
+        for step in added[-1:]
+        for name, p in step["parameters"].items()
+        if name in model.parameters
+    }
+    return model.with_values(values)
+
+
 # ---- Where the tables come from: nothing is read before it is asked for, and then only the columns
 # that are drawn.
 
@@ -280,29 +413,18 @@ _UNUSED = {
 }  # fmt: skip
 
 
-@dataclass
-class SourceTables:
-    """Tables by the command that made them.
+#: files by the command that made them, each with the log's name if the file does not hold it
+GivenTables = dict[str, list[tuple[Path, str | None]]]
 
-    (file, name of the log if the file does not hold it).
-    """
 
-    files: dict[str, list[tuple[Path, str | None]]] = field(default_factory=dict)
-
-    def add(self, path: Path, log: str | None = None, kind: str | None = None) -> None:
-        """One more file.  UsageError: no table that can be drawn."""
-        if kind is None:
-            kind = table_kind(list(next(table_parts(path))), path)
-        self.files.setdefault(kind, []).append((path, log))
-
-    def get(self, kind: str) -> pd.DataFrame | None:
-        """All rows of a kind, or None if none was given."""
-        parts = [
-            _lighter(part, log)
-            for path, log in self.files.get(kind, ())
-            for part in table_parts(path, _UNUSED)
-        ]
-        return _joined(parts) if parts else None
+def given_table(files: GivenTables, kind: str) -> pd.DataFrame | None:
+    """All rows of a kind, or None if none was given."""
+    parts = [
+        _lighter(part, log)
+        for path, log in files.get(kind, ())
+        for part in table_parts(path, _UNUSED)
+    ]
+    return _joined(parts) if parts else None
 
 
 def table_kind(columns: Sequence[str], path: Path) -> str:
@@ -349,16 +471,16 @@ def _joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     return numbers.assign(**words)
 
 
-def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> SourceTables:
+def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> GivenTables:
     """The tables given with --table and those of a campaign's folder.
 
     UsageError: no such table, no campaign.
     """
-    tables = SourceTables()
+    files: GivenTables = {}
     for path in paths:
-        tables.add(path)
+        files.setdefault(table_kind(list(next(table_parts(path))), path), []).append((path, None))
     if campaign is None:
-        return tables
+        return files
     if not (campaign / "summary.csv").is_file():
         raise UsageError(
             "is no campaign's output (no summary.csv in it)",
@@ -367,27 +489,18 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> SourceT
         )
     for kind in KINDS:
         for part in sorted(campaign.glob(f"table={kind}/log=*/part.parquet")):
-            tables.add(part, part.parent.name.removeprefix("log="), kind)
-    return tables
+            files.setdefault(kind, []).append((part, part.parent.name.removeprefix("log=")))
+    return files
 
 
-@dataclass(frozen=True)
-class MadeTable:
-    """A table made from the open logs, None if no log suits it.
-
-    With what was said of it, and with the dissipation table its regressions on speed.
-    """
-
-    table: pd.DataFrame | None
-    regressions: pd.DataFrame | None
-    remarks: list[str]
-
-
-def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, MadeTable]:
+def made_tables(
+    names: Sequence[str], recordings: Sequence[Recording]
+) -> dict[str, tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]]:
     """Tables of the logs that suit them, made as their commands make them, in what is drawn of it.
 
-    Together, so that each channel is read and its passages are found once. TirelogError: one of
-    them cannot be made.
+    Each, None if no log suits it, with the regressions on speed (of the dissipation table) and what
+    was said of it. Together, so that each channel is read and its passages are found once.
+    TirelogError: one of them cannot be made.
     """
     parts: dict[str, list[pd.DataFrame]] = {name: [] for name in names}
     said: dict[str, list[str]] = {name: [] for name in names}
@@ -403,14 +516,10 @@ def made_tables(names: Sequence[str], recordings: Sequence[Recording]) -> dict[s
             if part.table == "dissipation":
                 fitted, _ = regressions(recording.log, part.found)
                 lines += [] if fitted is None else [frame_of(fitted)]
-    fits = pd.concat(lines, ignore_index=True) if lines else None
+    fits = {"dissipation": pd.concat(lines, ignore_index=True)} if lines else {}
     return {
-        name: MadeTable(
-            _joined(parts[name]) if parts[name] else None,
-            fits if name == "dissipation" else None,
-            said[name],
-        )
-        for name in names
+        name: (_joined(own) if own else None, fits.get(name), said[name])
+        for name, own in parts.items()
     }
 
 
@@ -429,6 +538,7 @@ PAPERS = {
     "P4": "New Regressors for the Direct Identification of Tire Deformation in Road Vehicles Via "
     '"In-Tire" Accelerometers.',
 }
+_PAPER = re.compile(r"\bP[1-4]\b")
 #: sections by the papers whose method they use
 _METHODS = {
     "drive": ("P2", "speed"),
@@ -442,12 +552,10 @@ def used_papers(sections: Sequence[Section]) -> list[tuple[str, str]]:
     """(paper, what of it is on the page), of each paper that the sections name."""
     used: dict[str, list[str]] = {name: [] for name in PAPERS}
     for section in sections:
-        if section.id in _METHODS:
-            paper, what = _METHODS[section.id]
+        methods = [_METHODS[section.id]] if section.id in _METHODS else []
+        named = ((p, name) for name, what in section.sources for p in _PAPER.findall(what))
+        for paper, what in (*methods, *named):
             used[paper].append(what)
-        for name, what in section.sources:
-            for paper in re.findall(r"\bP[1-4]\b", what):
-                used[paper].append(name)
     return [
         (f"{paper}: {PAPERS[paper]}", ", ".join(dict.fromkeys(what)))
         for paper, what in used.items()
@@ -476,7 +584,7 @@ _SECTION = {
     "figures": [
         {"id": str, "title": str, "alt": str, "traces": [{str: object}], "layout": {str: object}}
     ],
-    "tables": [{"caption": str, "header": [str], "rows": [[str]], "colours?": [int]}],
+    "tables": [{"caption": str, "names": [str], "rows": [[object]], "colours?": [int]}],
     "card?": _CARD,
     "formulas?": [[str]],
     "sources?": [[str]],
@@ -485,13 +593,10 @@ _SECTION = {
 
 def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> dict[str, Any]:
     """The sections and what is missing as the JSON document of the file."""
-    return {
-        "sections": [asdict(section) for section in sections],
-        "missing": [list(pair) for pair in missing],
-    }
+    return plain_fields({"sections": [asdict(section) for section in sections], "missing": missing})
 
 
-def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
+def read_stored(path: Path) -> Told:
     """(sections, what is missing) of a file.  UsageError: it is none."""
     try:
         content = json_of(
@@ -510,7 +615,7 @@ def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
 
 def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
-    tables = [PageTable(**one) for one in data.pop("tables")]
+    tables = [AnswerTable(**one) for one in data.pop("tables")]
     card = data.pop("card", None)
     if card is not None:
         rungs = [LadderRow(**one) for one in card["rungs"]]
@@ -522,7 +627,7 @@ def _section(data: dict[str, Any]) -> Section:
     return Section(**data, figures=figures, tables=tables, card=card)
 
 
-def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str, str]]]]:
+def model_pages(campaign: Path) -> Iterator[Told]:
     """(sections, what is missing) of each model of a campaign.
 
     Titles and ids are told apart if there are several.

@@ -1,4 +1,6 @@
-"""Figures as plain data, and sections to one HTML file that needs nothing else.
+"""What a report is asked for, figures as plain data, and sections to one HTML file.
+
+The file needs nothing else.
 
     Panel --`figure`--> traces and layout of the plotting library --> drawn by the page's script
     Section --`render`--> HTML
@@ -18,17 +20,21 @@ import base64
 import hashlib
 import json
 import re
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
+from tirelog.data.setup import setup_beside
+from tirelog.diagnosis.answer import AnswerTable
 from tirelog.errors import UsageError
 from tirelog.plots.record import Mark, Panel
+from tirelog.storage.remote import shown
 from tirelog.version import __version__
 
 #: told apart by all forms of colour blindness (Okabe and Ito's first three), each with three times
@@ -145,8 +151,7 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
     """
     style, named = mark.style, not mark.name.startswith("_")
     colour = mark.colour if isinstance(mark.colour, str) else COLOURS[mark.colour % len(COLOURS)]
-    at: Any
-    along: Any
+    at, along = mark.x, mark.y
     own: dict[str, Any] = {"type": "scatter", "name": safe(mark.name.removeprefix("_"))}
     if mark.kind in ("words", "level", "span"):
         return []
@@ -182,12 +187,11 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
         marker = {"color": colour, "size": 5, "opacity": 0.7, "symbol": symbol}
         marker |= _MARKERS.get(style.get("symbol", "."), {"symbol": style.get("symbol")})
         own |= {"mode": "markers", "marker": marker | style.get("marker", {})}
-        at, along = np.asarray(mark.x)[::step], np.asarray(mark.y)[::step]
+        at, along = np.asarray(at)[::step], np.asarray(along)[::step]
     else:
         steps = {"steps-mid": "hvh", "steps-post": "hv"}.get(style.get("drawstyle", ""), "linear")
         drawn = {"dash": style.get("dash", "solid"), "shape": steps} | style.get("line", {})
         own |= {"mode": "lines", "line": {"color": colour, "width": 1.5} | drawn}
-        at, along = mark.x, mark.y
     if mark.kind == "upright":  # one without a name is a shape of the layout
         if panel.limits[1] is None:
             return []
@@ -200,19 +204,6 @@ def _traces(mark: Mark, panel: Panel) -> list[dict[str, Any]]:
         above = {"y": packed_array(mark.other), "fill": "tonexty", "fillcolor": f"{colour}40"}
         return [own, own | above | {"showlegend": named}]
     return [own]
-
-
-@dataclass(frozen=True)
-class PageTable:
-    """A small table: header cells with units, rows of text.
-
-    colours   of each row the number of its colour in the figures, if they stand for something there
-    """
-
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    colours: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -261,11 +252,61 @@ class Section:
     command: str
     text: Sequence[str] = ()
     figures: Sequence[Figure] = ()
-    tables: Sequence[PageTable] = ()
+    tables: Sequence[AnswerTable] = ()
     folded: bool = True
     card: Card | None = None
     formulas: Sequence[tuple[str, str]] = ()
     sources: Sequence[tuple[str, str]] = ()
+
+
+@dataclass(frozen=True)
+class ReportRequest:
+    """What the user gave, with paths as typed.
+
+    So the commands on the page can be typed again, but for what an address keeps secret.
+    """
+
+    logs: tuple[str, ...] = ()
+    setup: Path | None = None
+    model: Path | None = None
+    ladder: Path | None = None
+    campaign: Path | None = None
+    tables: tuple[Path, ...] = ()
+    channel: str | None = None
+    effects: Path | None = None
+    propose: bool = False
+
+    def command(self, name: str, *more: str, model: bool = False) -> str:
+        """A command line on the same logs."""
+        logs = list(map(shown, self.logs)) or ["LOG"]
+        words = ["tirelog", name, *logs, *more, *self._given("setup")]
+        if model:
+            words += ["--model", str(self.model or "M"), *self._given("channel", "effects")]
+        return shlex.join(words)
+
+    def make_model(self) -> str:
+        """The command line that makes a first model of these logs."""
+        beside = setup_beside(self.logs[0]) if self.logs else None
+        setup = str(self.setup or beside or "SETUP.toml")
+        return f"tirelog model new --carcass beam --setup {shlex.quote(setup)} -o M.toml"
+
+    def with_options(self, line: str) -> str:
+        """A command line on these logs with the options that were given for them and it lacks."""
+        names = (n for n in ("setup", "channel", "effects") if f" --{n} " not in line)
+        return f"{line} {shlex.join(self._given(*names))}".rstrip()
+
+    def report_command(self) -> str:
+        """The page's own command line."""
+        words = ["tirelog", "report", *map(shown, self.logs)]
+        words += self._given("setup", "model", "ladder", "campaign", "channel", "effects")
+        words += [word for path in self.tables for word in ("--table", str(path))]
+        words += ["--propose"] if self.propose else []
+        return shlex.join([*words, "-o", "report.html"])
+
+    def _given(self, *names: str) -> list[str]:
+        """These options with their values, those that were given."""
+        values = {name: getattr(self, name) for name in names}
+        return [w for name, v in values.items() if v is not None for w in (f"--{name}", str(v))]
 
 
 def plotting_library() -> str:
@@ -459,27 +500,30 @@ def _rungs(card: Card) -> str:
     return f'<h3>{heading}</h3>{said}<ol class="rungs">{"".join(steps)}</ol>'
 
 
-def _table(table: PageTable) -> str:
-    head = "".join(f'<th scope="col">{escape(h)}</th>' for h in table.header)
-    rows = "".join(_row(table, i) for i in range(len(table.rows)))
-    caption = f"<caption>{escape(table.caption)}</caption>"
+def shown_number(value: Any) -> str:
+    """A number or a word as the cell of a table; nothing if there is none."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _table(table: AnswerTable) -> str:
+    """The table; the first cell of a row names it, with the colour that it has in the figures."""
+    caption, *names = (escape(t.replace("m/s^2", "m/s²")) for t in (table.caption, *table.names))
+    head = "".join(f'<th scope="col">{name}</th>' for name in names)
+    rows = ""
+    for number, row in enumerate(table.rows):
+        first, *others = map(escape, map(shown_number, row or [""]))
+        if number < len(table.colours):
+            colour = f"var(--c{table.colours[number] % len(COLOURS)})"
+            first = f'<span class="swatch" style="background:{colour}"></span>{first}'
+        cells = "".join(f"<td>{cell}</td>" for cell in others)
+        rows += f'<tr><th scope="row">{first}</th>{cells}</tr>'
     return (
-        f'<div class="table" role="group" aria-label="{escape(table.caption)}" tabindex="0">'
-        f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        f'<div class="table" role="group" aria-label="{caption}" tabindex="0">'
+        f"<table><caption>{caption}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
+        "</table></div>"
     )
-
-
-def _row(table: PageTable, number: int) -> str:
-    """A row; its first cell names it, with the colour that it has in the figures."""
-    first, *others = table.rows[number] or [""]
-    swatch = (
-        f'<span class="swatch" style="background:var(--c{table.colours[number] % len(COLOURS)})">'
-        "</span>"
-        if number < len(table.colours)
-        else ""
-    )
-    cells = "".join(f"<td>{escape(c)}</td>" for c in others)
-    return f'<tr><th scope="row">{swatch}{escape(first)}</th>{cells}</tr>'
 
 
 _WORDS = (

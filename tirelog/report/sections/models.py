@@ -28,10 +28,21 @@ from tirelog.diagnosis.answer import (
 from tirelog.diagnosis.candidates.search import removed_errors
 from tirelog.diagnosis.candidates.separation import drive_sentences
 from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.obstacles import HitResult, TransientComparison
+from tirelog.diagnosis.propose.propose import Proposal
 from tirelog.diagnosis.results import Comparison, EffectCurve, Map, steps_table
 from tirelog.diagnosis.rules import RULES
+from tirelog.inference.obstacle_log import TransientLog
 from tirelog.physics.effects import Effect
-from tirelog.plots.answers import climbed_panel, edges, ranked_panel, wave_marks
+from tirelog.plots.answers import (
+    climbed_panel,
+    hit_panels,
+    over_angle,
+    ranked_panel,
+    rest,
+    shape,
+    waveforms,
+)
 from tirelog.plots.record import Mark, Panel, band, dots, heat, line
 from tirelog.report.page import (
     DASHES,
@@ -43,21 +54,16 @@ from tirelog.report.page import (
     Figure,
     LadderRow,
     LogColours,
-    PageTable,
+    ReportRequest,
     Section,
     figure,
 )
-from tirelog.report.request import ReportRequest
-from tirelog.report.sections.recorded import shown_number
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import shown
 
-#: remarks that the card has room for; the sections have all of them
-_REMARKS = 3
-#: logs whose conditions are told one by one; of more their reach is
-_TOLD = 3
-#: effects whose curves are drawn
-_CURVES = 3
+#: remarks and logs' conditions that the card has room for, curves of effects and hits that are
+#: drawn; the sections and tables have all of them
+_SHOWN = 3
 #: verdicts that take more than their own word
 _WORDS = {
     "too_few": "Too few manoeuvres",
@@ -68,29 +74,18 @@ _WORDS = {
 NO_MODEL = "No model was held against these logs, so nothing is said of what one would miss."
 
 
-#: units that the page writes otherwise than the tables
-_WRITTEN = {"m/s^2": "m/s²"}
-#: half lengths of the patch that a waveform or map shows at first
-_REACH = 6.0
 _ZONES = {
     "entry": "around the entry edge",
     "patch": "inside the patch",
     "exit": "around the exit edge",
     "away": "away from the patch",
 }
-ANGLE = "angle from the patch centre [deg], entry to exit"
 
 
 def shown_value(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which the page shows the observable."""
     factor, unit = shown(observable, unit)
-    return factor, _WRITTEN.get(unit, unit)
-
-
-def page_table(table: AnswerTable) -> PageTable:
-    """A table of an answer as the page shows it."""
-    caption, *header = (text.replace("m/s^2", "m/s²") for text in (table.caption, *table.names))
-    return PageTable(caption, header, [[shown_number(cell) for cell in row] for row in table.rows])
+    return factor, unit.replace("m/s^2", "m/s²")
 
 
 def logs_of(result: Comparison) -> list[str]:
@@ -136,7 +131,6 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
     else:
         word, sentence = _word(given.found), given.found.sentence
     facts, advice = _facts(given, factor, unit), _advice(given.found)
-    card = Card(word, sentence, facts, command, advice, *_rungs(given, factor), unit)
     return Section(
         "answer",
         "The answer",
@@ -144,21 +138,20 @@ def answer(given: AnswerSection, command: str, made_with: str, colours: LogColou
         (),
         [*_before_and_after(given, colours), *_curves(given, colours)],
         folded=False,
-        card=card,
+        card=Card(word, sentence, facts, command, advice, *_rungs(given, factor), unit),
         sources=[(one.id, one.effect.source) for one in named],
     )
 
 
 def without_a_model(seen: Sequence[tuple[str, str]], asked: ReportRequest, said: str) -> Section:
     """The answer if no model was held against the logs: what was `seen`, and how to ask more."""
-    advice = ["Make a model, then ask for this page again with --model M.toml."]
-    made = asked.make_model() if asked.model is None else asked.command("compare", model=True)
+    lacks = asked.model is None
     card = Card(
         "Measured, not yet explained",
         said,
         seen,
-        made,
-        advice if asked.model is None else (),
+        asked.make_model() if lacks else asked.command("compare", model=True),
+        ["Make a model, then ask for this page again with --model M.toml."] if lacks else (),
     )
     return Section("answer", "The answer", asked.report_command(), folded=False, card=card)
 
@@ -176,7 +169,7 @@ def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, st
     ends = (np.min(first.by_speed.axis), np.max(first.by_speed.axis))
     speeds = " to ".join(dict.fromkeys(f"{float(speed):.3g}" for speed in ends))
     logs = [Path(log).name for log in logs_of(compared)]
-    some = ", ".join(logs[:_TOLD]) + (f" and {len(logs) - _TOLD} more" if logs[_TOLD:] else "")
+    some = ", ".join(logs[:_SHOWN]) + (f" and {len(logs) - _SHOWN} more" if logs[_SHOWN:] else "")
     facts = [
         ("Measured on", f"{compared.observable.replace('_', ' ')} in {some}"),
         (
@@ -186,31 +179,26 @@ def _facts(given: AnswerSection, factor: float, unit: str) -> list[tuple[str, st
         ),
         ("Conditions", _conditions(first)),
     ]
-    if found is not None and found.rmse_heldout_before is not None:
-        told = f"{found.rmse_heldout_before * factor:.3g}"
-        if found.found.came_in:
-            told = f"{(compared.rmse_heldout or 0.0) * factor:.3g} → {told}"
-        if found.selected and found.rmse_heldout_after is not None:
-            told += f" → {found.rmse_heldout_after * factor:.3g}"
-        told += (
-            f" {unit} on manoeuvres that the fit had not seen; noise floor "
-            f"{found.noise_floor * factor:.3g}"
-        )
-        facts.append(("Error", told))
     if found is not None:
+        if found.rmse_heldout_before is not None:
+            errors = [
+                compared.rmse_heldout if found.found.came_in else None,
+                found.rmse_heldout_before,
+                found.rmse_heldout_after if found.selected else None,
+            ]
+            fallen = " → ".join(f"{error * factor:.3g}" for error in errors if error is not None)
+            floor = f"noise floor {found.noise_floor * factor:.3g}"
+            said = f"{fallen} {unit} on manoeuvres that the fit had not seen; {floor}"
+            facts.append(("Error", said))
+        known = [name for name in found.selected if name in given.catalogue]
         facts.append(("How sure", _how_sure(found)))
-        facts += [
-            (effect, _physics(given.catalogue[effect]))
-            for effect in found.selected
-            if effect in given.catalogue
-        ]
-        if found.suspects:
-            facts.append(("Or the setup", "; ".join(s.said for s in found.suspects)))
-    facts.append(("Where it fails", where(first)))
-    if remarks := compared.remarks:
-        more = len(remarks) - _REMARKS
-        told = "; ".join(remarks[:_REMARKS]) + (f"; and {more} more below" if more > 0 else "")
-        facts.append(("Mind", told))
+        facts += [(name, _physics(given.catalogue[name])) for name in known]
+        facts.append(("Or the setup", "; ".join(s.said for s in found.suspects)))
+    more = len(compared.remarks) - _SHOWN
+    remarks = "; ".join(compared.remarks[:_SHOWN]) + (
+        f"; and {more} more below" if more > 0 else ""
+    )
+    facts += [("Where it fails", where(first)), ("Mind", remarks)]
     return [(term, text) for term, text in facts if text]
 
 
@@ -225,7 +213,7 @@ def _conditions(result: Comparison) -> str:
         scale, unit = (1e-3, "kPa") if condition.unit == "Pa" else (1.0, condition.unit)
         shown = list(dict.fromkeys(f"{value * scale:.4g}" for value in known))
         reach = (min(known) * scale, max(known) * scale)
-        told = ", ".join(shown) if len(shown) <= _TOLD else "{:.4g} to {:.4g}".format(*reach)
+        told = ", ".join(shown) if len(shown) <= _SHOWN else "{:.4g} to {:.4g}".format(*reach)
         said.append(f"{condition.name or condition.symbol} {told} {unit}")
     return "; ".join(said)
 
@@ -401,7 +389,7 @@ def _curves(given: AnswerSection, colours: LogColours) -> list[Figure]:
     one = last.parts[0] if last.parts else last
     factor, unit = shown_value(one.observable, one.unit)
     figures: list[Figure] = []
-    for curve in given.curves[:_CURVES]:
+    for curve in given.curves[:_SHOWN]:
         of_angle = bool(curve.label)
         x = np.rad2deg(curve.along) if of_angle else curve.along
         added, error, floor = (
@@ -461,8 +449,8 @@ def _together(result: Comparison, command: str) -> Section:
         ],
         (),
         [
-            page_table(result.together_table()),
-            page_table(result.parameters_table()),
+            result.together_table(),
+            result.parameters_table(),
         ],
     )
 
@@ -487,7 +475,7 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         *(f"{remark}." for remark in result.remarks),
     ]
     figures = [
-        _waveforms(result, unit, colours),
+        _waveforms(result, factor, unit, colours),
         _differences(result, factor, unit, colours),
         residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
         residual_map("residual-time", "Residual over angle and time", result.by_time, result),
@@ -499,8 +487,8 @@ def comparison(result: Comparison, command: str, colours: LogColours) -> Section
         words,
         figures,
         [
-            page_table(result.errors_table(lambda log: Path(log).name)),
-            page_table(result.parameters_table(fixed=True)),
+            result.errors_table(lambda log: Path(log).name),
+            result.parameters_table(fixed=True),
         ],
     )
 
@@ -528,13 +516,6 @@ def where(result: Comparison) -> str:
     )
 
 
-def over_angle(result: Comparison, y: str, marks: Sequence[Mark]) -> Panel:
-    """What stands over the angle [deg], with the patch's edges; far off them it is not shown."""
-    half = result.half_angle_rad
-    reach = min(float(np.rad2deg(_REACH * half)), 180.0) if half > 0 else 180.0
-    return Panel(ANGLE, y, [*marks, *edges(half)], limits=((-reach, reach), None))
-
-
 def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str]]:
     """(number of the colour, dash, symbol) of each waveform, by the log that it is of.
 
@@ -549,7 +530,7 @@ def styles(logs: Sequence[str], colours: LogColours) -> list[tuple[int, str, str
     ]
 
 
-def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
+def _waveforms(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """Measured and predicted waveforms, with two noise floors about the prediction."""
     alt = (
         "Measured means of like revolutions (points), the model (lines) and two noise floors "
@@ -557,17 +538,14 @@ def _waveforms(result: Comparison, unit: str, colours: LogColours) -> Figure:
         f"{'; '.join(result.waveforms.labels)}; dashed lines: the "
         "patch's edges."
     )
-    factor = shown_value(result.observable, result.unit)[0]
-    marks = wave_marks(result, factor, styles(result.waveforms.logs, colours))
-    panel = over_angle(result, f"{result.observable} [{unit}]", marks)
+    panel = waveforms(result, (factor, unit), styles(result.waveforms.logs, colours))
     return figure("waveforms", "Waveforms", alt, panel, height=520)
 
 
 def _differences(result: Comparison, factor: float, unit: str, colours: LogColours) -> Figure:
     """The same waveforms, measured less predicted, so that the floor's band can be seen."""
     waves, looks = result.waveforms, styles(result.waveforms.logs, colours)
-    bands: list[Mark] = []
-    lines: list[Mark] = []
+    bands, lines = list[Mark](), list[Mark]()
     for i, (said, (colour, dash, _)) in enumerate(zip(waves.labels, looks, strict=True)):
         phi, floor = np.rad2deg(waves.phi_rad[i]), 2.0 * factor * waves.floor[i]
         bands.insert(0, band(phi, -floor, floor, f"_two floors, {said}", colour))
@@ -625,7 +603,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         f"{errors[:1].upper()}{errors[1:]}.",
         *(f"{said[:1].upper()}{said[1:]}" for said in result.further_sentences()),
     ]
-    tables, ranked = [page_table(result.ranking_table())], result.effects
+    tables, ranked = [result.ranking_table()], result.effects
     if not ranked:
         return Section("diagnosis", "The diagnosis", command, words, (), tables)
     best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
@@ -669,6 +647,140 @@ def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     alt += f"; noise floor {floors[-1]:.3g} {unit}."
     panel = climbed_panel(climbed, (factor, unit), (PALE, INK, INK, GREY))
     figures = [figure("ladder-steps", "The error falling to the floor", alt, panel)]
-    return Section(
-        "ladder", "The ladder", command, words, figures, [page_table(steps_table(climbed))]
+    return Section("ladder", "The ladder", command, words, figures, [steps_table(climbed)])
+
+
+# ---- Logs that met an obstacle: how well the model answers it, hit by hit.
+
+
+def not_answered(logs: Sequence[TransientLog], carcass: str, command: str) -> Section:
+    """The hits that were found, if the model does not move."""
+    hits = sum(log.hits_s.size for log in logs)
+    text = (
+        f"{hits} hits on an obstacle; answer, comparison and diagnosis leave their revolutions "
+        f"out. A {carcass} says nothing of an obstacle; a model with carcass = "
+        '"coupled_ring" does.'
     )
+    rows = [
+        [
+            Path(log.log).name,
+            log.road.kind,
+            str(log.hits_s.size),
+            ", ".join(f"{time:.3f}" for time in log.hits_s),
+        ]
+        for log in logs
+    ]
+    table = AnswerTable("Obstacles", ["log", "kind", "hits", "at [s]"], rows)
+    return Section("obstacles", "Obstacles", command, [text], (), [table])
+
+
+def obstacles(result: TransientComparison, command: str, colours: LogColours) -> Section:
+    """Each hit as measured and predicted, what of the added the model misses, and by frequency."""
+    factor, unit = shown_value(result.observable, result.unit)
+    total = result.to_json()
+    words = [
+        f"{len(result.hits)} hits on an obstacle, kept apart from the steady revolutions; the "
+        f"model covers {100.0 * total['covered']:.0f} % of what they added: "
+        f"{total['added'] * factor:.3g} {unit} added, {total['missed'] * factor:.3g} missed, at a "
+        f"floor of {total['noise_floor'] * factor:.3g}.",
+        f"The prediction has {total['nuisance_parameters']} nuisance numbers (when, phase, level "
+        "and alignment of each hit), which the errors are charged for.",
+        *(f"{remark}." for remark in result.remarks),
+    ]
+    if len(result.hits) > _SHOWN:
+        words.append(f"The first {_SHOWN} hits are drawn; the table has all of them.")
+    figures = [
+        figure
+        for number, hit in enumerate(result.hits[:_SHOWN])
+        for figure in _hit(hit, number, result.observable, (factor, unit), colours)
+    ]
+    table = result.hits_table(lambda log: Path(log).name)
+    return Section("obstacles", "Obstacles", command, words, figures, [table])
+
+
+def _hit(
+    found: HitResult, number: int, observable: str, as_shown: tuple[float, str], colours: LogColours
+) -> list[Figure]:
+    hit, log = found.hit, Path(found.log.log).name
+    own = colours(log)
+    panels = hit_panels(found, observable, as_shown, (own, own, INK, INK, GREY))
+    covered = f"{100.0 * found.row()['covered']:.0f} % of the added is covered"
+    which = f"Hit {number + 1}"
+    told = (
+        (
+            f"hit-{number}",
+            f"{which}: {log}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s",
+            f"Measured (points) and predicted (line) {observable} after the hit; {covered}.",
+        ),
+        (
+            f"hit-added-{number}",
+            f"{which}: what the obstacle added, and what the model misses",
+            f"Change by the obstacle, and the part that the model does not cover; {covered}.",
+        ),
+        (
+            f"hit-bands-{number}",
+            f"{which} by frequency",
+            "Root mean squares per band: what the obstacle added, what of it is missed, the "
+            "residual with and off the obstacle, the floor.",
+        ),
+    )
+    return [
+        figure(id, title, alt, panel, half=panel is not panels[-1])
+        for (id, title, alt), panel in zip(told, panels, strict=True)
+    ]
+
+
+# ---- What `propose` wrote down: formulas or a measured shape, and how well they do.
+
+
+def proposed(result: Proposal, command: str) -> Section:
+    """The section; of no proposal the reason."""
+    title = "What is unknown, written down"
+    if result.status == "nothing":
+        return Section("propose", title, command, [result.sentence])
+    as_shown = shown_value(result.observable, result.unit)
+    terms = result.terms if result.status == "formula" else ()
+    panel = rest(result, as_shown, (GREY, INK))
+    alt = "The leading shape of what is left over the angle, before and with the proposal."
+    left = figure("propose-rest", "What is left, before and after", alt, panel, half=True)
+    return Section(
+        "propose",
+        title,
+        command,
+        [result.sentence, *result.sentences()],
+        [*_shape(result, as_shown), left],
+        [*_errors(result, *as_shown), *([result.terms_table()] if terms else [])],
+        folded=False,
+        formulas=[(term.name, term.formula.expression) for term in terms],
+    )
+
+
+def _errors(result: Proposal, factor: float, unit: str) -> list[AnswerTable]:
+    """Errors before and after, on manoeuvres that the search saw and on those it did not."""
+    before, after, floor = result.rmse_heldout_before, result.rmse_heldout_after, result.noise_floor
+    known = []
+    if before is not None and floor is not None:
+        known.append(("seen, held out in turn", result.manoeuvres, (before, after, floor)))
+    if (locked := result.locked) is not None:
+        errors = (locked.before, locked.after, locked.floor)
+        known.append(("locked away from the search", locked.manoeuvres, errors))
+    rows = [
+        [which, str(count), *("" if error is None else f"{error * factor:.3g}" for error in errors)]
+        for which, count, errors in known
+    ]
+    header = ["manoeuvres", "how many", *(f"{w} [{unit}]" for w in ("before", "after", "floor"))]
+    return [AnswerTable("Errors without and with the proposal", header, rows)] if rows else []
+
+
+def _shape(result: Proposal, as_shown: tuple[float, str]) -> list[Figure]:
+    """The best measured shape with two standard errors."""
+    panel = shape(result, as_shown, (GREY, INK))
+    if panel is None:
+        return []
+    best = result.shapes[0]
+    named = f"{best.words}{'' if best.law == '1' else f', times {best.law}'}"
+    alt = (
+        f"A free shape {named}, with two standard errors as a band: what any formula in this frame "
+        "can remove at most."
+    )
+    return [figure("propose-shape", f"Measured shape {named}", alt, panel, half=True)]

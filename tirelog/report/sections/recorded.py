@@ -16,11 +16,12 @@ import numpy as np
 import pandas as pd
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.diagnosis.answer import AnswerTable
 from tirelog.dsp.filters import Cutoff
 from tirelog.errors import UsageError
 from tirelog.plots.record import Mark, Panel, dots, line, upright
 from tirelog.plots.style import decimated
-from tirelog.plots.tables import WINDOW, passage_panels
+from tirelog.plots.tables import free_rolling, passage_panels, passage_window
 from tirelog.report.page import (
     GREY,
     INK,
@@ -28,7 +29,6 @@ from tirelog.report.page import (
     SYMBOLS,
     Figure,
     LogColours,
-    PageTable,
     Section,
     figure,
     thinning,
@@ -36,7 +36,6 @@ from tirelog.report.page import (
 from tirelog.runs.ingest import channel_rows
 from tirelog.strain.footprint.kernels import distance_along
 from tirelog.strain.footprint.measure import find_edges
-from tirelog.strain.footprint.refine import gather_windows
 from tirelog.tables.frame import table_parts
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 from tirelog.vocabulary.quality import good_rows
@@ -67,7 +66,7 @@ def recorded(recordings: Sequence[Recording], command: str, colours: LogColours)
     asked = list(dict.fromkeys(key for about in known for key in about))
     same = [key for key in asked if len({about.get(key, "") for about in known}) == 1]
     apart = [key for key in asked if key not in same]
-    logs = PageTable(
+    logs = AnswerTable(
         "Logs, with their colours in the figures",
         ["log", "channels", "duration [s]", *apart],
         [
@@ -84,7 +83,7 @@ def recorded(recordings: Sequence[Recording], command: str, colours: LogColours)
     tables, paragraphs = [logs], []
     if same:
         rows = [[key, known[0].get(key, "")] for key in same]
-        tables.append(PageTable("Tire and conditions of every log", ["quantity", "value"], rows))
+        tables.append(AnswerTable("Tire and conditions of every log", ["quantity", "value"], rows))
     for recording in recordings:
         of_channels, who = channel_rows(recording), names[recording.log]
         header = [name for name in of_channels if name != "log"]
@@ -92,7 +91,7 @@ def recorded(recordings: Sequence[Recording], command: str, colours: LogColours)
             [text(of_channels[name][i]) for name in header]
             for i in range(len(of_channels["channel"]))
         ]
-        tables.append(PageTable(f"Channels of {who}", header, cells))
+        tables.append(AnswerTable(f"Channels of {who}", header, cells))
         repairs = [
             f"{what} ({n})"
             for done in recording.provenance.get("repairs", {}).values()
@@ -148,8 +147,7 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     names = short_names(logs)
     several = max(len(logs), len(colours)) > 1
     alone = table["channel"].nunique() == 1  # then the log says it all
-    found: list[ChannelRows] = []
-    drawn: dict[str, int] = {}
+    found, drawn = list[ChannelRows](), dict[str, int]()
     for (log, channel), rows in table.groupby(["log", "channel"], sort=False, observed=True):
         number = drawn[str(log)] = drawn.get(str(log), -1) + 1
         name = str(channel)
@@ -162,32 +160,29 @@ def groups(table: pd.DataFrame, colours: LogColours) -> list[ChannelRows]:
     return found
 
 
-def shown_number(value: Any) -> str:
-    """A number as a table cell; nothing if there is none."""
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def ways(
     found: Sequence[ChannelRows],
     x: str,
     columns: Mapping[str, str],
     factor: float = 1.0,
+    *,
+    look: Mapping[str, Any] | None = None,
     aside: Mapping[str, Any] | None = None,
+    all_named: bool = False,
 ) -> list[Mark]:
     """Several `columns` (name -> words) that tell one quantity, against another.
 
     Of one group by colour; of several the colour is the group's and the symbol tells them apart.
-    All but the first look as `aside` says.
+    Points look as `look` says, those of all columns but the first as `aside`. Of several groups the
+    words are said if there are several columns, or with `all_named`.
     """
     drawn = []
-    one = len(found) == 1
+    one, worded = len(found) == 1, all_named or len(columns) > 1
     for g in found:
         rows = g.rows.iloc[:: thinning(len(found) * len(g.rows))]  # one figure's worth for all
         for i, (column, words) in enumerate(columns.items()):
-            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside or {}) if i else {})}
-            name = words if one else g.name if len(columns) == 1 else f"{g.name}, {words}"
+            marker = {"symbol": SYMBOLS[i % len(SYMBOLS)], **((aside if i else look) or {})}
+            name = words if one else f"{g.name}, {words}" if worded else g.name
             colour = i if one else g.colour
             drawn.append(dots(rows[x], rows[column] * factor, name, colour, marker=marker))
     return drawn
@@ -214,10 +209,15 @@ def drawn_of(table: pd.DataFrame) -> list[str]:
     return words
 
 
-def quality(table: pd.DataFrame, name: str) -> PageTable:
+def holds(table: pd.DataFrame, column: str) -> bool:
+    """True if the table has a value in this column."""
+    return column in table and bool(table[column].notna().any())
+
+
+def quality(table: pd.DataFrame, name: str) -> AnswerTable:
     """How many rows carry which quality."""
     counts = table["quality"].value_counts()
-    return PageTable(
+    return AnswerTable(
         f"Rows of {name} by quality",
         ["quality", "rows"],
         [[str(word), str(n)] for word, n in counts.items() if n],
@@ -303,8 +303,7 @@ def _signals(recording: Recording, number: int, log: str, colour: int) -> list[F
 # that `strain.footprint.measure.find_edges` sees in what is drawn.
 
 
-#: what is read beside the window for the low-pass, in its periods
-_BESIDE = 3.0
+#: as finely as the low-passed curves are drawn
 _UPSAMPLED = 4
 
 
@@ -336,9 +335,8 @@ def _chosen(rows: pd.DataFrame, speed: pd.DataFrame | None) -> tuple[pd.Series, 
         acceleration = pd.Series(
             known.reindex(rows["revolution"]).to_numpy(float), index=rows.index
         ).fillna(0.0)
-    free = acceleration.abs().sort_values(kind="stable").index[: max(len(rows) // 3, 1)]
-    chosen = rows.loc[free].sort_values("speed_m_s", kind="stable").iloc[len(free) // 4]
-    return chosen, float(acceleration[rows["revolution"] == chosen["revolution"]].iloc[0])
+    at = free_rolling(acceleration, rows["speed_m_s"])
+    return rows.iloc[at], float(acceleration.iloc[at])
 
 
 def _passage(
@@ -350,11 +348,10 @@ def _passage(
     v, a = np.array([speed]), np.array([acceleration])
     asked = Cutoff.parse("40x").frequency(v, recording.setup.tire.radius_m, float("nan"))  # as P2
     cutoff = np.minimum(asked, 0.49 * rate)
-    reach = np.array([0.7 * WINDOW * length / speed * rate + _BESIDE * rate / cutoff[0]])
-    index = np.atleast_1d(channel.axis.index(float(row["time_s"])))
+    index = float(channel.axis.index(float(row["time_s"])))
     inner = channel.surface == "inner"
-    upward, first = 1.0 if inner else -1.0, np.zeros(1, np.int64)
-    window = next(iter(gather_windows(channel, upward, index, reach, first)), None)
+    near = (speed, length, float(cutoff[0]))
+    window = passage_window(channel, 1.0 if inner else -1.0, index, *near)
     if window is None or not np.isfinite(window.values).any():
         return []
     found = find_edges(
@@ -427,7 +424,7 @@ def footprint_section(
             f"length-{name}",
             f"Contact length against {name}",
             f"Contact length by three methods against {label}; best estimate {best}.",
-            Panel(label, "contact length [mm]", ways(named, x, _METHODS, 1e3, _ASIDE)),
+            Panel(label, "contact length [mm]", ways(named, x, _METHODS, 1e3, aside=_ASIDE)),
         )
         for name, x, label in (
             ("speed", "speed_m_s", "speed [m/s]"),
@@ -447,8 +444,9 @@ def footprint_section(
             f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the "
             "patch centre, entry negative."
         )
-        panel = Panel("time [s]", "slip onset [mm]", marks)
-        figures.append(figure("slip-onset", "Slip onset", alt, panel))
+        figures.append(
+            figure("slip-onset", "Slip onset", alt, Panel("time [s]", "slip onset [mm]", marks))
+        )
     else:
         words.append("No slip onset was seen.")
     return Section("footprint", "Footprint", command, words, figures, [quality(table, "footprint")])
@@ -466,8 +464,7 @@ def dissipation_section(
     Specific power and factor in time, with their moving averages; averages against speed, with the
     regressions.
     """
-    wanted = [name for name in _DISSIPATION if name in table]
-    good = table.loc[good_rows(table["quality"]), wanted]
+    good = table.loc[good_rows(table["quality"]), [name for name in _DISSIPATION if name in table]]
     steady = good[good["steady"].astype(bool)]
     named, averaged = groups(good, colours), groups(steady, colours)
     figures = []
@@ -476,14 +473,11 @@ def dissipation_section(
         ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
     ):
         title, label = quantity.capitalize(), f"{quantity} [{unit}]"
-        of = "" if len(averaged) == 1 else ", moving average"
-        marks = [
-            _with_marker(m, "", {"size": 4, "opacity": 0.4})
-            for m in ways(named, "time_s", {column: "each revolution"})
-        ] + [
-            _with_marker(m, of, {"size": 7, "opacity": 1.0, "symbol": "square"})
-            for m in ways(averaged, "time_s", {mean: "moving average"})
-        ]
+        pale = {"size": 4, "opacity": 0.4}
+        full = {"size": 7, "opacity": 1.0, "symbol": "square"}
+        means = {mean: "moving average"}
+        marks = ways(named, "time_s", {column: "each revolution"}, look=pale)
+        marks += ways(averaged, "time_s", means, look=full, all_named=True)
         alt = (
             f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
             "moving averages at constant speed (P1 Figs. 9, 10)."
@@ -502,7 +496,7 @@ def dissipation_section(
         ("strip_power_W", "Power", "power", "W"),
         ("strip_rolling_resistance_N", "Rolling resistance", "resistance", "N"),
     ):
-        if column in good and good[column].notna().any():
+        if holds(good, column):
             title = f"{what} of the strip under the grating"
             alt = (
                 f"{title} against speed with the setup's viscosity and section, not the whole "
@@ -527,15 +521,9 @@ def dissipation_section(
         }  # fmt: skip
         names = [name for name in heads if name in lines]  # a table of an older run has fewer
         header = [heads[name] for name in names]
-        cells = [[shown_number(row[name]) for name in names] for _, row in lines.iterrows()]
-        tables.append(PageTable("Regressions on the speed in m/s", header, cells))
+        cells = [[row[name] for name in names] for _, row in lines.iterrows()]
+        tables.append(AnswerTable("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
-
-
-def _with_marker(mark: Mark, name: str, marker: Mapping[str, Any]) -> Mark:
-    """The points with more in their name and another look."""
-    style = {"marker": mark.style["marker"] | marker}
-    return replace(mark, name=mark.name + name, style=style)
 
 
 def _regressions(lines: pd.DataFrame, column: str, colours: LogColours) -> list[Mark]:
@@ -575,9 +563,7 @@ def phase_shift_section(
     for quantity in ("phase_shift", "patch_width"):
         words = {"": "measured", "_detrended": "detrended", "_corrected": "corrected"}
         named_columns = {f"{quantity}{part}_deg": word for part, word in words.items()}
-        columns = {
-            c: word for c, word in named_columns.items() if c in good and good[c].notna().any()
-        }
+        columns = {c: word for c, word in named_columns.items() if holds(good, c)}
         name, sizes[quantity] = (
             quantity.replace("_", " "),
             reach(good[f"{quantity}_deg"], "degrees"),
@@ -592,18 +578,20 @@ def phase_shift_section(
             figures.append(figure(f"{quantity}-{x}", title, alt, panel))
     for name in ("vertical", "longitudinal"):
         column = f"{name}_force_N"
-        if column in good and good[column].notna().any():
+        if holds(good, column):
             alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
-            marks = ways(named, "time_s", {column: f"{name} force"})
-            panel = Panel("time [s]", f"{name} force [N]", marks)
+            panel = Panel(
+                "time [s]", f"{name} force [N]", ways(named, "time_s", {column: f"{name} force"})
+            )
             figures.append(figure(column, f"{name.capitalize()} force", alt, panel))
     said = (
         f"Patch width {sizes['patch_width']}, phase shift {sizes['phase_shift']}; negative in "
         "braking."
     )
     tables = [quality(table, "phase shift")]
-    text = [said, *remarks, *drawn_of(good)]
-    return Section("phase-shift", "Phase shift", command, text, figures, tables)
+    return Section(
+        "phase-shift", "Phase shift", command, [said, *remarks, *drawn_of(good)], figures, tables
+    )
 
 
 def campaign(summary: Path, command: str) -> Section:
@@ -619,12 +607,11 @@ def campaign(summary: Path, command: str) -> Section:
         )
     status = header.index("status")
     counts = Counter(row[status] for row in body)
-    words = [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."]
     return Section(
         "campaign",
         "The campaign",
         command,
-        words,
+        [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."],
         (),
-        [PageTable("Logs of the campaign", header, body)],
+        [AnswerTable("Logs of the campaign", header, body)],
     )
