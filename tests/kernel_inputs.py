@@ -55,16 +55,6 @@ def holed(rng: np.random.Generator, *shape: int, share: float = 0.05) -> np.ndar
 
 @inputs_of("dsp.filters")
 def _(rng: np.random.Generator) -> Arguments:
-    return {
-        "sixth_differences": [
-            (holed(rng, 80), np.zeros(80)),
-            (rng.normal(size=5), np.zeros(5)),
-        ]
-    }
-
-
-@inputs_of("dsp.filters")
-def _(rng: np.random.Generator) -> Arguments:
     windows = holed(rng, 4, 70)
     windows[1], windows[2, :9] = np.nan, np.nan
     cutoff = np.array([20.0, 45.0, 3e3, 0.1])
@@ -103,31 +93,6 @@ def _(rng: np.random.Generator) -> Arguments:
     return {"_hermite": [(at, time, count, rate, 0.05, np.zeros(at.size))]}
 
 
-@inputs_of("dsp.encoder")
-def _(rng: np.random.Generator) -> Arguments:
-    size, period = 900, 23.0
-    phase = np.arange(size) / period + 0.002 * (np.arange(size) / period) ** 2
-    x = np.sin(2.0 * np.pi * phase) + 0.02 * rng.normal(size=size) + 0.1
-    high = rng.normal(size=15)
-    side = np.where(x > 0.3, 1, np.where(x < -0.1, -1, 0)).astype(np.int8)
-    on = np.flatnonzero(side)
-    turn = np.flatnonzero(side[on[1:]] != side[on[:-1]])
-    before, after = on[turn].astype(np.int64), on[turn + 1].astype(np.int64)
-    before[3] -= 40  # a slow change
-    coarse = np.where(after - before < 30, 0.5 * (before + after), after - 0.5)
-    total = np.concatenate([[0.0], np.cumsum(x)])
-    return {
-        "extremes": [(x,), (x[:3].copy(),)],
-        "without_spikes": [(high,), (high[:1].copy(),)],
-        "sliding_maximum": [(high, 2), (high, 20)],
-        "sides": [(x, np.full(15, 0.3), np.full(15, -0.1))],
-        "changes": [(side, -5, -1), (side, -1, 0)],
-        "_sums": [(x,), (x[:5].copy(),)],
-        "_windows": [(x, coarse, before, after, 30.0)],
-        "_middles": [(x, total, coarse, before, after, 30.0)],
-    }
-
-
 @inputs_of("dsp.pitch")
 def _(rng: np.random.Generator) -> Arguments:
     from tirelog.dsp.encoder import SUMS
@@ -143,28 +108,6 @@ def _(rng: np.random.Generator) -> Arguments:
         "_even_runs": [(time, count, stretch)],
         "_local_cubics": [(time, count, stretch, 0.05, 2, n, -np.inf, sums)],
     }
-
-
-@inputs_of("dsp.pitch")
-def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.dsp.encoder import SUMS
-
-    turn, n = 12, 80
-    time = np.cumsum(1e-3 * (1.0 + 0.02 * np.sin(2 * np.pi * np.arange(n) / turn)))
-    time += 1e-6 * rng.normal(size=n)
-    seen = rng.uniform(size=n) > 0.1
-    return {
-        "_window_mean": [(time, turn)],
-        "_deviation_sums": [(time, seen, 5, turn, 0.4, np.zeros(turn, SUMS))],
-    }
-
-
-@inputs_of("dsp.teeth")
-def _(rng: np.random.Generator) -> Arguments:
-    steps = rng.uniform(9.5, 10.5, 40)
-    odd = steps.copy()
-    odd[20] = 27.0
-    return {"_all_regular": [(steps,), (odd,)]}
 
 
 # ---- readers and runs

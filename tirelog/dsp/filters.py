@@ -328,40 +328,15 @@ NORMAL_MEDIAN = 0.6744897501960817
 PIECES, PIECE_SAMPLES = 64, 4096
 
 
-@compiled
-def sixth_differences(values: FloatArray, sizes: FloatArray) -> int:
-    """Fills `sizes` (n,) with sizes of the sixth differences of `values` (n,); how many.
-
-    Only of those that no lost sample is in.
-    """
-    count = 0
-    for i in range(values.size - 6):
-        outer, middle, inner = (
-            values[i] + values[i + 6],
-            values[i + 1] + values[i + 5],
-            values[i + 2] + values[i + 4],
-        )
-        size = abs(outer - 6.0 * middle + 15.0 * inner - 20.0 * values[i + 3])
-        if size < np.inf:
-            sizes[count] = size
-            count += 1
-    return count
-
-
 def white_noise(values: FloatArray) -> float:
     """Standard deviation of the white noise on `values`, shape (n,), NaN allowed.
 
     NaN if fewer than 7 samples stand in a row.
     """
-    sizes = np.empty(values.size)
-    count = sixth_differences(values, sizes)
-    if not count:
-        return float("nan")
-    middle = np.partition(sizes[:count], count // 2)
-    median = (
-        middle[count // 2] if count % 2 else 0.5 * (middle[count // 2] + middle[: count // 2].max())
-    )
-    return float(median / NORMAL_MEDIAN / DIFFERENCE_GAIN)
+    with np.errstate(over="ignore", invalid="ignore"):
+        sizes = np.abs(np.diff(values, DIFFERENCE_ORDER))
+    sizes = sizes[np.isfinite(sizes)]
+    return float(np.median(sizes) / NORMAL_MEDIAN / DIFFERENCE_GAIN) if sizes.size else np.nan
 
 
 class SampleNoise:

@@ -33,12 +33,10 @@ from tirelog.dsp.encoder import (
     extremes,
     finite,
     places,
-    sides,
     sliding_maximum,
     without_spikes,
 )
 from tirelog.dsp.filters import sliding_mean, sliding_median
-from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- From an encoder's samples to the times at which its teeth pass, block by block.
@@ -234,9 +232,9 @@ def crossings(
     for start in range(0, size, block):
         low, stop = max(start - margin, 0), min(start + block, size)
         x, holes = _filled(read(low, min(stop + margin, size)))
-        side = sides(x, *_hysteresis(x, rate_Hz, found))
-        before, after = changes(side, min(at - low, -1), last if at < low else 0)
-        rising = side[after] > 0
+        before, after, rising = changes(
+            x, *_hysteresis(x, rate_Hz, found), min(at - low, -1), last if at < low else 0
+        )
         first, end = np.searchsorted(after, [start - low, stop - low])
         near = slice(max(first - BESIDE, 0), end + BESIDE)
         place = places(x, before[near], after[near], slow, found.form == "square")[
@@ -551,18 +549,14 @@ def _regular(
     return index[keep], rising[keep], halves[keep[:-1]], uneven[keep], told
 
 
-@compiled
 def _all_regular(steps: FloatArray) -> bool:
     """Whether no interval of `steps` (n,) [samples] differs much from those five before and after.
 
     At the ends: one of them. Then no closer look is needed.
     """
-    n = steps.size
-    for i in range(n):
-        usual = 0.5 * (steps[i - 5 if i >= 5 else i + 5] + steps[i + 5 if i + 5 < n else i - 5])
-        if not SHORT * usual < steps[i] < LONG * usual:
-            return False
-    return True
+    before, after = np.append(steps[5:10], steps[:-5]), np.append(steps[5:], steps[-10:-5])
+    usual = 0.5 * (before + after)
+    return bool(np.all((SHORT * usual < steps) & (steps < LONG * usual)))
 
 
 def _turning_points(read: Read, found: Probe, index: FloatArray, slow: Integers) -> list[int]:
