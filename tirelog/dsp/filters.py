@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import BoolArray, FloatArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 # ---- Low-passed time derivatives of windows around the passages, by their spectra.
 #
@@ -374,6 +374,12 @@ class SampleNoise:
 #
 # What scipy.ndimage does too, at 20 MB and a fifth of a second of import for whoever needs nothing
 # else of it.
+
+
+def runs(mask: BoolArray) -> tuple[IntArray, IntArray]:
+    """[start, stop) of the runs of True in `mask` (n,), (k,) each."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return edges[::2], edges[1::2]
 
 
 #: windows sorted at once

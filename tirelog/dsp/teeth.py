@@ -36,7 +36,7 @@ from tirelog.dsp.encoder import (
     sliding_maximum,
     without_spikes,
 )
-from tirelog.dsp.filters import sliding_mean, sliding_median
+from tirelog.dsp.filters import runs, sliding_mean, sliding_median
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 # ---- From an encoder's samples to the times at which its teeth pass, block by block.
@@ -256,12 +256,8 @@ def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
     x = finite(x)
     if np.isfinite(x.sum()):
         return x, np.zeros(0, np.int64)
-    lost = ~np.isfinite(x)
-    if not lost.any():
-        return x, np.zeros(0, np.int64)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.view(np.int8), [0]])))
-    starts, stops = edges[::2], edges[1::2]
-    known = np.flatnonzero(~lost)
+    starts, stops = runs(~np.isfinite(x))
+    known = np.flatnonzero(np.isfinite(x))
     if known.size == 0:
         return np.zeros_like(x), starts
     return np.interp(np.arange(x.size), known, x[known]), starts[stops - starts > 8]
@@ -528,9 +524,8 @@ def _regular(
     odd |= ratio > LONG
     uneven[:-1] = odd
     odd &= steps < slowest
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], odd.view(np.int8), [0]])))
     keep, repairs = np.ones(index.size, bool), []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in zip(*runs(odd), strict=True):
         before, after = steps[max(start - NEIGHBOURS, 0) : start], steps[stop : stop + NEIGHBOURS]
         if before.size == 0 or after.size == 0 or index[stop] - index[start] > 2 * slowest:
             continue

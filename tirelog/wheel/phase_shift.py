@@ -19,6 +19,7 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
+from tirelog.dsp.filters import runs
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -61,15 +62,10 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
         first = max(start - HELD, 0)
         values = channel.read(first, stop + HELD)
         equal = (np.diff(values) == 0) & (values[1:] > low) & (values[1:] < high)
-        if equal.any():
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.view(np.int8), [0]])))
-            runs = [
-                (a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= HELD - 1
-            ]
-            if runs:
-                values = values.copy()
-            for a, b in runs:
-                values[a : b + 1] = np.nan
+        held = [(a, b) for a, b in zip(*runs(equal), strict=True) if b - a >= HELD - 1]
+        values = values.copy() if held else values
+        for a, b in held:
+            values[a : b + 1] = np.nan
         return values[start - first : stop - first]
 
     return replace(channel, samples=read)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise
+from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise, runs
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
@@ -574,10 +574,10 @@ def _fast_stretches(channel: Channel, data: Decimated, pulses: Records) -> IntAr
     if not narrow.any():
         return np.zeros((0, 2), np.int64)
     around = np.convolve(narrow, np.ones(2 * REACH + 1))[REACH:-REACH] > 0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], around, [False]])))
+    edges = np.stack(runs(around), axis=1)
     between = 0.5 * (pulses["middle"][1:] + pulses["middle"][:-1])
     bounds = np.concatenate([[0.0], between, [float(channel.size)]])
-    return bounds[edges].astype(np.int64).reshape(-1, 2)
+    return bounds[edges].astype(np.int64)
 
 
 def _seen(axis: TimeAxis, pulses: Records) -> Records:
