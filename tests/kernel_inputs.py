@@ -502,10 +502,6 @@ def _(rng: np.random.Generator) -> Arguments:
             (values, 20, 1.0, np.zeros(11, f32)),
             (values[:7].copy(), 8, 1.0, np.zeros(1, f32)),
         ],
-        "fill_lost": [
-            (np.where(rng.uniform(size=60) < share, np.nan, row).astype(f32),)
-            for share in (0.0, 0.3, 0.9, 1.1)
-        ],
         "_medians_of_four": [(fours, -0.5, np.zeros(10, f32))],
         "_sum": [(values, 3, 0), (row.astype(float), 5, 7)],
         "_median_of_some": [(values, k, 3) for k in range(0, 203, 12)],
@@ -515,7 +511,6 @@ def _(rng: np.random.Generator) -> Arguments:
         ],
         "half_level": [(waves, peak, left, right, np.zeros(2, PULSE))],
         "_share": [(f32(1.0), f32(4.0), 2.5), (f32(2.0), f32(2.0), 2.0), (f32(4.0), f32(1.0), 9.0)],
-        "medians_around": [(values, 4, np.zeros(9), np.zeros(203))],
     }
 
 
@@ -586,26 +581,13 @@ def _(rng: np.random.Generator) -> Arguments:
 
 @inputs_of("strain.dissipation")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.dissipation import ENERGY, StripScratch
+    from tirelog.strain.dissipation import ENERGY
 
     values, side = rng.normal(size=300).cumsum(), rng.normal(size=13)
-    rows, low, high = np.array([2, 0]), np.array([110, 190]), np.array([190, 390])
-    slope = rng.normal(size=60)
+    rows, low, high = np.array([2, 0]), np.array([10, 90]), np.array([90, 290])
     return {
-        "revolution_sums": [
-            (
-                values,
-                100,
-                side,
-                StripScratch(*np.zeros((3, 300))),
-                rows,
-                low,
-                high,
-                np.zeros(3, ENERGY),
-            )
-        ],
-        "_derivative": [(values, side, np.zeros(300)), (values[:20].copy(), side, np.zeros(20))],
-        "_fours": [(slope, 2, np.zeros(60), np.zeros(60))],
+        "revolution_sums": [(values, side, rows, low, high, np.zeros(3, ENERGY))],
+        "_derivative": [(values, side), (values[:20].copy(), side)],
     }
 
 

@@ -160,10 +160,6 @@ def finite(x: Any) -> FloatArray:
 # angles and rates, so it is continuous with its rate.
 
 
-#: counts worked on at once
-PIECE = 1 << 15
-
-
 @compiled
 def _hermite(
     at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray
@@ -250,11 +246,7 @@ class AngleFunction:
 
         A wheel that has rolled back has its angles again later.
         """
-        forward = all(
-            bool(np.all(np.diff(self.count[s : s + PIECE + 1]) >= 0))
-            for s in range(0, self.count.size, PIECE)
-        )
-        return self.count if forward else np.maximum.accumulate(self.count)
+        return np.maximum.accumulate(self.count)
 
     def coarse(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""

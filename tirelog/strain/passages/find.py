@@ -31,7 +31,7 @@ from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_be
 from tirelog.strain.passages.search import AT_ONCE, pulses_in, search_passages
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
-from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
 # ---- Whether what was found are passages of a tire at all: the gate before any speed is told.
 #
@@ -433,16 +433,11 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 
 def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passages:
     """No passage at all."""
-    empty, no = np.zeros(0), np.zeros(0, bool)
-    columns: dict[str, Any] = {f.name: empty for f in fields(Passages)[6:]}
-    columns |= {
-        "turn_before": no,
-        "turn_after": no,
-        "measured": no,
-        "break_after": none_of(0),
-        "sides": np.zeros(0, np.int64),
+    others = {"sides": np.int64} | dict.fromkeys(("turn_before", "turn_after", "measured"), bool)
+    others |= dict.fromkeys(("break_after", "quality"), np.uint32)
+    columns: dict[str, Any] = {
+        f.name: np.zeros(0, others.get(f.name, np.float64)) for f in fields(Passages)[6:-1]
     }
-    columns |= {"quality": none_of(0), "doubt": ""}
     return Passages(channel.name, radius_m, sign, noise, 0.0, None, **columns)
 
 

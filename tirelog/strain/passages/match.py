@@ -25,11 +25,11 @@ from tirelog.strain.passages.passage_flags import (
 from tirelog.strain.passages.search import AT_ONCE, PULSE, usual
 from tirelog.strain.passages.template import (
     FOUND,
+    INTERVALS,
     ROW,
     SEGMENT,
     SPAN,
     WIDEST_RAD,
-    CurveSums,
     Source,
     Template,
     learned_template,
@@ -210,25 +210,19 @@ def _fit(
 
 def curve_sums(
     windows: Windows, start: Records, offset: FloatArray, height: FloatArray, window_rad: float
-) -> CurveSums:
+) -> tuple[FloatArray, FloatArray, int]:
     """The rows' samples, scaled to height 1, as what a template's curve is learnt from.
 
-    The curve is over +-`window_rad`.
+    Normal equations of a spline over +-`window_rad`, the upper triangle (s, s) and the right side
+    (s,), and how many samples are in them.
     """
-    sums = CurveSums()
+    normal, right = np.zeros((INTERVALS + 3, INTERVALS + 3)), np.zeros(INTERVALS + 3)
     rows = start.copy()
     rows["height"] = height
-    sums.count = spline_sums(
-        windows.source,
-        rows,
-        offset,
-        windows.spans,
-        window_rad,
-        sums.normal,
-        sums.right,
-        scratch(),
+    count = spline_sums(
+        windows.source, rows, offset, windows.spans, window_rad, normal, right, scratch()
     )
-    return sums
+    return normal, right, count
 
 
 # ---- The template of a log's own passages.

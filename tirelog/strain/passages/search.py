@@ -18,8 +18,9 @@ only a pulse of which the gap takes more than half is none.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -206,48 +207,6 @@ def _share(below: float, above: float, level: float) -> float:
     return min(max((level - below) / rise, 0.0), 1.0) if rise != 0.0 else 0.5
 
 
-@compiled
-def medians_around(values: FloatArray, reach: int, least: FloatArray, medians: FloatArray) -> None:
-    """Fills `medians` (n,) with the median of the values around each place.
-
-    Of the values that are there within `reach` places on either side, NaN if none is; `least` (2
-    reach + 1,) is scratch.
-    """
-    for i in range(values.size):
-        there = 0
-        for j in range(max(i - reach, 0), min(i + reach + 1, values.size)):
-            least[there] = values[j]
-            there += values[j] == values[j]
-        # the smaller half in order, by exchanges without branches
-        for j in range(there // 2 + 1):
-            first = least[j]
-            for k in range(j + 1, there):
-                other = least[k]
-                least[k] = other if other > first else first
-                first = first if first < other else other
-            least[j] = first
-        medians[i] = 0.5 * (least[(there - 1) // 2] + least[there // 2]) if there > 0 else np.nan
-
-
-@compiled
-def fill_lost(values: NDArray[np.float32]) -> bool:
-    """Fills lost `values` (n,) by straight lines, at the ends by the nearest; False if all are."""
-    before, n = -1, values.size
-    for i in range(n):
-        if not np.isfinite(values[i]):
-            continue
-        if before < 0:
-            values[:i] = values[i]
-        elif i > before + 1:
-            first, last = np.float64(values[before]), np.float64(values[i])
-            for k in range(before + 1, i):
-                values[k] = first + (last - first) / (i - before) * (k - before)
-        before = i
-    if before >= 0:
-        values[before + 1 :] = values[before]
-    return before >= 0
-
-
 # ---- A channel thinned for the search of passages: medians of short buckets.
 #
 #     channel
@@ -417,7 +376,13 @@ def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
 
     Nothing at all if all are lost.
     """
-    return medians if fill_lost(medians) else medians[:0]
+    known = np.isfinite(medians)
+    if not known.any():
+        return medians[:0]
+    lost = np.flatnonzero(~known)
+    if lost.size:  # the places take four times the room of the medians
+        medians[lost] = np.interp(lost, np.flatnonzero(known), medians[known])
+    return medians
 
 
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3, and half
@@ -505,15 +470,8 @@ def _without_plateaus(
     return peak[kept], left[kept], right[kept]
 
 
-@dataclass(frozen=True)
-class _Level:
-    """Radial acceleration outside the patch: sizes (k,) at samples (k,), straight lines between."""
-
-    index: FloatArray
-    size: FloatArray
-
-    def at(self, index: FloatArray) -> NDArray[np.float32]:
-        return np.interp(index, self.index, self.size).astype(np.float32)
+#: radial acceleration outside the patch by sample: sizes (n,) at fractional samples (n,)
+Level = Callable[[FloatArray], FloatArray]
 
 
 def search_passages(
@@ -541,27 +499,30 @@ def pulses_in(
     return _seen(channel.axis, pulses), data
 
 
-def _found(data: Decimated, level: _Level | None, without: int) -> Records:
+def _found(data: Decimated, level: Level | None, without: int) -> Records:
     """The pulses of `data`, searched in units of a `level` if there is one."""
     if level is None:
         return find_pulses(data, without)
-    at = level.at(data.index(np.arange(data.values.size)))
+    at = level(data.index(np.arange(data.values.size))).astype(np.float32)
     noise = data.noise / float(np.median(at))
     pulses = find_pulses(replace(data, values=data.values / at, noise=noise), without)
-    scale = level.at(pulses["middle"]).astype(np.float64)
+    scale = level(pulses["middle"])
     pulses["height"] *= scale
     pulses["base"] *= scale
     return pulses
 
 
-def _level(channel: Channel, data: Decimated) -> _Level:
-    """Median size of the values over pieces of LEVEL_S, never below the least."""
+def _level(channel: Channel, data: Decimated) -> Level:
+    """Median size of the values over pieces of LEVEL_S, never below the least.
+
+    With straight lines between their middles.
+    """
     size = max(int(LEVEL_S * channel.axis.rate_Hz / data.bucket[0]), 1)
     firsts = np.arange(0, data.values.size, size)
     medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
     least = max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
     middles = data.index(np.asarray(firsts + 0.5 * size, np.float64))
-    return _Level(middles, np.maximum(medians, least))
+    return partial(np.interp, xp=middles, fp=np.maximum(medians, least))
 
 
 def _fast_stretches(channel: Channel, data: Decimated, pulses: Records) -> IntArray:
@@ -593,10 +554,13 @@ def _seen(axis: TimeAxis, pulses: Records) -> Records:
 
 
 def usual(values: FloatArray) -> FloatArray:
-    """Median of the values within REACH pulses, shape (n,)."""
-    medians = np.empty(values.size)
-    medians_around(np.ascontiguousarray(values), REACH, np.empty(2 * REACH + 1), medians)
-    return medians
+    """Median of the values that are there within REACH pulses, shape (n,), NaN if none is."""
+    padded = np.pad(np.asarray(values, np.float64), REACH, constant_values=np.nan)
+    row = np.arange(values.size)
+    ordered = np.sort(padded[row[:, None] + np.arange(2 * REACH + 1)], axis=1)  # NaN come last
+    there = (~np.isnan(ordered)).sum(axis=1)
+    middle: FloatArray = 0.5 * (ordered[row, (there - 1) // 2] + ordered[row, there // 2])
+    return middle
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Records:

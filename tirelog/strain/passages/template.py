@@ -549,24 +549,15 @@ class Template:
         )
 
 
-class CurveSums:
-    """Normal equations of the least-squares spline through the samples.
+def _coefficients(normal: FloatArray, right: FloatArray, count: int) -> FloatArray:
+    """The least-squares spline's coefficients, (s,), from sums over `count` samples.
 
-    `normal` (s, s) upper triangle, `right` (s,), so many samples.
+    `normal` (s, s) upper triangle, `right` (s,) of the normal equations.
     """
-
-    def __init__(self) -> None:
-        self.normal = np.zeros((INTERVALS + 3, INTERVALS + 3))
-        self.right = np.zeros(INTERVALS + 3)
-        self.count = 0
-
-    def coefficients(self) -> FloatArray:
-        """The spline's coefficients, (INTERVALS + 3,)."""
-        size = self.right.size
-        rough = np.diff(np.eye(size), 3, axis=0)
-        normal = self.normal + np.triu(self.normal, 1).T + 1e-12 * np.eye(size)
-        normal += SMOOTHING * max(self.count / INTERVALS, 1.0) * rough.T @ rough
-        return np.asarray(np.linalg.solve(normal, self.right), np.float64)
+    rough = np.diff(np.eye(right.size), 3, axis=0)
+    whole = normal + np.triu(normal, 1).T + 1e-12 * np.eye(right.size)
+    whole += SMOOTHING * max(count / INTERVALS, 1.0) * rough.T @ rough
+    return np.asarray(np.linalg.solve(whole, right), np.float64)
 
 
 def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArray:
@@ -594,13 +585,14 @@ def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | No
     return float(0.5 * (entry + leave)), float(0.5 * (leave - entry))
 
 
-def learned_template(sums: CurveSums, window: float) -> Template | None:
-    """The template of the samples in `sums`, within +-`window` [rad], or None.
+def learned_template(sums: tuple[FloatArray, FloatArray, int], window: float) -> Template | None:
+    """The template of samples, within +-`window` [rad], or None.
 
-    None if the curve has no two half-level crossings. Its table covers a window of
-    WINDOW_HALF_WIDTHS half widths around the middle of the crossings, as far as `window` allows.
+    `sums`: normal equations of its curve and how many samples (`spline_sums`). None if the curve
+    has no two half-level crossings. Its table covers a window of WINDOW_HALF_WIDTHS half widths
+    around the middle of the crossings, as far as `window` allows.
     """
-    coefficients = sums.coefficients()
+    coefficients = _coefficients(*sums)
     grid = np.linspace(-window, window, TABLE)
     found = half_height(grid, _curve(coefficients, grid, window)[0])
     if found is None:
