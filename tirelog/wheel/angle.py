@@ -11,7 +11,7 @@ square pulses, counters and angles are taken as they come.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,10 +28,10 @@ from tirelog.dsp.pitch import (
     angle_function,
     steps_that_repeat,
 )
-from tirelog.dsp.teeth import FASTEST_BACK_Hz, Probe, Teeth, count_teeth, crossings, probe
+from tirelog.dsp.teeth import FASTEST_BACK_Hz, Probe, count_teeth, crossings, probe
 from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary import units
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.wheel.rolling import WheelTurns, rolling
 
@@ -175,13 +175,13 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     learner, builder = PitchLearner(steps), KnotBuilder(np.pi / steps, 2 * steps, edges)
     passages, missing, extra = 0, 0, 0
     for teeth in _teeth(channel, found, steps):
-        time = channel.axis.at(teeth.index)
+        time = channel.axis.at(teeth["index"])
         for each in (learner, builder):
-            each.add(time, teeth.count, teeth.stretch, teeth.forward)
+            each.add(time, teeth["count"], teeth["stretch"], teeth["forward"])
         passages, missing, extra = (
             passages + time.size,
-            missing + teeth.missing,
-            extra + teeth.extra,
+            missing + int(teeth["missing"].sum()),
+            extra + int(teeth["extra"].sum()),
         )
     if passages < 4 * steps:
         raise _too_few(channel, passages, steps)
@@ -211,7 +211,7 @@ def _noise(found: Probe, steps: int) -> float:
     return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
-def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
+def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Records]:
     """Counted teeth of a sine or square channel, piece by piece.
 
     Stretches are numbered 0, 1, ..., and gaps in the time axis end one.
@@ -223,15 +223,13 @@ def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
     for teeth in count_teeth(
         channel.read, found, crossings(channel.read, channel.size, rate, found), rate, steps
     ):
-        stretch = (
-            teeth.stretch + np.searchsorted(holes, teeth.index, side="right")
-            if holes.size
-            else teeth.stretch
-        )
+        stretch = teeth["stretch"] + np.searchsorted(holes, teeth["index"], side="right")
         if stretch.size:
             order = np.cumsum(np.diff(stretch, prepend=last) != 0) + number
             last, number = int(stretch[-1]), int(order[-1])
-            yield replace(teeth, stretch=order)
+            told = teeth.copy()
+            told["stretch"] = order
+            yield told
 
 
 def _too_few(channel: Channel, passages: int, steps: int) -> DataLoss:
