@@ -352,7 +352,6 @@ def _(rng: np.random.Generator) -> Arguments:
     )
     return {
         "_along": [(0.3, -4.0, 0.02, speed, -3.0) for speed in (14.0, 0.01)],
-        "_along_rows": [(np.stack([first, second]), motion, 2)],
         "least": [
             (second[0], 20.0, 140.0),
             (second[1], -5.0, 55.5),
@@ -551,8 +550,6 @@ def _(rng: np.random.Generator) -> Arguments:
         made.value[7], made.weight[7] = np.nan, 0.0
         return made
 
-    fits, most = np.zeros(4, k.FOUND), k.MOST_SAMPLES
-    fits["time_s"], fits["omega_rad_s"], fits["height"] = centres, 40.0, 1.9
     knots = 13
     diagonal, right = (4.0, 5.0, 6.0, 7.0), (1.0, -2.0, 0.5, 3.0)
     ends = filled()
@@ -564,9 +561,6 @@ def _(rng: np.random.Generator) -> Arguments:
         ],
         "spline_sums": [
             (source, rows, offset, spans, 0.3, np.zeros((knots, knots)), np.zeros(knots), room())
-        ],
-        "leave_rows": [
-            (source, table, 0.4, rows, spans, fits, room(), np.zeros(4 * most), np.zeros(4 * most))
         ],
         "spline_curve": [(rng.normal(size=knots), 0.3, phi, np.zeros(81), np.zeros(81))],
         "basis": [(u, which) for u in (0.0, 0.3, 1.0) for which in range(4)],

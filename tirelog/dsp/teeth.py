@@ -64,9 +64,6 @@ BESIDE = 2 * AROUND + 2
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as
 #: standstill; twice as long counts slower teeth, and follows a wandering level half as well
 FOLLOW_S = 0.3
-#: longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
-#: whole swing; twice as long follows half as well
-FOLLOW_STEADY_S = 1.2
 #: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
 HYSTERESIS = 0.4
 #: a signal whose range is within so many standard deviations of its noise does not move; twice as
@@ -79,10 +76,6 @@ STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 #: samples this near to the upper or the lower level, in half ranges, are on it; a signal with more
 #: than this share of its samples there is square. Twice the distance takes a sine for one
 ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
-#: so many of a square's levels may last one sample only, as a share: pulses last for two and more,
-#: a converter that flickers between two codes changes at every other one; half of it refuses a
-#: wheel whose pulses last two samples and a half
-SHORT_LEVELS = 0.25
 #: a count goes one way in more than this share of a piece's samples, and over more than so many of
 #: its own steps in the log; twice as many do not know a counter that has just begun
 ONE_WAY, COUNTED_STEPS = 0.998, 2.5
@@ -169,7 +162,9 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     steady = float(np.min(np.array(amplitudes)[moving])) > STEADY_AMPLITUDE * amplitude
     least = max(STILL_SIGMA * noise, 0.7 * usual if steady else 0.01 * amplitude)
     form = "square" if np.median(np.array(squares)[moving]) > SQUARE_SHARE else "sine"
-    return Probe(form, amplitude, noise, least, FOLLOW_STEADY_S if steady else FOLLOW_S)
+    # longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
+    # whole swing; twice as long follows half as well
+    return Probe(form, amplitude, noise, least, 1.2 if steady else FOLLOW_S)
 
 
 def _level_share(x: FloatArray, low: float, high: float) -> float:
@@ -189,7 +184,10 @@ def _noise(x: FloatArray, square: bool) -> float:
     low, high = float(x.min()), float(x.max())
     upper = x > 0.5 * (low + high)
     lasting = np.diff(np.flatnonzero(upper[1:] != upper[:-1]))
-    if lasting.size and float(np.mean(lasting == 1)) > SHORT_LEVELS:
+    # so many of a square's levels may last one sample only, as a share: pulses last for two and
+    # more, a converter that flickers between two codes changes at every other one; half of it
+    # refuses a wheel whose pulses last two samples and a half
+    if lasting.size and float(np.mean(lasting == 1)) > 0.25:
         return 0.5 * (high - low)
     away = np.abs(x - np.where(upper, np.median(x[upper]), np.median(x[~upper])))
     return float(np.median(away) / 0.6745)
@@ -274,8 +272,6 @@ PIECE = 1 << 14
 CONTEXT = 40
 #: half teeth that take longer than this are looked at for a turning point
 SLOW_S = 0.06
-#: half teeth shorter than this on both sides of a long interval: the wheel did not stand
-ROLLING_S = 0.02
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster
 #: than so many turns per second
 SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
@@ -371,7 +367,8 @@ def _count(
     hole = np.zeros(n - 1, bool)
     if passages.breaks.size:
         broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
-        _bridge(halves, intervals, broken[still[broken]], ROLLING_S * rate_Hz)
+        # half teeth shorter than this on both sides of a long interval: the wheel did not stand
+        _bridge(halves, intervals, broken[still[broken]], 0.02 * rate_Hz)
         hole[broken[halves[broken] != 1]] = True
         uneven[broken] = True
     fastest = FASTEST_BACK_Hz / rate_Hz * 2 * steps

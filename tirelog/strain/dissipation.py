@@ -91,9 +91,6 @@ PASS = 20.0
 #: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost;
 #: nearer to one, the filter needs many more coefficients
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
-#: means are taken of as many samples as leave this many per period of the pass edge; twice as many
-#: take twice as long and change what the filter passes no more
-OVERSAMPLING = 4.0
 #: a sample off its neighbours' cubic by more than these many sigmas and this share of the
 #: passages' height is bridged; twice as much of either leaves spikes in that are half as large as
 #: what counts
@@ -106,10 +103,6 @@ SHOULDERS = 1.6
 BRIDGED_MEANS, BRIDGED_TURNS = 2.0, 0.25
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
-#: a standard error above so many factors, the row's or the log's usual one, tells nothing and is
-#: left blank; half of it would blank rows of very noisy logs, twice as much no row that this does
-#: not
-MOST_ERROR = 10.0
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
 #: moving average; twice the step takes gentle braking for a constant speed
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
@@ -155,7 +148,9 @@ def _filter(channel: Channel, passages: Passages) -> _Filter:
     half_length = LENGTH_TO_WIDTH * half_width * passages.radius_m
     top = float(np.nanmax(passages.speed_m_s))
     wanted = PASS / half_length * top / (2.0 * np.pi)
-    averaged = int(2 ** np.floor(np.log2(max(rate / (OVERSAMPLING * wanted), 1.0))))
+    # means are taken of as many samples as leave this many per period of the pass edge; twice as
+    # many take twice as long and change what the filter passes no more
+    averaged = int(2 ** np.floor(np.log2(max(rate / (4.0 * wanted), 1.0))))
     edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
     return _Filter(
         differentiator(rate / averaged, edge, averaged),
@@ -371,7 +366,10 @@ def dissipation(
         factor = np.where(whole, (energy - means * per_mean) * step / speed, np.nan)
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
         known = np.abs(factor[np.isfinite(factor)])
-        absurd = error > MOST_ERROR * np.maximum(
+        # a standard error above so many factors, the row's or the log's usual one, tells nothing
+        # and is left blank; half of it would blank rows of very noisy logs, twice as much no row
+        # that this does not
+        absurd = error > 10.0 * np.maximum(
             np.abs(factor), np.median(known) if known.size else np.inf
         )
     error = np.where(absurd, np.nan, error)
@@ -405,27 +403,14 @@ def dissipation(
 # stretches scatter about the line.
 
 
-#: rows of constant speed that a regression needs; half as many would leave a parabola one degree
-#: of freedom, twice as many refuse short tests
-LEAST_ROWS = 8
 #: a stretch is cut when its speed has moved by this much [m/s]: a slow coast-down is no single
 #: speed; twice as much halves the points of such a stretch and leaves others alone
 PIECE_M_S = 1.0
-#: means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to
-#: stretch, above the steps of a test plan; twice as much takes steps of less than 1 m/s for one
-#: speed
-SAME_SPEED_M_S = 0.5
 #: probability that an interval covers; and the one of the test whether a parabola is needed; half
 #: the rest, 0.975, makes intervals a seventh wider
 COVERED = 0.95
-#: a line is said to miss a mean that lies further off than this many of the mean's own standard
-#: errors: by noise alone one line in a thousand does; at twice as many only a line that is visibly
-#: wrong
-FAR_OFF = 4.0
 #: said of a line whose errors hold although its means lie far off
 SCATTERED = "stretches scatter more than their revolutions, which the errors count"
-#: halvings of the interval that holds the scatter between stretches
-_HALVINGS = 60
 
 
 #: the line quantity = intercept + slope x speed, and what can be said of it:
@@ -495,7 +480,8 @@ def _through(
         return found, np.full_like(inverse, np.nan), 0
     low, high = 0.0, float(np.ptp(means)) ** 2
     if solved(low)[2] > free:
-        for _ in range(_HALVINGS):
+        # halvings of the interval that holds the scatter between stretches
+        for _ in range(60):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if solved(middle)[2] > free else (low, middle)
     else:
@@ -514,14 +500,19 @@ def regression(
     """
     good = (stretch >= 0) & np.isfinite(values) & np.isfinite(speed_m_s)
     v, y, group = speed_m_s[good], values[good], stretch[good]
-    if v.size < LEAST_ROWS:
+    # rows of constant speed that a regression needs; half as many would leave a parabola one degree
+    # of freedom, twice as many refuse short tests
+    if v.size < 8:
         return None
     order = np.argsort(group, kind="stable")
     v, y, group = v[order], y[order], group[order]
     piece = pieces(v, group)
     count = np.bincount(piece)
     speed, means = np.bincount(piece, v) / count, np.bincount(piece, y) / count
-    speeds = 1 + int((np.diff(np.sort(speed)) > SAME_SPEED_M_S).sum())
+    # means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to
+    # stretch, above the steps of a test plan; twice as much takes steps of less than 1 m/s for one
+    # speed
+    speeds = 1 + int((np.diff(np.sort(speed)) > 0.5).sum())
     if speeds < 2:
         return None
     within = float(((y - means[piece]) ** 2).sum()) / max(v.size - count.size, 1)
@@ -580,7 +571,10 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 
     Empty if nothing speaks against it.
     """
-    far = f"the line misses a mean by {sigmas:.0f} of its errors" if sigmas > FAR_OFF else ""
+    # a line is said to miss a mean that lies further off than this many of the mean's own standard
+    # errors: by noise alone one line in a thousand does; at twice as many only a line that is
+    # visibly wrong
+    far = f"the line misses a mean by {sigmas:.0f} of its errors" if sigmas > 4.0 else ""
     if speeds < 3 or free <= 1:
         untested = f"{speeds} speeds: a line is not tested"
         return f"{untested}; {far}, a parabola may follow them" if free > 0 and far else untested

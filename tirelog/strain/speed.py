@@ -88,12 +88,6 @@ def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> tuple[float,
     return float(np.mean(radii)), float(np.mean(errors)), turns
 
 
-#: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank;
-#: half of it would blank those of a wheel that is about to stand, twice as much would keep what no
-#: reader can use
-LEAST_ERROR_M_S = 1.0
-
-
 def speed_quality(passages: Passages) -> QualityFlags:
     """The passages' flags, with those on the speed.
 
@@ -173,7 +167,10 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
         error = np.hypot(
             passages.speed_se_m_s, radius_se_m / passages.radius_m * passages.speed_m_s
         )
-        absurd = error > np.maximum(np.abs(passages.speed_m_s), LEAST_ERROR_M_S)
+        # a standard error above the speed itself, and above this [m/s], tells nothing and is left
+        # blank; half of it would blank those of a wheel that is about to stand, twice as much would
+        # keep what no reader can use
+        absurd = error > np.maximum(np.abs(passages.speed_m_s), 1.0)
     return begin(log, passages) | {
         "period_s": period(passages),
         "speed_se_m_s": np.where(absurd, np.nan, error),

@@ -72,8 +72,6 @@ DEGREE_OF_FLANK = 5
 #: half width of its window, in level over the flank's slope, and not beyond the patch's middle, or
 #: the other flank is in it; half as wide, noise moves the steepest place as much as the patch does
 FLANK_REACH = 1.5
-#: steps that centre the window on the steepest place; twice as many take twice as long for it
-CENTRINGS = 4
 #: passages over which errors are as large as what is left of the signal says, and so many at least
 #: that tell it by their widths; twice as many follow a change of road half as soon
 SMOOTH, FEWEST = 101, 9
@@ -327,7 +325,8 @@ def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
     """
     powers = np.arange(DEGREE_OF_FLANK + 1)
     centre = 0.0
-    for _ in range(CENTRINGS):
+    # steps that centre the window on the steepest place; twice as many take twice as long for it
+    for _ in range(4):
         x = (u - centre) / reach
         inside = np.abs(x) < 1.0
         weight = np.sqrt(1.0 - x[inside] ** 2)
@@ -379,9 +378,6 @@ def _half_level(form: FloatArray, near: float) -> float | None:
 # The cubic follows the flank's own shape, so nothing is assumed about it.
 
 
-#: samples are read so much wider, for a place that was a little off [deg]; twice as wide reads
-#: that much more
-MARGIN = 1.0
 #: samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
 #: twice as many widen windows with few samples, and take more of the front's bend into them
 LEAST_SAMPLES = 7
@@ -407,7 +403,9 @@ def crossings(
 
     The crossing of the half level [rad]; the slope in levels/rad.
     """
-    first, last = ranges(channel, wheel, flanks, windows + MARGIN * DEGREE)
+    # samples are read so much wider, for a place that was a little off [deg]; twice as wide reads
+    # that much more
+    first, last = ranges(channel, wheel, flanks, windows + 1.0 * DEGREE)
     result = np.full((3, first.size), np.nan)
     quality = none_of(first.size)
     for group, start, values in groups(channel, first, last):

@@ -104,19 +104,15 @@ def limits(channel: Channel) -> tuple[float, float, float]:
 # mend
 
 
-#: times between swings more alike than this (shorter over longer, median) are an encoder's; twice
-#: as far from one, 0.4, is still far above the 0.05 of passages and the rest of their turns
-EVEN = 0.7
-#: the patch comes this near to once per turn, as a share; twice as much takes 47 steps for 48
-OFF_TURN = 0.01
-
-
 def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channel) -> None:
     """SetupError if accelerometer and encoder are swapped.
 
     The accelerometer's channel swings like an encoder, evenly, and the encoder's does not.
     """
-    if _evenness(accelerometer) > EVEN > _evenness(encoder):
+    # times between swings more alike than this (shorter over longer, median) are an encoder's;
+    # twice as far from one, 0.4, is still far above the 0.05 of passages and the rest of their
+    # turns
+    if _evenness(accelerometer) > 0.7 > _evenness(encoder):
         raise SetupError(
             f"{accelerometer.name} swings like an encoder and {encoder.name} does not: the "
             "channels look swapped",
@@ -149,7 +145,8 @@ def _evenness(channel: Channel) -> float:
 def refuse_steps(recording: Recording, wheel: WheelAngle, turn_rad: float) -> None:
     """SetupError if the patch does not come once per turn, but every `turn_rad` of wheel angle."""
     turns = turn_rad / (2 * np.pi)
-    if not abs(turns - 1) > OFF_TURN:
+    # the patch comes this near to once per turn, as a share; twice as much takes 47 steps for 48
+    if not abs(turns - 1) > 0.01:
         return
     steps = wheel.steps * turns
     table = (
@@ -223,9 +220,6 @@ LOW_SPEED_M_S = 13.0
 #: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
 #: passages, within this range; twice the step or range takes gentle braking for a constant speed
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
-#: forces do not move the patch's usual place by more than this after a standstill; twice as much
-#: leaves moves of up to four degrees unsaid
-ELSEWHERE_DEG = 2.0
 
 
 @dataclass(frozen=True)
@@ -429,7 +423,9 @@ def _one_turn(
         lost = round((place - first) / tooth) * tooth
         turn[rows] -= lost
         moved += lost != 0
-        strange |= rows & (abs(place - lost - first) > ELSEWHERE_DEG)
+        # forces do not move the patch's usual place by more than this after a standstill; twice as
+        # much leaves moves of up to four degrees unsaid
+        strange |= rows & (abs(place - lost - first) > 2.0)
     centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(
         np.median(turn[known])
     )

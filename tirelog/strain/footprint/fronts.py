@@ -39,9 +39,6 @@ _LEARNT = 200
 _FORM = np.radians(np.arange(-60.0, 60.01, 0.25))
 #: half widths of a patch that a tire has [rad]; outside of these nothing is a front
 _LEAST_HALF, _MOST_HALF = np.radians([2.0, 45.0])
-#: samples between the fronts below which no level inside can be read; twice as many leave fast
-#: passages of slow loggers without fronts
-_FEWEST_INSIDE = 4
 
 
 def accelerometer_footprints(recording: Recording) -> list[PassageRows]:
@@ -147,7 +144,9 @@ def _levels(turned: FloatArray, values: FloatArray, fronts: FloatArray) -> tuple
     away = np.abs(turned - middle) - half
     beside = (away > _FAR[0]) & (away < _FAR[1]) & np.isfinite(values)
     sides = [values[beside & (turned < 0.0)], values[beside & (turned > 0.0)]]
-    if np.isfinite(inside).sum() < _FEWEST_INSIDE or not all(side.size for side in sides):
+    # samples between the fronts below which no level inside can be read; twice as many leave fast
+    # passages of slow loggers without fronts
+    if np.isfinite(inside).sum() < 4 or not all(side.size for side in sides):
         return np.nan, np.nan
     return float(np.nanmedian(inside)), float(np.mean([side.mean() for side in sides]))
 

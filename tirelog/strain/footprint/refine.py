@@ -61,11 +61,6 @@ from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Record, R
 # patch is a minimum, whatever the surface.
 
 
-#: numbers in the windows that are given at a time: what works on them does so without leaving the
-#: processor's cache
-_AT_ONCE = 1 << 17
-
-
 @dataclass(frozen=True)
 class PatchWindows:
     """Windows of some passages: rows of samples with the patch downward.
@@ -177,7 +172,9 @@ def gather_windows(
                     inside[some],
                 )
             )
-            if sum(part.values.size for part in held) >= _AT_ONCE:
+            # numbers in the windows that are given at a time: what works on them does so without
+            # leaving the processor's cache
+            if sum(part.values.size for part in held) >= (1 << 17):
                 yield joined_windows(waiting.pop(size))
     for held in waiting.values():
         yield joined_windows(held)
@@ -404,8 +401,6 @@ def fit_edges(
     )
 
 
-#: rounds of refining, at most; twice as many only help a refinement that has not settled by then
-ROUNDS = 6
 #: stay when the next round promises less than this of the whole chi-square, and stop when one has
 #: changed it by less than this share; half of the latter goes on for some rounds with forms that
 #: are those of no tire, and nowhere else
@@ -417,9 +412,6 @@ REFINED_ODD_SD = 0.5
 CELLS, REMARKABLE = 120, 1.3
 #: weight of a cell without samples, so that a class without any is known to nothing and not unknown
 LEAST_WEIGHT = 1e-6
-#: passages with more than this times the usual misfit do not belong; three times the usual size;
-#: twice as much keeps passages of 4.2 times
-FOREIGN = 9.0
 #: what an average misses by passages that are unlike each other, as a share of the height in each
 #: cell: a third of it halves the errors of trapezoids, which are then 3.5 of these off; squared, in
 #: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
@@ -431,9 +423,6 @@ TRUSTS, FIRST_STEPS, FEW_STEPS = (0.01, 0.1, 1.0), 30, 5
 #: lengths (logarithm) that are tried: at first an error apart, within these bounds, then twice as
 #: far, until the evidence falls by so much, or that far
 STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
-#: a form is learnt if the fastest class has so many times the speed of the slowest: at one speed a
-#: traction or the stiffness is as good as a pressure
-SPEEDS = 1.4
 #: error of a length over what the prior of the form's series gives: boxes and trapezoids, which the
 #: series does not follow, are 1 to 2.1 times that off; the error is proportional to it
 UNFOLLOWED = 2.0
@@ -515,7 +504,8 @@ def refine_edges(
     `noise`: standard deviation of one sample of the log.
     """
     best, trial = reference, reference
-    for again in range(ROUNDS):
+    # rounds of refining, at most; twice as many only help a refinement that has not settled by then
+    for again in range(6):
         sums = [_sums(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
         samples, sums = _without_foreign(samples, sums, trial, noise, half_window_m)
         free = float(sum(one.free.sum() for one in sums))
@@ -557,7 +547,9 @@ def _without_foreign(
     kept, again = list(samples), list(sums)
     for number, one in enumerate(sums):
         share = one.chi2 / one.free
-        good = (share < FOREIGN * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
+        # passages with more than this times the usual misfit do not belong; three times the usual
+        # size; twice as much keeps passages of 4.2 times
+        good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
         if good.any() and not good.all():
             kept[number] = samples[number].take(good)
             again[number] = _sums(reference, number, kept[number], noise, half_window_m)
@@ -592,7 +584,9 @@ def learn_form(
     share = UNFOLLOWED * float(np.sqrt(chances @ unseen**2 / chances.sum()))
     plain = replace(reference, form_share=share)
     speeds = reference.speed_m_s
-    if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < SPEEDS * speeds[0]:
+    # a form is learnt if the fastest class has so many times the speed of the slowest: at one speed
+    # a traction or the stiffness is as good as a pressure
+    if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < 1.4 * speeds[0]:
         return plain
     # the tread may have stood for the form, or be what it is beside
     kept = descend(problem, start, SIZES[0], steps=FEW_STEPS)

@@ -227,9 +227,6 @@ BUCKET_S = 1.6e-3
 #: shorter buckets have this share of the samples: twice as much takes two rounds for what is four
 #: times as fast
 SHORTER = 4
-#: a recording that is interrupted for longer [s] goes on as another part, as its level may have
-#: drifted meanwhile; twice as long takes a drift of twice the size for a pulse's rise or fall
-INTERRUPTED_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -365,7 +362,9 @@ def _median_blocks(
 
 def _parts(axis: TimeAxis, bucket: IntArray, begin: IntArray, first: IntArray) -> IntArray:
     """Numbers of the buckets with which the recording begins and goes on, by the pieces (p,)."""
-    behind = axis.first[1:][axis.missing[1:] > INTERRUPTED_S * axis.rate_Hz]
+    # a recording that is interrupted for more than a second goes on as another part, as its level
+    # may have drifted meanwhile; twice as long takes a drift of twice the size for a pulse's rise
+    behind = axis.first[1:][axis.missing[1:] > axis.rate_Hz]
     piece = np.searchsorted(first[1:], behind, side="right")
     place = np.ceil((behind - first[piece] - 0.5 * (bucket[piece] - 1)) / bucket[piece])
     return np.concatenate([[0], begin[piece] + place.astype(np.int64)])
@@ -391,14 +390,6 @@ LEAST_HEIGHT = 0.45
 #: and by this many times the noise of a sample; half of it, one sample's noise does by chance once
 #: in 3e4
 LEAST_SIGMAS = 8.0
-#: a pulse whose top lies this share of its height below both neighbours' is the stretch between
-#: two patches, seen from its deep shoulders; twice as much keeps almost every such stretch, half
-#: as much drops passages beside higher ones
-PLATEAU_SHARE = 0.4
-#: pulses whose usual width is less than so many buckets are searched with shorter ones: a pulse
-#: whose middle lies between two buckets looks two wide, however narrow it is, and below 1.2 it may
-#: be too low to count.  Half as many would leave such pulses out
-FEWEST_BUCKETS = 2.2
 #: pulses on either side whose widths are the usual one; twice as many pulses tell it of a speed
 #: that changes over twice as many
 REACH = 3
@@ -466,7 +457,10 @@ def _without_plateaus(
     height = top - np.minimum(values[left], values[right])
     before = np.concatenate([[np.inf], top[:-1]])
     after = np.concatenate([top[1:], [np.inf]])
-    kept = top >= np.minimum(before, after) - PLATEAU_SHARE * height
+    # a pulse whose top lies this share of its height below both neighbours' is the stretch between
+    # two patches, seen from its deep shoulders; twice as much keeps almost every such stretch, half
+    # as much drops passages beside higher ones
+    kept = top >= np.minimum(before, after) - 0.4 * height
     return peak[kept], left[kept], right[kept]
 
 
@@ -531,7 +525,10 @@ def _fast_stretches(channel: Channel, data: Decimated, pulses: Records) -> IntAr
     With REACH pulses on either side, between which and the others none was overlooked.
     """
     bucket = data.bucket[np.searchsorted(data.first[1:], pulses["middle"], side="right")]
-    narrow = (usual(pulses["width"] / bucket) < FEWEST_BUCKETS) & (bucket > 1)
+    # pulses whose usual width is less than so many buckets are searched with shorter ones: a pulse
+    # whose middle lies between two buckets looks two wide, however narrow it is, and below 1.2 it
+    # may be too low to count.  Half as many would leave such pulses out
+    narrow = (usual(pulses["width"] / bucket) < 2.2) & (bucket > 1)
     if not narrow.any():
         return np.zeros((0, 2), np.int64)
     around = np.convolve(narrow, np.ones(2 * REACH + 1))[REACH:-REACH] > 0
