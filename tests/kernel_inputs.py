@@ -55,32 +55,12 @@ def holed(rng: np.random.Generator, *shape: int, share: float = 0.05) -> np.ndar
 
 @inputs_of("dsp.filters")
 def _(rng: np.random.Generator) -> Arguments:
-    windows = holed(rng, 4, 70)
-    windows[1], windows[2, :9] = np.nan, np.nan
     cutoff = np.array([20.0, 45.0, 3e3, 0.1])
     spectra = rng.normal(size=(4, 36)) + 1j * rng.normal(size=(4, 36))
     shaped, noise = np.zeros((2, 4, 36), complex), np.zeros((4, 2))
     return {
         "gain": [(12.5, 40.0), (0.0, 40.0), (1e4, 0.1)],
-        "closed": [(windows,), (rng.normal(size=(1, 7)),)],
         "_derived": [(spectra, 7.5, cutoff, 70 + k, 2 - k, shaped, noise) for k in range(2)],
-    }
-
-
-@inputs_of("dsp.filters")
-def _(rng: np.random.Generator) -> Arguments:
-    values = holed(rng, 60)
-    values[[0, 1, 30, 31, 32, -1]] = np.nan
-    values[[10, 44]] += 30.0
-    smooth, lost = np.sin(np.arange(60) / 9.0), np.full(12, np.nan)
-
-    def bridging(x: np.ndarray) -> tuple[Any, ...]:
-        return x, 2.0, np.zeros(x.size, bool), x.copy()
-
-    return {
-        "_doubtful": [(values, 2.0), (smooth, 2.0), (smooth, 1e-9), (smooth[:3].copy(), 2.0)],
-        "_bend": [(values, i) for i in (0, 10, 31, 58)],
-        "_bridge": [bridging(values), bridging(smooth), bridging(lost)],
     }
 
 
@@ -314,16 +294,6 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- strain
 
 
-@inputs_of("strain.footprint.refine")
-def _(rng: np.random.Generator) -> Arguments:
-    starts = np.array([-3, 20, 95])
-    return {
-        "_cut_out": [
-            (holed(rng, 90), 10, starts, 16, np.array([0, 25, 0]), np.array([100, 200, 97]), -1.0)
-        ]
-    }
-
-
 @inputs_of("strain.footprint.family")
 def _(rng: np.random.Generator) -> Arguments:
     from tirelog.strain.footprint.family import ORDERS, SHAPES, TERMS, _mass
@@ -490,21 +460,11 @@ def _(rng: np.random.Generator) -> Arguments:
     from tirelog.strain.passages.search import PULSE
 
     f32 = np.float32
-    values, row = holed(rng, 203), rng.normal(size=60).cumsum().astype(f32)
+    row = rng.normal(size=60).cumsum().astype(f32)
     stairs = np.array([0, 3, 3, 1, 1, 4, 0, 0], f32)
-    fours = holed(rng, 10, 4)
     peak, left, right = np.array([4, 9]), np.array([0, 6]), np.array([6, 13])
     waves = np.array([0, 1, 3, 5, 7, 4, 1, 2, 6, 8, 5, 3, 1, 0.5], f32)
     return {
-        "bucket_medians": [
-            (values, 4, -1.0, np.zeros(51, f32)),
-            (values, 20, 1.0, np.zeros(11, f32)),
-            (values[:7].copy(), 8, 1.0, np.zeros(1, f32)),
-        ],
-        "_medians_of_four": [(fours, -0.5, np.zeros(10, f32))],
-        "_sum": [(values, 3, 0), (row.astype(float), 5, 7)],
-        "_median_of_some": [(values, k, 3) for k in range(0, 203, 12)],
-        "running_medians": [(values, 0, -1.0, np.zeros(203, f32))],
         "turning_points": [
             (x, least, np.zeros(61, np.int32)) for x in (row, stairs) for least in (0.0, 1.0, 99.0)
         ],

@@ -23,7 +23,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.filters import bridged, differentiator
@@ -581,8 +580,3 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
     if bent:
         return "the line misses the means, a parabola follows them" + (f"; {far}" if far else "")
     return f"{SCATTERED} ({far})" if far else ""
-
-
-def regression_table(lines: list[Regression]) -> dict[str, NDArray[Any]]:
-    """The columns of some regressions."""
-    return {name: np.array([line[name] for line in lines]) for name in COLUMNS}

@@ -131,8 +131,9 @@ def period(passages: Passages) -> FloatArray:
     Half of the time between the passages before and after if these are one turn away, else a turn
     at the passage's speed.
     """
-    both = 0.5 * (passages.period_before_s + passages.period_after_s)
-    return np.where(np.isfinite(both), both, TURN_RAD / passages.omega_rad_s)
+    step = np.diff(passages.time_s, prepend=np.nan, append=np.nan)
+    both = passages.turn_before & passages.turn_after
+    return np.where(both, 0.5 * (step[:-1] + step[1:]), TURN_RAD / passages.omega_rad_s)
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,10 @@ def _undriven(
         if (
             again == MOST_LEARNT
             or not new.any()
-            or not _mixed(learnt, work["driven"].sum() / rows.size, usual)
+            or usual is None
+            # neither few of them nor nearly all show a traction, and the form missed both
+            or abs(work["driven"].sum() / rows.size - 0.5) >= 0.5 - DRIVEN_SHARE
+            or learnt.reference.misfit <= REMARKABLE * usual.scatter**2
         ):
             return settled
         left_out = left_out | work["driven"]
@@ -264,19 +267,6 @@ def _below_gap(misfit: FloatArray, group: IntArray) -> BoolArray:
         if steps.size and steps.max() > GAP:
             below[own[: few + int(np.argmax(steps))]] = True
     return below
-
-
-def _mixed(learnt: EdgeForm, share: float, usual: FreeRollingReference | None) -> bool:
-    """Whether the form has to be learnt again, without passages under traction.
-
-    So it is if it was learnt from passages with and without traction alike, and missed both.
-    `share` of them with a traction; `usual`: what those without leave.
-    """
-    return (
-        DRIVEN_SHARE < share < 1.0 - DRIVEN_SHARE
-        and usual is not None
-        and learnt.reference.misfit > REMARKABLE * usual.scatter**2
-    )
 
 
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.kernels import compiled
 from tirelog.strain.footprint.family import ComplexArray
 from tirelog.strain.footprint.kernels import (
     FIT,
@@ -213,32 +212,12 @@ def _cut(
             first[part - 1].astype(np.int64),
             np.append(first, channel.size)[part].astype(np.int64),
         )
-    values = _cut_out(samples, low, nearest - size, 2 * size, begins, ends, turned)
+    place = (nearest - size)[:, None] + np.arange(2 * size)
+    inside = (place >= np.maximum(begins, low)[:, None]) & (place < ends[:, None])
+    inside &= place < low + samples.size
+    values = np.full(place.shape, np.nan)
+    values[inside] = turned * samples[place[inside] - low]
     return PatchWindows(rows, values, index - nearest + size, channel.axis.rate_Hz)
-
-
-@compiled
-def _cut_out(
-    samples: FloatArray,
-    low: int,
-    starts: IntArray,
-    count: int,
-    begins: IntArray,
-    ends: IntArray,
-    turned: float,
-) -> FloatArray:
-    """`count` samples from each of `starts` (n,) on, times `turned`.
-
-    Shape (n, count); NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are
-    numbered from `low` on. `turned`: 1 or -1.
-    """
-    out = np.empty((starts.size, count))
-    for row in range(starts.size):
-        begin, end = max(begins[row], low), min(ends[row], low + samples.size)
-        for k in range(count):
-            at = starts[row] + k
-            out[row, k] = turned * samples[at - low] if begin <= at < end else np.nan
-    return out
 
 
 # ---- Every passage against the log's own form.

@@ -28,7 +28,7 @@ from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages import passage_flags
 from tirelog.strain.passages.match import MatchedPassages, Signal, match, one_turn
 from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_between
-from tirelog.strain.passages.search import AT_ONCE, pulses_in, search_passages
+from tirelog.strain.passages.search import AT_ONCE, decimate, pulses_in
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
@@ -83,7 +83,11 @@ def doubt(
     period = np.diff(time_s)
     linked = one_turn(turns_between(time_s, omega))
     pairs, unlinked = linked.size, float(np.mean(~linked))
-    broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > _stopping_speed(radius_m))
+    # deceleration [m/s^2] from which a wheel that stops within a turn may have stood or rolled back
+    # before the next passage (a car's: from 5.5 m/s): 8.  Twice as much takes random pulses at 7.8
+    # m/s for stops
+    stopping = np.sqrt(2.0 * 8.0 * TURN_RAD * radius_m)
+    broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > stopping)
     height = np.abs(matched.fit["height"])
     faint = noise > FAINT * float(np.median(matched.pulses["height"]))
     if (
@@ -124,14 +128,6 @@ def sentence(channel: str, rows: int, found: int, why: str) -> str:
         "not a patch signal? "
         "No speed is told from them; check source, kind and surface of the channel in the setup"
     )
-
-
-def _stopping_speed(radius_m: float) -> float:
-    """Speed [m/s] from which a wheel can stop within a turn."""
-    # deceleration [m/s^2] from which a wheel that stops within a turn may have stood or rolled back
-    # before the next passage (a car's: from 5.5 m/s).  Twice as much takes random pulses at 7.8 m/s
-    # for stops
-    return float(np.sqrt(2.0 * 8.0 * TURN_RAD * radius_m))
 
 
 def _width_turns(channel: Channel, pulses: Records) -> float:
@@ -219,16 +215,6 @@ class Passages:
         return int(self.time_s.size)
 
     @property
-    def period_before_s(self) -> FloatArray:
-        """Time since the passage before, NaN if that is not one turn away."""
-        return np.where(self.turn_before, np.diff(self.time_s, prepend=np.nan), np.nan)
-
-    @property
-    def period_after_s(self) -> FloatArray:
-        """Time to the passage after, NaN if that is not one turn away."""
-        return np.where(self.turn_after, np.diff(self.time_s, append=np.nan), np.nan)
-
-    @property
     def speed_m_s(self) -> FloatArray:
         """Speed over the rolling circumference (errata, Speed)."""
         return self.radius_m * self.omega_rad_s
@@ -282,7 +268,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     """
     channel = without_spikes(channel)
     sign = patch_sign(channel)
-    pulses, data = search_passages(channel, sign, block_samples)
+    pulses, data = pulses_in(channel, decimate(channel, sign, block_samples), sign)
     signal = Signal(channel, sign, data.noise, data.extremes)
     if len(pulses) > FEW_PULSES:
         del data  # memory

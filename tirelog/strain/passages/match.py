@@ -182,7 +182,11 @@ def fit_passages(
 
 
 def fit_blocks(
-    signal: Signal, template: Template, start: Records, height: FloatArray, block_samples: int
+    signal: Signal,
+    template: Template,
+    start: Records,
+    height: FloatArray,
+    block_samples: int = AT_ONCE,
 ) -> Records:
     """`fit_passages` of rows from all over the log, in order, a block of it at a time."""
     found = np.zeros(height.size, FOUND)
@@ -492,19 +496,19 @@ def match(signal: Signal, pulses: Records) -> MatchedPassages:
     template = _learn(signal, start, pulses, everything) if len(pulses) > 1 else None
     if template is None:
         return _matched(signal, None, pulses, start, _rough(signal, start, pulses), ~everything)
-    found = _fit_all(signal, start, pulses["height"], template)
+    found = fit_blocks(signal, template, start, pulses["height"])
     kept = ~_foreign(found, start, signal.noise)
     if not kept.all():
         pulses = pulses[kept]
         start = _start(signal.channel, pulses)
-        found = _fit_all(signal, start, pulses["height"], template)
+        found = fit_blocks(signal, template, start, pulses["height"])
     back = _backwards(signal, template, start, found)
     if back.any():
         start = _start(signal.channel, pulses, back[1:] != back[:-1])
         template = _learn(signal, start, pulses, ~back) or template
-        found = _fit_all(signal, start, pulses["height"], template)
+        found = fit_blocks(signal, template, start, pulses["height"])
         found = np.where(
-            back, _fit_all(signal, start, pulses["height"], template.mirrored()), found
+            back, fit_blocks(signal, template.mirrored(), start, pulses["height"]), found
         )
     return _matched(signal, template, pulses, start, found, back)
 
@@ -603,11 +607,6 @@ def _start(channel: Channel, pulses: Records, turned: BoolArray | None = None) -
         alpha_rad_s2=np.where(known | extrapolated, motion["alpha_rad_s2"], 0.0),
         stretch=np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
     )
-
-
-def _fit_all(signal: Signal, start: Records, height: FloatArray, template: Template) -> Records:
-    """All rows, a block of the log at a time."""
-    return fit_blocks(signal, template, start, height, AT_ONCE)
 
 
 def _rough(signal: Signal, start: Records, pulses: Records) -> Records:

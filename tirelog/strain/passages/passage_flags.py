@@ -133,12 +133,8 @@ def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArra
 
 def _near(values: FloatArray, offset: int) -> FloatArray:
     """`values` of the passage `offset` later, NaN beyond the ends."""
-    result = np.full(values.size, np.nan)
-    if abs(offset) < values.size:
-        result[max(-offset, 0) : values.size - max(offset, 0)] = values[
-            max(offset, 0) : values.size + min(offset, 0)
-        ]
-    return result
+    padded = np.pad(values, REACH, constant_values=np.nan)
+    return padded[REACH + offset : REACH + offset + values.size]
 
 
 def _local_mean(values: FloatArray, reach: int) -> FloatArray:

@@ -31,14 +31,12 @@ from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise, runs
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
-# ---- Compiled loops of the search for passages.
+# ---- Loops of the search for passages.
 #
 # Samples to medians of buckets, turning points, half-level crossings.
 #
 #     values (n,) --bucket_medians--> medians (n / bucket,) --turning_points--> places
 #         --half_level--> middle, width, height, base
-#
-# Each goes over its input once and writes into arrays that the caller gives.
 
 
 #: a pulse, patch upward: middle of its half-level crossings and width between them [places, later
@@ -46,7 +44,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 PULSE = np.dtype([("middle", "f8"), ("width", "f8"), ("height", "f8"), ("base", "f8")])
 
 
-@compiled
 def bucket_medians(
     values: FloatArray, bucket: int, sign: float, medians: NDArray[np.float32]
 ) -> None:
@@ -55,78 +52,29 @@ def bucket_medians(
     Of `values` (n,), times `sign`, into `medians` (ceil(n / bucket),); of those quarters that are
     whole; NaN if none is. `bucket`: a multiple of 4.
     """
-    quarter = bucket // 4
-    whole = values.size // bucket
-    if quarter == 1:
-        fours = values[: 4 * whole].reshape(whole, 4)
-    else:
-        fours = np.empty((whole, 4))
-        for k in range(whole):
-            for j in range(4):
-                fours[k, j] = _sum(values, (4 * k + j) * quarter, quarter)
-    lost = _medians_of_four(fours, sign * 0.5 / quarter, medians)
-    for k in range(0 if lost > 0 else whole, medians.size):
-        if k >= whole or medians[k] != medians[k]:
-            medians[k] = sign * _median_of_some(values, k * bucket, quarter)
+    quarter, short = bucket // 4, medians.size * bucket - values.size
+    whole = np.pad(values, (0, short), constant_values=np.nan) if short else values
+    parts = whole.reshape(-1, quarter)
+    total = parts[:, 0].copy()
+    for k in range(1, quarter):
+        total += parts[:, k]
+    fours = total.reshape(-1, 4) * (sign / quarter)
+    a, b, c, d = fours.T
+    lower = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    upper = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    medians[:] = 0.5 * (lower + upper)
+    lost = np.flatnonzero(np.isnan(medians))
+    medians[lost] = _medians(fours[lost])
 
 
-@compiled
-def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float32]) -> int:
-    """Fills `medians` with the middle of each four, scaled; how many are lost.
-
-    The sum of the inner two of each row of `fours` (m, 4), times `factor`; NaN if one of the four
-    is lost.
-    """
-    lost = 0
-    for k in range(fours.shape[0]):
-        t0, t1, t2, t3 = fours[k, 0], fours[k, 1], fours[k, 2], fours[k, 3]
-        # selects, which the compiler makes branchless; min() and max() are not
-        low01, high01 = (t0, t1) if t0 < t1 else (t1, t0)
-        low23, high23 = (t2, t3) if t2 < t3 else (t3, t2)
-        second = low23 if low01 < low23 else low01
-        third = high23 if high01 > high23 else high01
-        total = t0 + t1 + t2 + t3
-        finite = np.isfinite(total)
-        medians[k] = factor * (second + third) if finite else np.nan
-        lost += not finite
-    return lost
+def _medians(rows: FloatArray) -> FloatArray:
+    """Median of what is there in each of the `rows` (n, m), NaN if nothing is."""
+    ordered, row = np.sort(rows, axis=1), np.arange(len(rows))  # NaN come last
+    there = (~np.isnan(ordered)).sum(axis=1)
+    middle: FloatArray = 0.5 * (ordered[row, (there - 1) // 2] + ordered[row, there // 2])
+    return middle
 
 
-@compiled
-def _sum(values: FloatArray, first: int, count: int) -> float:
-    """The sum of so many of `values` from `first` on, in their order; NaN if one is lost."""
-    total = 0.0
-    for i in range(first, first + count):
-        total += values[i]
-    return total
-
-
-@compiled
-def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
-    """Median of the means of those of four quarters that are whole, NaN if none is.
-
-    The quarters begin at `first` and have `quarter` of `values` (n,) each.
-    """
-    s0 = s1 = s2 = s3 = np.inf
-    there = 0
-    for begin in range(first, min(first + 4 * quarter, values.size - quarter + 1), quarter):
-        total = _sum(values, begin, quarter)
-        if total == total:
-            there += 1
-            s3 = min(s3, max(s2, total))
-            s2 = min(s2, max(s1, total))
-            s1 = min(s1, max(s0, total))
-            s0 = min(s0, total)
-    if there == 4:
-        return 0.5 * (s1 + s2) / quarter
-    if there == 3:
-        return s1 / quarter
-    if there == 2:
-        return 0.5 * (s0 + s1) / quarter
-    return s0 / quarter if there == 1 else np.nan
-
-
-@compiled
 def running_medians(
     values: FloatArray, first: int, sign: float, medians: NDArray[np.float32]
 ) -> None:
@@ -134,14 +82,11 @@ def running_medians(
 
     From place `first` on; the ends of `values` and the neighbours of lost samples stay as they are.
     """
-    for k in range(medians.size):
-        i = first + k
-        value = values[i]
-        if 0 < i < values.size - 1:
-            before, after = values[i - 1], values[i + 1]
-            if before == before and after == after and value == value:
-                value = max(min(before, value), min(max(before, value), after))
-        medians[k] = sign * value
+    out = values.copy()
+    before, value, after = values[:-2], values[1:-1], values[2:]
+    middle = np.maximum(np.minimum(before, value), np.minimum(np.maximum(before, value), after))
+    out[1:-1] = np.where(np.isnan(middle), value, middle)
+    medians[:] = sign * out[first : first + medians.size]
 
 
 @compiled
@@ -468,20 +413,13 @@ def _without_plateaus(
 Level = Callable[[FloatArray], FloatArray]
 
 
-def search_passages(
-    channel: Channel, sign: float, block_samples: int = AT_ONCE
-) -> tuple[Records, Decimated]:
-    """The pulses of `channel`, and what they were found in. `sign` turns the patch upward."""
-    return pulses_in(channel, decimate(channel, sign, block_samples), sign)
-
-
 def pulses_in(
     channel: Channel, data: Decimated, sign: float, without: int = 0
 ) -> tuple[Records, Decimated]:
     """The pulses of `channel` in its `data`, and those with shorter buckets where it takes them.
 
-    `without` as `find_pulses` has it. Radial acceleration, whose pulses grow with the square of
-    the speed, is searched in units of its level outside the patch.
+    `sign` turns the patch upward, `without` as `find_pulses` has it. Radial acceleration, whose
+    pulses grow with the square of the speed, is searched in units of its level outside the patch.
     """
     if not data.values.size or not np.isfinite(data.noise):
         return np.zeros(0, PULSE), data
@@ -553,11 +491,8 @@ def _seen(axis: TimeAxis, pulses: Records) -> Records:
 def usual(values: FloatArray) -> FloatArray:
     """Median of the values that are there within REACH pulses, shape (n,), NaN if none is."""
     padded = np.pad(np.asarray(values, np.float64), REACH, constant_values=np.nan)
-    row = np.arange(values.size)
-    ordered = np.sort(padded[row[:, None] + np.arange(2 * REACH + 1)], axis=1)  # NaN come last
-    there = (~np.isnan(ordered)).sum(axis=1)
-    middle: FloatArray = 0.5 * (ordered[row, (there - 1) // 2] + ordered[row, there // 2])
-    return middle
+    places = np.arange(values.size)[:, None] + np.arange(2 * REACH + 1)
+    return _medians(padded[places])
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Records:
