@@ -55,42 +55,12 @@ def holed(rng: np.random.Generator, *shape: int, share: float = 0.05) -> np.ndar
 
 @inputs_of("dsp.filters")
 def _(rng: np.random.Generator) -> Arguments:
-    return {
-        "sixth_differences": [
-            (holed(rng, 80), np.zeros(80)),
-            (rng.normal(size=5), np.zeros(5)),
-        ]
-    }
-
-
-@inputs_of("dsp.filters")
-def _(rng: np.random.Generator) -> Arguments:
-    windows = holed(rng, 4, 70)
-    windows[1], windows[2, :9] = np.nan, np.nan
     cutoff = np.array([20.0, 45.0, 3e3, 0.1])
     spectra = rng.normal(size=(4, 36)) + 1j * rng.normal(size=(4, 36))
     shaped, noise = np.zeros((2, 4, 36), complex), np.zeros((4, 2))
     return {
         "gain": [(12.5, 40.0), (0.0, 40.0), (1e4, 0.1)],
-        "closed": [(windows,), (rng.normal(size=(1, 7)),)],
         "_derived": [(spectra, 7.5, cutoff, 70 + k, 2 - k, shaped, noise) for k in range(2)],
-    }
-
-
-@inputs_of("dsp.filters")
-def _(rng: np.random.Generator) -> Arguments:
-    values = holed(rng, 60)
-    values[[0, 1, 30, 31, 32, -1]] = np.nan
-    values[[10, 44]] += 30.0
-    smooth, lost = np.sin(np.arange(60) / 9.0), np.full(12, np.nan)
-
-    def bridging(x: np.ndarray) -> tuple[Any, ...]:
-        return x, 2.0, np.zeros(x.size, bool), x.copy()
-
-    return {
-        "_doubtful": [(values, 2.0), (smooth, 2.0), (smooth, 1e-9), (smooth[:3].copy(), 2.0)],
-        "_bend": [(values, i) for i in (0, 10, 31, 58)],
-        "_bridge": [bridging(values), bridging(smooth), bridging(lost)],
     }
 
 
@@ -101,31 +71,6 @@ def _(rng: np.random.Generator) -> Arguments:
     count, rate = np.arange(30, dtype=np.int32), rng.uniform(40, 60, 30).astype(np.float32)
     at = np.concatenate([np.linspace(time[0] - 0.01, time[-1] + 0.01, 40), time[[20, 3]]])
     return {"_hermite": [(at, time, count, rate, 0.05, np.zeros(at.size))]}
-
-
-@inputs_of("dsp.encoder")
-def _(rng: np.random.Generator) -> Arguments:
-    size, period = 900, 23.0
-    phase = np.arange(size) / period + 0.002 * (np.arange(size) / period) ** 2
-    x = np.sin(2.0 * np.pi * phase) + 0.02 * rng.normal(size=size) + 0.1
-    high = rng.normal(size=15)
-    side = np.where(x > 0.3, 1, np.where(x < -0.1, -1, 0)).astype(np.int8)
-    on = np.flatnonzero(side)
-    turn = np.flatnonzero(side[on[1:]] != side[on[:-1]])
-    before, after = on[turn].astype(np.int64), on[turn + 1].astype(np.int64)
-    before[3] -= 40  # a slow change
-    coarse = np.where(after - before < 30, 0.5 * (before + after), after - 0.5)
-    total = np.concatenate([[0.0], np.cumsum(x)])
-    return {
-        "extremes": [(x,), (x[:3].copy(),)],
-        "without_spikes": [(high,), (high[:1].copy(),)],
-        "sliding_maximum": [(high, 2), (high, 20)],
-        "sides": [(x, np.full(15, 0.3), np.full(15, -0.1))],
-        "changes": [(side, -5, -1), (side, -1, 0)],
-        "_sums": [(x,), (x[:5].copy(),)],
-        "_windows": [(x, coarse, before, after, 30.0)],
-        "_middles": [(x, total, coarse, before, after, 30.0)],
-    }
 
 
 @inputs_of("dsp.pitch")
@@ -143,28 +88,6 @@ def _(rng: np.random.Generator) -> Arguments:
         "_even_runs": [(time, count, stretch)],
         "_local_cubics": [(time, count, stretch, 0.05, 2, n, -np.inf, sums)],
     }
-
-
-@inputs_of("dsp.pitch")
-def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.dsp.encoder import SUMS
-
-    turn, n = 12, 80
-    time = np.cumsum(1e-3 * (1.0 + 0.02 * np.sin(2 * np.pi * np.arange(n) / turn)))
-    time += 1e-6 * rng.normal(size=n)
-    seen = rng.uniform(size=n) > 0.1
-    return {
-        "_window_mean": [(time, turn)],
-        "_deviation_sums": [(time, seen, 5, turn, 0.4, np.zeros(turn, SUMS))],
-    }
-
-
-@inputs_of("dsp.teeth")
-def _(rng: np.random.Generator) -> Arguments:
-    steps = rng.uniform(9.5, 10.5, 40)
-    odd = steps.copy()
-    odd[20] = 27.0
-    return {"_all_regular": [(steps,), (odd,)]}
 
 
 # ---- readers and runs
@@ -364,16 +287,6 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- strain
 
 
-@inputs_of("strain.footprint.refine")
-def _(rng: np.random.Generator) -> Arguments:
-    starts = np.array([-3, 20, 95])
-    return {
-        "_cut_out": [
-            (holed(rng, 90), 10, starts, 16, np.array([0, 25, 0]), np.array([100, 200, 97]), -1.0)
-        ]
-    }
-
-
 @inputs_of("strain.footprint.family")
 def _(rng: np.random.Generator) -> Arguments:
     from tirelog.strain.footprint.family import ORDERS, SHAPES, TERMS, _mass
@@ -402,7 +315,6 @@ def _(rng: np.random.Generator) -> Arguments:
     )
     return {
         "_along": [(0.3, -4.0, 0.02, speed, -3.0) for speed in (14.0, 0.01)],
-        "_along_rows": [(np.stack([first, second]), motion, 2)],
         "least": [
             (second[0], 20.0, 140.0),
             (second[1], -5.0, 55.5),
@@ -541,31 +453,16 @@ def _(rng: np.random.Generator) -> Arguments:
     from tirelog.strain.passages.search import PULSE
 
     f32 = np.float32
-    values, row = holed(rng, 203), rng.normal(size=60).cumsum().astype(f32)
+    row = rng.normal(size=60).cumsum().astype(f32)
     stairs = np.array([0, 3, 3, 1, 1, 4, 0, 0], f32)
-    fours = holed(rng, 10, 4)
     peak, left, right = np.array([4, 9]), np.array([0, 6]), np.array([6, 13])
     waves = np.array([0, 1, 3, 5, 7, 4, 1, 2, 6, 8, 5, 3, 1, 0.5], f32)
     return {
-        "bucket_medians": [
-            (values, 4, -1.0, np.zeros(51, f32)),
-            (values, 20, 1.0, np.zeros(11, f32)),
-            (values[:7].copy(), 8, 1.0, np.zeros(1, f32)),
-        ],
-        "fill_lost": [
-            (np.where(rng.uniform(size=60) < share, np.nan, row).astype(f32),)
-            for share in (0.0, 0.3, 0.9, 1.1)
-        ],
-        "_medians_of_four": [(fours, -0.5, np.zeros(10, f32))],
-        "_sum": [(values, 3, 0), (row.astype(float), 5, 7)],
-        "_median_of_some": [(values, k, 3) for k in range(0, 203, 12)],
-        "running_medians": [(values, 0, -1.0, np.zeros(203, f32))],
         "turning_points": [
             (x, least, np.zeros(61, np.int32)) for x in (row, stairs) for least in (0.0, 1.0, 99.0)
         ],
         "half_level": [(waves, peak, left, right, np.zeros(2, PULSE))],
         "_share": [(f32(1.0), f32(4.0), 2.5), (f32(2.0), f32(2.0), 2.0), (f32(4.0), f32(1.0), 9.0)],
-        "medians_around": [(values, 4, np.zeros(9), np.zeros(203))],
     }
 
 
@@ -606,8 +503,6 @@ def _(rng: np.random.Generator) -> Arguments:
         made.value[7], made.weight[7] = np.nan, 0.0
         return made
 
-    fits, most = np.zeros(4, k.FOUND), k.MOST_SAMPLES
-    fits["time_s"], fits["omega_rad_s"], fits["height"] = centres, 40.0, 1.9
     knots = 13
     diagonal, right = (4.0, 5.0, 6.0, 7.0), (1.0, -2.0, 0.5, 3.0)
     ends = filled()
@@ -619,9 +514,6 @@ def _(rng: np.random.Generator) -> Arguments:
         ],
         "spline_sums": [
             (source, rows, offset, spans, 0.3, np.zeros((knots, knots)), np.zeros(knots), room())
-        ],
-        "leave_rows": [
-            (source, table, 0.4, rows, spans, fits, room(), np.zeros(4 * most), np.zeros(4 * most))
         ],
         "spline_curve": [(rng.normal(size=knots), 0.3, phi, np.zeros(81), np.zeros(81))],
         "basis": [(u, which) for u in (0.0, 0.3, 1.0) for which in range(4)],
@@ -636,26 +528,13 @@ def _(rng: np.random.Generator) -> Arguments:
 
 @inputs_of("strain.dissipation")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.dissipation import ENERGY, StripScratch
+    from tirelog.strain.dissipation import ENERGY
 
     values, side = rng.normal(size=300).cumsum(), rng.normal(size=13)
-    rows, low, high = np.array([2, 0]), np.array([110, 190]), np.array([190, 390])
-    slope = rng.normal(size=60)
+    rows, low, high = np.array([2, 0]), np.array([10, 90]), np.array([90, 290])
     return {
-        "revolution_sums": [
-            (
-                values,
-                100,
-                side,
-                StripScratch(*np.zeros((3, 300))),
-                rows,
-                low,
-                high,
-                np.zeros(3, ENERGY),
-            )
-        ],
-        "_derivative": [(values, side, np.zeros(300)), (values[:20].copy(), side, np.zeros(20))],
-        "_fours": [(slope, 2, np.zeros(60), np.zeros(60))],
+        "revolution_sums": [(values, side, rows, low, high, np.zeros(3, ENERGY))],
+        "_derivative": [(values, side), (values[:20].copy(), side)],
     }
 
 

@@ -1,12 +1,14 @@
 """Closed form: tooth passages, counted teeth and the pitch table of a sine whose phase is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.encoder import counter_knots
 from tirelog.dsp.pitch import KnotBuilder, PitchLearner, angle_function
-from tirelog.dsp.teeth import Crossings, Teeth, count_teeth, crossings, probe
+from tirelog.dsp.teeth import Crossings, count_teeth, crossings, probe
 
 RATE, STEPS = 10_000.0, 48
 
@@ -18,9 +20,7 @@ def reader(values):
 def passages(values, **more):
     found = probe(reader(values), values.size)
     pieces = list(crossings(reader(values), values.size, RATE, found, **more))
-    return found, Crossings(
-        *(np.concatenate(part) for part in zip(*(piece.parts for piece in pieces), strict=True))
-    )
+    return found, Crossings(*(np.concatenate(part) for part in zip(*pieces, strict=True)))
 
 
 def teeth(values):
@@ -30,11 +30,9 @@ def teeth(values):
             reader(values), found, crossings(reader(values), values.size, RATE, found), RATE, STEPS
         )
     )
-    arrays = (
-        np.concatenate([getattr(p, name) for p in pieces])
-        for name in ("index", "count", "stretch", "forward")
-    )
-    return Teeth(*arrays, sum(p.missing for p in pieces), sum(p.extra for p in pieces))
+    rows = np.concatenate(pieces)
+    columns = {name: rows[name] for name in ("index", "count", "stretch", "forward")}
+    return SimpleNamespace(**columns, missing=rows["missing"].sum(), extra=rows["extra"].sum())
 
 
 def learn(time, count):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tirelog.dsp.filters import bridged, differentiator
-from tirelog.strain.dissipation import ENERGY, revolution_sums, scratch_of
+from tirelog.strain.dissipation import ENERGY, revolution_sums
 
 
 @pytest.mark.parametrize("half", [10, 13, 3])
@@ -32,14 +32,13 @@ def test_sums_are_those_of_the_filtered_gradient_wherever_the_values_are_cut(hal
 
 def summed(values, side, low, high, cut):
     """The sums of five rows among seven, some values at a time."""
-    sums, scratch, reach = np.zeros(7, ENERGY), scratch_of(2000), side.size + 3
+    sums, reach = np.zeros(7, ENERGY), side.size + 3
     rows = np.array([6, 5, 4, 3, 1])
     for start in range(0, 2000, cut):
         first, stop = max(start - reach, 0), min(start + cut, 2000)
         part = values[first : min(stop + reach, 2000)]
-        revolution_sums(
-            part, first, side, scratch, rows, np.maximum(low, start), np.minimum(high, stop), sums
-        )
+        begin, end = np.maximum(low, start) - first, np.minimum(high, stop) - first
+        revolution_sums(part, side, rows, begin, end, sums)
     return sums.view(float).reshape(7, 2)
 
 
@@ -47,9 +46,7 @@ def test_values_shorter_than_the_filter_have_no_energy():
     sums = np.zeros(1, ENERGY)
     revolution_sums(
         np.arange(15.0),
-        0,
         np.ones(10),
-        scratch_of(15),
         np.array([0]),
         np.array([0]),
         np.array([15]),
@@ -63,8 +60,8 @@ def test_the_side_is_the_half_of_the_filter_that_reaches_ahead():
     half = how.size // 2
     sums = np.zeros(1, ENERGY)
     values = 3.0 * np.arange(100.0) / 1000.0
-    side, scratch = how[:half][::-1].copy(), scratch_of(100)
-    revolution_sums(values, 0, side, scratch, np.array([0]), np.array([40]), np.array([60]), sums)
+    side = how[:half][::-1].copy()
+    revolution_sums(values, side, np.array([0]), np.array([40]), np.array([60]), sums)
     np.testing.assert_allclose(sums.view(float), [20 * 9.0, 0.0], rtol=1e-3, atol=1e-9)
 
 

@@ -26,9 +26,9 @@ from tirelog.strain.passages.search import (
     bucket_medians,
     decimate,
     half_level,
-    medians_around,
     running_medians,
     turning_points,
+    usual,
 )
 from tirelog.strain.passages.template import INTERVALS, MOST_SAMPLES, ROW, TABLE, Template
 from tirelog.vocabulary.arrays import records
@@ -143,10 +143,8 @@ def test_half_level_crossings_of_triangles():
 @pytest.mark.filterwarnings("ignore:All-NaN")
 def test_medians_around(share):
     values = holed(np.random.default_rng(1802), 50, share)
-    medians = np.empty(50)
-    medians_around(values, 3, np.empty(7), medians)
     np.testing.assert_array_equal(
-        medians, [np.nanmedian(values[max(i - 3, 0) : i + 4]) for i in range(50)]
+        usual(values), [np.nanmedian(values[max(i - 3, 0) : i + 4]) for i in range(50)]
     )
 
 
@@ -327,7 +325,7 @@ def test_the_sums_of_a_template_are_those_of_a_spline_of_order_four():
     values, start, height, offset, *_ = passages_of_the_template(1814, axis)
     values[450] = np.nan
     window = 0.35
-    sums = curve_sums(gather(signal_of(values, axis), start, 0.4), start, offset, height, window)
+    summed = curve_sums(gather(signal_of(values, axis), start, 0.4), start, offset, height, window)
     knots = (np.arange(-3, INTERVALS + 4) - INTERVALS / 2) * (2 * window / INTERVALS)
     normal, right, count = np.zeros((INTERVALS + 3,) * 2), np.zeros(INTERVALS + 3), 0
     for k, rough in enumerate(start["time_s"]):
@@ -339,7 +337,7 @@ def test_the_sums_of_a_template_are_those_of_a_spline_of_order_four():
         normal += basis.T @ basis
         right += basis.T @ ((values[at][good] - offset[k]) / height[k])
         count += int(good.sum())
-    assert sums.count == count
-    np.testing.assert_allclose(np.triu(sums.normal), np.triu(normal), atol=1e-9)
-    np.testing.assert_allclose(sums.right, right, atol=1e-9)
-    assert np.count_nonzero(np.tril(sums.normal, -1)) == 0
+    assert summed[2] == count
+    np.testing.assert_allclose(np.triu(summed[0]), np.triu(normal), atol=1e-9)
+    np.testing.assert_allclose(summed[1], right, atol=1e-9)
+    assert np.count_nonzero(np.tril(summed[0], -1)) == 0

@@ -234,7 +234,6 @@ def test_rows_do_not_depend_on_the_blocks(monkeypatch):
     whole = run(drive, tread)
     monkeypatch.setattr("tirelog.dsp.teeth.BLOCK", 40_000)
     monkeypatch.setattr("tirelog.wheel.coarse_patch.PIECE", 30_000)
-    monkeypatch.setattr("tirelog.wheel.coarse_patch.SAMPLES_PIECE", 20_000)
     parts = run(drive, tread)
     np.testing.assert_allclose(parts.shift_deg, whole.shift_deg, atol=1e-6)
     np.testing.assert_allclose(parts.width_deg, whole.width_deg, atol=1e-6)

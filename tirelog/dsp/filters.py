@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
 from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import BoolArray, FloatArray
+from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 # ---- Low-passed time derivatives of windows around the passages, by their spectra.
 #
@@ -47,32 +47,20 @@ def gain(frequency_Hz: float, cutoff_Hz: float) -> float:
     return 1.0 / (1.0 + power)
 
 
-@compiled
 def closed(windows: FloatArray) -> FloatArray:
     """`windows` (n, m) with NaN bridged, closed without a step.
 
     Bridged by straight lines (the nearest sample at the ends); less the line through the means of
     the first and the last m / 32, so that they close. Rows that are all NaN become 0.
     """
-    count = windows.shape[1]
-    edge = max(count // 32, 1)
-    out = windows.copy()
-    for row in out:
-        known = -1
-        for k in range(count):
-            if not np.isnan(row[k]):
-                for lost in range(known + 1, k):
-                    share = (lost - known) / (k - known)
-                    row[lost] = row[k] if known < 0 else row[known] + share * (row[k] - row[known])
-                known = k
-        for k in range(known + 1, count):
-            row[k] = row[known] if known >= 0 else 0.0
-        first, last = 0.0, 0.0
-        for k in range(edge):
-            first += row[k] / edge
-            last += row[count - 1 - k] / edge
-        for k in range(count):
-            row[k] -= first + (last - first) * k / (count - 1)
+    out, place = windows.copy(), np.arange(windows.shape[1])
+    lost = np.isnan(out)
+    for row in np.flatnonzero(lost.any(axis=1)):
+        known = place[~lost[row]]
+        out[row] = np.interp(place, known, out[row, known]) if known.size else 0.0
+    edge = max(place.size // 32, 1)
+    first, last = out[:, :edge].mean(axis=1), out[:, -edge:].mean(axis=1)
+    out -= first[:, None] + np.multiply.outer(last - first, place / (place.size - 1))
     return out
 
 
@@ -180,70 +168,24 @@ def bridged(values: FloatArray, wild: float) -> FloatArray:
     those leave theirs. Replaced by that cubic if the neighbours are there, else linearly. `values`
     themselves if all are good; zeros if all are lost.
     """
-    if not _doubtful(values, wild):
+    bend = np.zeros(values.size)
+    bend[2:-2] = np.nan_to_num(np.abs(np.diff(values, 4))) / 6.0
+    lost = np.isnan(values)
+    if bend.max(initial=0.0) > wild:
+        around = np.pad(bend, 1)
+        lost |= (bend > wild) & (bend >= around[:-2]) & (bend >= around[2:])
+    gaps, known = np.flatnonzero(lost), np.flatnonzero(~lost)
+    if not gaps.size:
         return values
-    filled, lost = values.copy(), np.empty(values.size, bool)
-    return filled if _bridge(values, wild, lost, filled) else np.zeros_like(values)
-
-
-@compiled
-def _doubtful(values: FloatArray, wild: float) -> bool:
-    """True if any of `values` (n,) is lost or leaves its neighbours' cubic by more than `wild`."""
-    count, most = 0, 6.0 * wild
-    for i in range(min(values.size, 2)):
-        count += (
-            values[i] != values[i] or values[values.size - 1 - i] != values[values.size - 1 - i]
-        )
-    if values.size > 4:
-        # slices, so that the compiler knows that no place is counted from the end
-        a, b, c, d, e = values[:-4], values[1:-3], values[2:-2], values[3:-1], values[4:]
-        for i in range(a.size):
-            count += not abs(a[i] + e[i] - 4.0 * (b[i] + d[i]) + 6.0 * c[i]) <= most
-    return count > 0
-
-
-@compiled
-def _bend(values: FloatArray, i: int) -> float:
-    """How far sample `i` is off the cubic of its four neighbours; 0 if that is not known."""
-    if i < 2 or i >= values.size - 2:
-        return 0.0
-    bend = (
-        abs(values[i - 2] + values[i + 2] - 4.0 * (values[i - 1] + values[i + 1]) + 6.0 * values[i])
-        / 6.0
-    )
-    return bend if bend == bend else 0.0
-
-
-@compiled
-def _bridge(values: FloatArray, wild: float, lost: BoolArray, filled: FloatArray) -> bool:
-    """`bridged` into `filled`, a copy of `values`; `lost` says which; False if nothing is left."""
-    n, known = values.size, 0
-    for i in range(n):
-        lost[i] = values[i] != values[i]
-        bend = _bend(values, i)
-        if bend > wild and bend >= _bend(values, i - 1) and bend >= _bend(values, i + 1):
-            lost[i] = True
-        known += not lost[i]
-    before = -1
-    after = 0
-    for i in range(n):
-        if not lost[i]:
-            before = i
-        elif 2 <= i < n - 2 and not (lost[i - 2] or lost[i - 1] or lost[i + 1] or lost[i + 2]):
-            filled[i] = (
-                4.0 * (values[i - 1] + values[i + 1]) - values[i - 2] - values[i + 2]
-            ) / 6.0
-        else:
-            after = max(after, i)
-            while after < n and lost[after]:
-                after += 1
-            if before >= 0 and after < n:
-                filled[i] = values[before] + (values[after] - values[before]) * (i - before) / (
-                    after - before
-                )
-            elif known > 0:
-                filled[i] = values[before] if before >= 0 else values[after]
-    return known > 0
+    if not known.size:
+        return np.zeros_like(values)
+    filled = values.copy()
+    filled[gaps] = np.interp(gaps, known, values[known])
+    beside = lost[:-4] | lost[1:-3] | lost[3:-1] | lost[4:]
+    alone = 2 + np.flatnonzero(lost[2:-2] & ~beside)
+    near, far = values[alone - 1] + values[alone + 1], values[alone - 2] + values[alone + 2]
+    filled[alone] = (4.0 * near - far) / 6.0
+    return filled
 
 
 # ---- The cut-off of the footprint's zero-phase low-pass, as the user says it.
@@ -328,40 +270,15 @@ NORMAL_MEDIAN = 0.6744897501960817
 PIECES, PIECE_SAMPLES = 64, 4096
 
 
-@compiled
-def sixth_differences(values: FloatArray, sizes: FloatArray) -> int:
-    """Fills `sizes` (n,) with sizes of the sixth differences of `values` (n,); how many.
-
-    Only of those that no lost sample is in.
-    """
-    count = 0
-    for i in range(values.size - 6):
-        outer, middle, inner = (
-            values[i] + values[i + 6],
-            values[i + 1] + values[i + 5],
-            values[i + 2] + values[i + 4],
-        )
-        size = abs(outer - 6.0 * middle + 15.0 * inner - 20.0 * values[i + 3])
-        if size < np.inf:
-            sizes[count] = size
-            count += 1
-    return count
-
-
 def white_noise(values: FloatArray) -> float:
     """Standard deviation of the white noise on `values`, shape (n,), NaN allowed.
 
     NaN if fewer than 7 samples stand in a row.
     """
-    sizes = np.empty(values.size)
-    count = sixth_differences(values, sizes)
-    if not count:
-        return float("nan")
-    middle = np.partition(sizes[:count], count // 2)
-    median = (
-        middle[count // 2] if count % 2 else 0.5 * (middle[count // 2] + middle[: count // 2].max())
-    )
-    return float(median / NORMAL_MEDIAN / DIFFERENCE_GAIN)
+    with np.errstate(over="ignore", invalid="ignore"):
+        sizes = np.abs(np.diff(values, DIFFERENCE_ORDER))
+    sizes = sizes[np.isfinite(sizes)]
+    return float(np.median(sizes) / NORMAL_MEDIAN / DIFFERENCE_GAIN) if sizes.size else np.nan
 
 
 class SampleNoise:
@@ -399,6 +316,12 @@ class SampleNoise:
 #
 # What scipy.ndimage does too, at 20 MB and a fifth of a second of import for whoever needs nothing
 # else of it.
+
+
+def runs(mask: BoolArray) -> tuple[IntArray, IntArray]:
+    """[start, stop) of the runs of True in `mask` (n,), (k,) each."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return edges[::2], edges[1::2]
 
 
 #: windows sorted at once

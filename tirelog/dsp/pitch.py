@@ -83,23 +83,14 @@ class PitchTable:
         return cls(np.zeros(2 * steps), 0.0, 0, 0.0, 0.0)
 
 
-@compiled
 def _window_mean(x: FloatArray, turn: int) -> FloatArray:
-    """Mean over the turn around each of x (n,), half weights at the window's ends.
+    """Mean over the turn around each of x (n,) that has one, shape (n - turn,).
 
-    NaN within half a turn of the ends.
+    With half weights at the window's ends.
     """
-    half, mean = turn // 2, np.full(x.size, np.nan)
-    total = 0.0
-    for i in range(turn):
-        total += x[i]
-    for i in range(half, x.size - half):
-        mean[i] = (total + 0.5 * (x[i + half] - x[i - half])) / turn
-        total += x[i + half] - x[i - half]
-    return mean
+    return np.convolve(x, np.r_[0.5, np.ones(turn - 1), 0.5] / turn, "valid")
 
 
-@compiled
 def _deviation_sums(
     time: FloatArray, seen: BoolArray, first: int, turn: int, limit: float, sums: Records
 ) -> None:
@@ -108,26 +99,17 @@ def _deviation_sums(
     By the count modulo the turn, without the turn at each end and without uneven turns; none above
     `limit` [rad]. `time` (n,) [s] of the counts `first`, `first` + 1, ..., of those `seen` only.
     """
-    n, half = time.size, turn // 2
-    pace = (time[n - 1] - time[0]) / (n - 1)
-    bent = np.empty(n)
-    for i in range(n):
-        bent[i] = time[i] - (time[0] + pace * i)
+    half, inner = turn // 2, slice(turn, -turn)
+    bent = time - np.linspace(time[0], time[-1], time.size)
     once = _window_mean(bent, turn)
-    twice = _window_mean(once[half : n - half], turn)
-    for i in range(turn, n - turn):
-        lap, before, after = (
-            time[i + half] - time[i - half],
-            time[i] - time[i - turn],
-            time[i + turn] - time[i],
-        )
-        if seen[i] and abs(after - before) < 0.1 * lap:
-            deviation = (bent[i] - 2 * once[i] + twice[i - half]) * 2 * np.pi / lap
-            if abs(deviation) < limit:
-                k = (first + i) % turn
-                sums[k]["number"] += 1
-                sums[k]["total"] += deviation
-                sums[k]["squares"] += deviation * deviation
+    lap = (time[turn:] - time[:-turn])[half:-half]
+    change = time[2 * turn :] - 2 * time[inner] + time[: -2 * turn]
+    deviation = bent[inner] - 2 * once[half:-half] + _window_mean(once, turn)
+    deviation *= 2 * np.pi / lap
+    used = seen[inner] & (np.abs(change) < 0.1 * lap) & (np.abs(deviation) < limit)
+    place, deviation = (first + np.flatnonzero(used)) % turn, deviation[used]
+    for power, name in enumerate(("number", "total", "squares")):
+        sums[name] += np.bincount(place, deviation**power, turn)
 
 
 @dataclass
@@ -221,14 +203,9 @@ class PitchLearner:
             self.sample = max(self.sample, self._begin, key=lambda kept: kept[0].size)
         if at[-1] - at[0] >= 4 * turn and at.size >= 3 * turn and bool((np.diff(at) > 0).all()):
             whole = np.arange(at[0], at[-1] + 1)
-            seen = np.ones(whole.size, bool)
-            if whole.size != at.size:
-                seen[:] = False
-                seen[at - at[0]] = True
-            at_each = time if whole.size == at.size else np.interp(whole, at, time)
-            _deviation_sums(
-                at_each, seen, int(at[0]), turn, np.pi / self.steps, self.stretches[-1].sums
-            )
+            seen, every = np.isin(whole, at), np.interp(whole, at, time)
+            limit, sums = np.pi / self.steps, self.stretches[-1].sums
+            _deviation_sums(every, seen, int(at[0]), turn, limit, sums)
             late = int(np.searchsorted(at, at[-1] + 1 - 2 * turn))
             time, at = time[late:], at[late:]
         self._held = time, at
@@ -609,14 +586,8 @@ class KnotBuilder:
         """All knots; nothing can be added after."""
         if self._held is not None:
             self._add(tuple(p[:0] for p in self._held), last=True)
-        joined, parts = (
-            [],
-            [[getattr(part, name) for part in self._parts] for name in Knots.__annotations__],
-        )
-        self._parts = []
-        while parts:  # a field's pieces go as soon as they are joined
-            joined.append(np.concatenate(parts.pop(0)))
-        return Knots(*joined)
+        fields = zip(*(vars(part).values() for part in self._parts), strict=True)
+        return Knots(*(np.concatenate(pieces) for pieces in fields))
 
     def noise_rad(self, otherwise: float) -> float:
         """Standard deviation of a knot: from what the cubics leave.

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,11 @@ from tirelog.dsp.encoder import (
     extremes,
     finite,
     places,
-    sides,
     sliding_maximum,
     without_spikes,
 )
-from tirelog.dsp.filters import sliding_mean, sliding_median
-from tirelog.kernels import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.dsp.filters import runs, sliding_mean, sliding_median
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, records
 
 # ---- From an encoder's samples to the times at which its teeth pass, block by block.
 #
@@ -66,9 +64,6 @@ BESIDE = 2 * AROUND + 2
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as
 #: standstill; twice as long counts slower teeth, and follows a wandering level half as well
 FOLLOW_S = 0.3
-#: longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
-#: whole swing; twice as long follows half as well
-FOLLOW_STEADY_S = 1.2
 #: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
 HYSTERESIS = 0.4
 #: a signal whose range is within so many standard deviations of its noise does not move; twice as
@@ -81,10 +76,6 @@ STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 #: samples this near to the upper or the lower level, in half ranges, are on it; a signal with more
 #: than this share of its samples there is square. Twice the distance takes a sine for one
 ON_LEVEL, SQUARE_SHARE = 0.2, 0.7
-#: so many of a square's levels may last one sample only, as a share: pulses last for two and more,
-#: a converter that flickers between two codes changes at every other one; half of it refuses a
-#: wheel whose pulses last two samples and a half
-SHORT_LEVELS = 0.25
 #: a count goes one way in more than this share of a piece's samples, and over more than so many of
 #: its own steps in the log; twice as many do not know a counter that has just begun
 ONE_WAY, COUNTED_STEPS = 0.998, 2.5
@@ -112,8 +103,7 @@ class Probe:
     follow_s: float = 0.3
 
 
-@dataclass(frozen=True)
-class Crossings:
+class Crossings(NamedTuple):
     """Tooth passages of one block.
 
     `index` (n,) fractional sample, `rising` (n,) direction of the signal, `breaks` (m,) sample
@@ -124,19 +114,6 @@ class Crossings:
     index: FloatArray
     rising: np.ndarray
     breaks: IntArray
-
-    @property
-    def parts(self) -> tuple[FloatArray, np.ndarray, IntArray]:
-        return self.index, self.rising, self.breaks
-
-    @property
-    def size(self) -> int:
-        return int(self.index.size)
-
-    def since(self, index: float) -> Crossings:
-        """Those from `index` on."""
-        first = int(np.searchsorted(self.index, index))
-        return Crossings(self.index[first:], self.rising[first:], self.breaks[self.breaks >= index])
 
 
 def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
@@ -185,7 +162,9 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     steady = float(np.min(np.array(amplitudes)[moving])) > STEADY_AMPLITUDE * amplitude
     least = max(STILL_SIGMA * noise, 0.7 * usual if steady else 0.01 * amplitude)
     form = "square" if np.median(np.array(squares)[moving]) > SQUARE_SHARE else "sine"
-    return Probe(form, amplitude, noise, least, FOLLOW_STEADY_S if steady else FOLLOW_S)
+    # longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
+    # whole swing; twice as long follows half as well
+    return Probe(form, amplitude, noise, least, 1.2 if steady else FOLLOW_S)
 
 
 def _level_share(x: FloatArray, low: float, high: float) -> float:
@@ -205,7 +184,10 @@ def _noise(x: FloatArray, square: bool) -> float:
     low, high = float(x.min()), float(x.max())
     upper = x > 0.5 * (low + high)
     lasting = np.diff(np.flatnonzero(upper[1:] != upper[:-1]))
-    if lasting.size and float(np.mean(lasting == 1)) > SHORT_LEVELS:
+    # so many of a square's levels may last one sample only, as a share: pulses last for two and
+    # more, a converter that flickers between two codes changes at every other one; half of it
+    # refuses a wheel whose pulses last two samples and a half
+    if lasting.size and float(np.mean(lasting == 1)) > 0.25:
         return 0.5 * (high - low)
     away = np.abs(x - np.where(upper, np.median(x[upper]), np.median(x[~upper])))
     return float(np.median(away) / 0.6745)
@@ -234,9 +216,9 @@ def crossings(
     for start in range(0, size, block):
         low, stop = max(start - margin, 0), min(start + block, size)
         x, holes = _filled(read(low, min(stop + margin, size)))
-        side = sides(x, *_hysteresis(x, rate_Hz, found))
-        before, after = changes(side, min(at - low, -1), last if at < low else 0)
-        rising = side[after] > 0
+        before, after, rising = changes(
+            x, *_hysteresis(x, rate_Hz, found), min(at - low, -1), last if at < low else 0
+        )
         first, end = np.searchsorted(after, [start - low, stop - low])
         near = slice(max(first - BESIDE, 0), end + BESIDE)
         place = places(x, before[near], after[near], slow, found.form == "square")[
@@ -258,12 +240,8 @@ def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
     x = finite(x)
     if np.isfinite(x.sum()):
         return x, np.zeros(0, np.int64)
-    lost = ~np.isfinite(x)
-    if not lost.any():
-        return x, np.zeros(0, np.int64)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.view(np.int8), [0]])))
-    starts, stops = edges[::2], edges[1::2]
-    known = np.flatnonzero(~lost)
+    starts, stops = runs(~np.isfinite(x))
+    known = np.flatnonzero(np.isfinite(x))
     if known.size == 0:
         return np.zeros_like(x), starts
     return np.interp(np.arange(x.size), known, x[known]), starts[stops - starts > 8]
@@ -294,8 +272,6 @@ PIECE = 1 << 14
 CONTEXT = 40
 #: half teeth that take longer than this are looked at for a turning point
 SLOW_S = 0.06
-#: half teeth shorter than this on both sides of a long interval: the wheel did not stand
-ROLLING_S = 0.02
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster
 #: than so many turns per second
 SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
@@ -307,132 +283,92 @@ NEIGHBOURS = 3
 SHORT, LONG = 0.65, 1.5
 
 
-@dataclass(frozen=True)
-class Teeth:
-    """Counted tooth passages of one piece of the log.
-
-    index    (n,) fractional sample of the passage, ascending
-    count    (n,) position in half teeth, even if the signal rises; falls while the wheel rolls
-             backwards
-    stretch  (n,) number of the stretch without a loss of the count; between stretches any whole
-             number of teeth may be missing
-    forward  (n,) False if the wheel was inferred to roll backwards
-    missing, extra  passages that were filled in and left out
-    """
-
-    index: FloatArray
-    count: Integers
-    stretch: Integers
-    forward: np.ndarray
-    missing: int
-    extra: int
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """Teeth whose counts and stretches begin anywhere.
-
-    `uneven` (n,): the interval after a passage is not even or not forwards; `repairs` (m, 3)
-    passage, missing and extra teeth; `open_from` the passage from which the direction is not
-    settled yet.
-    """
-
-    teeth: Teeth
-    uneven: np.ndarray
-    repairs: Integers
-    open_from: int
+#: a counted tooth passage: fractional sample, ascending; position in half teeth, even if the signal
+#: rises, which falls while the wheel rolls backwards; number of the stretch without a loss of the
+#: count, between which any whole number of teeth may be missing; False if the wheel was inferred to
+#: roll backwards; whether the interval after it is not even or not forwards; passages that were
+#: filled in and left out before it
+TEETH = np.dtype(
+    [("index", "f8"), ("count", "i8"), ("stretch", "i8"), ("forward", "?"), ("uneven", "?"),
+     ("missing", "i4"), ("extra", "i4")]
+)  # fmt: skip
 
 
 def count_teeth(
     read: Read, found: Probe, passages: Iterator[Crossings], rate_Hz: float, steps: int
-) -> Iterator[Teeth]:
-    """Teeth from the `passages` of an encoder of `steps` teeth per turn, piece by piece.
+) -> Iterator[Records]:
+    """Teeth (n,) of TEETH from `passages` of an encoder of `steps` per turn, piece by piece.
 
     `read` gives the signal again, around standstills only.
     """
-    held, last, wanted = (
-        Crossings(np.zeros(0), np.zeros(0, bool), np.zeros(0, np.int64)),
-        None,
-        PIECE,
-    )
+    held = Crossings(np.zeros(0), np.zeros(0, bool), np.zeros(0, np.int64))
+    last, wanted = None, PIECE
     for new in passages:
-        held = Crossings(
-            *(np.concatenate([a, b]) for a, b in zip(held.parts, new.parts, strict=True))
-        )
+        held = Crossings(*(np.concatenate([a, b]) for a, b in zip(held, new, strict=True)))
         if held.index.size < wanted:
             continue
-        piece = _count(read, found, held, rate_Hz, steps)
-        cut = _last_cut(piece)
-        wanted = 2 * held.size
+        teeth, open_from = _count(read, found, held, rate_Hz, steps)
+        cut = _last_cut(teeth["uneven"], open_from)
+        wanted = 2 * held.index.size
         if cut > CONTEXT:
-            teeth = _continued(piece, cut, last)
-            yield _without_context(teeth, last)
-            last, held = teeth, held.since(float(teeth.index[-1 - CONTEXT]))
-            wanted = held.size + PIECE
-    piece = _count(read, found, held, rate_Hz, steps)
-    yield _without_context(_continued(piece, piece.teeth.index.size, last), last)
+            teeth = _continued(teeth[:cut], last)
+            yield teeth[0 if last is None else CONTEXT + 1 :]
+            last, begin = teeth, teeth["index"][-1 - CONTEXT]
+            near = held.index >= begin
+            breaks = held.breaks[held.breaks >= begin]
+            held = Crossings(held.index[near], held.rising[near], breaks)
+            wanted = held.index.size + PIECE
+    teeth = _continued(_count(read, found, held, rate_Hz, steps)[0], last)
+    yield teeth[0 if last is None else CONTEXT + 1 :]
 
 
-def _last_cut(piece: _Piece) -> int:
-    """How many passages of the piece can be settled; 0 if none.
+def _last_cut(uneven: np.ndarray, open_from: int) -> int:
+    """How many passages of a piece can be settled; 0 if none.
 
     Up to the last one with CONTEXT even intervals on both sides.
     """
-    bad = np.flatnonzero(piece.uneven[: piece.open_from])
-    edges = np.concatenate([[-1], bad, [min(piece.open_from, piece.uneven.size)]])
+    bad = np.flatnonzero(uneven[:open_from])
+    edges = np.concatenate([[-1], bad, [min(open_from, uneven.size)]])
     wide = np.flatnonzero(np.diff(edges) > 2 * CONTEXT + 2)
     return int(edges[wide[-1] + 1]) - CONTEXT if wide.size else 0
 
 
-def _continued(piece: _Piece, cut: int, last: Teeth | None) -> Teeth:
-    """The first `cut` passages, counted on from the piece before.
+def _continued(teeth: Records, last: Records | None) -> Records:
+    """The `teeth` (n,) of a piece, counted on from the piece before.
 
     They begin with the last CONTEXT + 1 passages of that.
     """
-    teeth, begins = piece.teeth, 0 if last is None else CONTEXT
-    count, stretch = teeth.count[:cut], teeth.stretch[:cut]
     if last is not None:
-        count = count + (last.count[-1 - CONTEXT] - count[0])
-        stretch = stretch + (last.stretch[-1 - CONTEXT] - stretch[0])
-    repairs = piece.repairs[(piece.repairs[:, 0] >= begins) & (piece.repairs[:, 0] < cut)]
-    missing, extra = int(repairs[:, 1].sum()), int(repairs[:, 2].sum())
-    return Teeth(teeth.index[:cut], count, stretch, teeth.forward[:cut], missing, extra)
+        for name in ("count", "stretch"):
+            teeth[name] += last[name][-1 - CONTEXT] - teeth[name][0]
+    return teeth
 
 
-def _without_context(teeth: Teeth, last: Teeth | None) -> Teeth:
-    new = slice(None if last is None else CONTEXT + 1, None)
-    return Teeth(
-        teeth.index[new],
-        teeth.count[new],
-        teeth.stretch[new],
-        teeth.forward[new],
-        teeth.missing,
-        teeth.extra,
-    )
+def _count(
+    read: Read, found: Probe, passages: Crossings, rate_Hz: float, steps: int
+) -> tuple[Records, int]:
+    """(counted teeth of a piece of the log, passage from which the direction is not settled yet).
 
-
-def _count(read: Read, found: Probe, passages: Crossings, rate_Hz: float, steps: int) -> _Piece:
-    """Counted teeth of a piece of the log."""
+    Counts and stretches begin anywhere.
+    """
     index, rising, halves, uneven, repairs = _regular(
         passages.index, passages.rising, SLOW_S * rate_Hz
     )
-    n = index.size
+    n, intervals = index.size, np.diff(index)
+    teeth = records(TEETH, index=index, forward=True, uneven=uneven)
+    for place, missing, extra in repairs:
+        teeth["missing"][place + 1], teeth["extra"][place + 1] = missing, extra
     if n < 2:
-        none = np.zeros(n, np.int64)
-        return _Piece(
-            Teeth(index, none, none, np.ones(n, bool), 0, 0), np.ones(n, bool), repairs, n
-        )
-    intervals = np.diff(index)
+        return teeth, n
     if not uneven.any() and not passages.breaks.size and intervals.max() <= SLOW_S * rate_Hz:
-        even = np.arange(n) + (not rising[0])
-        return _Piece(
-            Teeth(index, even, np.zeros(n, np.int64), np.ones(n, bool), 0, 0), uneven, repairs, n
-        )
+        teeth["count"] = np.arange(n) + (not rising[0])
+        return teeth, n
     still = intervals > 0.5 * FOLLOW_S * rate_Hz
     hole = np.zeros(n - 1, bool)
     if passages.breaks.size:
         broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
-        _bridge(halves, intervals, broken[still[broken]], ROLLING_S * rate_Hz)
+        # half teeth shorter than this on both sides of a long interval: the wheel did not stand
+        _bridge(halves, intervals, broken[still[broken]], 0.02 * rate_Hz)
         hole[broken[halves[broken] != 1]] = True
         uneven[broken] = True
     fastest = FASTEST_BACK_Hz / rate_Hz * 2 * steps
@@ -447,20 +383,16 @@ def _count(read: Read, found: Probe, passages: Crossings, rate_Hz: float, steps:
     ]
     lost = still | hole | (halves > 2 * steps)
     lost[turns] = True
-    stretch = np.zeros(n, np.int64)
-    np.cumsum(lost, out=stretch[1:])
-    forward = np.concatenate([sign > 0, [True]])
-    count = np.zeros(n, np.int64)
-    np.cumsum(halves * sign, out=count[1:])
+    teeth["forward"] = np.append(sign > 0, True)
+    teeth["stretch"][1:], teeth["count"][1:] = np.cumsum(lost), np.cumsum(halves * sign)
     # rolling forwards a rising passage is even, backwards a falling one
-    heads = np.concatenate([[0], np.flatnonzero(lost) + 1])
-    wrong = np.mod(count[heads], 2) != (rising[heads] != forward[heads])
-    count += wrong[stretch]
+    heads = np.append(0, np.flatnonzero(lost) + 1)
+    wrong = np.mod(teeth["count"][heads], 2) != (rising[heads] != teeth["forward"][heads])
+    teeth["count"] += wrong[teeth["stretch"]]
     uneven[slow] = True
     uneven[:-1] |= lost | (sign < 0)
-    return _Piece(
-        Teeth(index, count, stretch, forward, 0, 0), uneven, repairs, min(unsettled, default=n)
-    )
+    teeth["uneven"] = uneven
+    return teeth, min(unsettled, default=n)
 
 
 def _bridge(halves: Integers, intervals: FloatArray, still: Integers, rolling: float) -> None:
@@ -505,24 +437,21 @@ def _directions(
 
 def _regular(
     index: FloatArray, rising: np.ndarray, slowest: float
-) -> tuple[FloatArray, np.ndarray, Integers, np.ndarray, Integers]:
+) -> tuple[FloatArray, np.ndarray, Integers, np.ndarray, list[tuple[int, int, int]]]:
     """(indices, rising, half teeth of each interval, uneven intervals, repairs).
 
-    Shapes (n,), (n,), (n - 1,), (n,), (m, 3). A run of intervals that are too long or too short for
+    Shapes (n,), (n,), (n - 1,), (n,); a repair is the passage before it, missing and extra teeth. A
+    run of intervals that are too long or too short for
     the motion around it becomes one interval: of as many half teeth as its length says, odd or even
     as the passages in it were. If the intervals before and after a run disagree (near standstill),
     it stays.
     """
     steps = np.diff(index)
-    halves, uneven, none = (
-        np.ones(steps.size, np.int64),
-        np.zeros(index.size, bool),
-        np.zeros((0, 3), np.int64),
-    )
+    halves, uneven = np.ones(steps.size, np.int64), np.zeros(index.size, bool)
     if steps.size >= 4 * NEIGHBOURS and _all_regular(steps):
-        return index, rising, halves, uneven, none
+        return index, rising, halves, uneven, []
     if steps.size < 4 * NEIGHBOURS:
-        return index, rising, halves, ~uneven, none
+        return index, rising, halves, ~uneven, []
     ratio = steps / sliding_median(steps, 9)
     odd = ratio < SHORT
     odd[1:] |= ratio[:-1] < SHORT  # the tooth beside a glitch lost what the glitch took
@@ -530,9 +459,8 @@ def _regular(
     odd |= ratio > LONG
     uneven[:-1] = odd
     odd &= steps < slowest
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], odd.view(np.int8), [0]])))
     keep, repairs = np.ones(index.size, bool), []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in zip(*runs(odd), strict=True):
         before, after = steps[max(start - NEIGHBOURS, 0) : start], steps[stop : stop + NEIGHBOURS]
         if before.size == 0 or after.size == 0 or index[stop] - index[start] > 2 * slowest:
             continue
@@ -545,24 +473,18 @@ def _regular(
         halves[start] = whole
         repairs.append((start, max(whole - n, 0) // 2, max(n - whole, 0) // 2))
     place = np.cumsum(keep) - 1
-    told = np.array(
-        [(place[start], missing, extra) for start, missing, extra in repairs], np.int64
-    ).reshape(-1, 3)
+    told = [(int(place[start]), missing, extra) for start, missing, extra in repairs]
     return index[keep], rising[keep], halves[keep[:-1]], uneven[keep], told
 
 
-@compiled
 def _all_regular(steps: FloatArray) -> bool:
     """Whether no interval of `steps` (n,) [samples] differs much from those five before and after.
 
     At the ends: one of them. Then no closer look is needed.
     """
-    n = steps.size
-    for i in range(n):
-        usual = 0.5 * (steps[i - 5 if i >= 5 else i + 5] + steps[i + 5 if i + 5 < n else i - 5])
-        if not SHORT * usual < steps[i] < LONG * usual:
-            return False
-    return True
+    before, after = np.append(steps[5:10], steps[:-5]), np.append(steps[5:], steps[-10:-5])
+    usual = 0.5 * (before + after)
+    return bool(np.all((SHORT * usual < steps) & (steps < LONG * usual)))
 
 
 def _turning_points(read: Read, found: Probe, index: FloatArray, slow: Integers) -> list[int]:

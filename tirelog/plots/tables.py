@@ -299,16 +299,16 @@ def passage_panels(
     shown: list[FloatArray] = []
     for cut, upsample, name, colour, look in looks:
         of = (windows.rate_Hz, windows.centre, speed, acceleration, np.array([cut]), upsample)
-        tread = along_tread(windows.values, *of)
+        along_m, first, second = along_tread(windows.values, *of)
         spectra, m = window_spectra(windows.values), windows.values.shape[1]
         strain = lowpassed(spectra, windows.rate_Hz, np.array([cut]), m, upsample)[0]
-        xi = 1e3 * tread.xi_m[0]
+        xi = 1e3 * along_m[0]
         shown = [
             (-1.0 if inner else 1.0) * scale * curve
             for curve, scale in (
                 (strain + np.linspace(ends[0], ends[1], strain.size), MICRO),
-                (tread.first[0], 1e3),
-                (tread.second[0], 1.0),
+                (first[0], 1e3),
+                (second[0], 1.0),
             )
         ]
         for drawn, curve in zip(marks, shown, strict=True):

@@ -20,10 +20,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.filters import bridged, differentiator
@@ -37,124 +36,53 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 # Samples to the energy of their derivative in each revolution, in one pass.
 #
 # values (n,) --antisymmetric FIR--> slope (n,)
-#     --square, and square of its own change, fours of samples first--> sums over each row's samples
+#     --square, and square of its own change--> sums over each row's samples
 
-#: what a block's first sample has to be a multiple of, so that the fours are the same wherever the
-#: values were cut
-FOUR = 4
 #: a row's sums: of the squared slope, and of its squared change from one place to the next
 ENERGY = np.dtype([("slope2", "f8"), ("change2", "f8")])
-#: samples that stay in the fastest cache while all coefficients pass over them
-_TILE = 512
-
-
-class StripScratch(NamedTuple):
-    """Room for the samples worked on at once, (n,) each: slope, and sums of fours of samples."""
-
-    slope: FloatArray
-    energies: FloatArray
-    bends: FloatArray
-
-
-def scratch_of(samples: int) -> StripScratch:
-    """Room for so many samples."""
-    return StripScratch(*np.empty((len(StripScratch._fields), samples)))
 
 
 @compiled
 def revolution_sums(
-    values: FloatArray,
-    first: int,
-    side: FloatArray,
-    scratch: StripScratch,
-    rows: IntArray,
-    low: IntArray,
-    high: IntArray,
+    values: FloatArray, side: FloatArray, rows: IntArray, low: IntArray, high: IntArray,
     sums: Records,
-) -> None:
+) -> None:  # fmt: skip
     """Adds to `sums` the squared derivative of `values`, and its squared changes.
 
-    `sums` (m,) of ENERGY, of the `rows` (k,): the squared derivative of `values` (n,) over
-    [low, high) (k,), and its squared change from one place to the next. Places count as `first`
-    does, the place of the first value.
+    `sums` (m,) of ENERGY, of the `rows` (k,): the squared derivative of `values` (n,) over their
+    places [low, high) (k,), and its squared change from one place to the next.
 
     derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves
-    `values`; `scratch` has room for n or more. Sums go four by four at multiples of FOUR, so
-    that they do not depend on where the values were cut, if at such places.
+    `values`.
     """
-    n = values.size
-    slope, energies, bends = scratch.slope[:n], scratch.energies, scratch.bends
-    _derivative(values, side, slope)
-    begin = FOUR - first % FOUR  # the first four that has a neighbour before it
-    _fours(slope, begin, energies, bends)
+    slope = _derivative(values, side)
     for j in range(rows.size):
         row = sums[rows[j]]
         energy, bend = row["slope2"], row["change2"]
-        i, end = max(low[j] - first, 1), min(high[j] - first, n - 1)
-        while i < end:
-            if (i - begin) % FOUR == 0 and i + FOUR <= end:
-                four = (i - begin) // FOUR
-                stop = four + (end - i) // FOUR
-                for k in range(four, stop):
-                    energy += energies[k]
-                    bend += bends[k]
-                i += (stop - four) * FOUR
-            else:
-                change = 0.5 * (slope[i + 1] - slope[i - 1])
-                energy += slope[i] * slope[i]
-                bend += change * change
-                i += 1
+        for i in range(max(low[j], 1), min(high[j], values.size - 1)):
+            change = 0.5 * (slope[i + 1] - slope[i - 1])
+            energy += slope[i] * slope[i]
+            bend += change * change
         row["slope2"], row["change2"] = energy, bend
 
 
 @compiled
-def _derivative(values: FloatArray, side: FloatArray, slope: FloatArray) -> None:
-    """The derivative of `values` (n,) into `slope` (n,)."""
-    half, n = side.size, values.size
-    slope[:] = 0.0
-    for begin in range(half, n - half, _TILE):
-        end = min(begin + _TILE, n - half)
+def _derivative(values: FloatArray, side: FloatArray) -> FloatArray:
+    """The derivative of `values` (n,), shape (n,)."""
+    half, n, slope = side.size, values.size, np.zeros(values.size)
+    # so many samples at a time stay in the fastest cache while all coefficients pass over them
+    for begin in range(half, n - half, 512):
+        end = min(begin + 512, n - half)
         out = slope[begin:end]
-        k = 1
-        while k + 4 <= half:  # five at a time, which `out` is read and written once for
-            s0, s1, s2, s3, s4 = side[k - 1], side[k], side[k + 1], side[k + 2], side[k + 3]
-            a, b = values[begin + k : end + k + 4], values[begin - k - 4 : end - k]
+        for k in range(1, half + 1):
+            factor, after, before = (
+                side[k - 1],
+                values[begin + k : end + k],
+                values[begin - k : end - k],
+            )
             for i in range(out.size):
-                some = (
-                    out[i]
-                    + s0 * (a[i] - b[i + 4])
-                    + s1 * (a[i + 1] - b[i + 3])
-                    + s2 * (a[i + 2] - b[i + 2])
-                )
-                out[i] = some + s3 * (a[i + 3] - b[i + 1]) + s4 * (a[i + 4] - b[i])
-            k += 5
-        while k <= half:
-            s0, a, b = side[k - 1], values[begin + k : end + k], values[begin - k : end - k]
-            for i in range(out.size):
-                out[i] += s0 * (a[i] - b[i])
-            k += 1
-
-
-@compiled
-def _fours(slope: FloatArray, begin: int, energies: FloatArray, bends: FloatArray) -> None:
-    """Sums over each four places of the squared slope and of its squared change.
-
-    The change is half of that over two places; the first four begin at `begin`.
-    """
-    around = slope[begin - 1 :]
-    for k in range((slope.size - begin - 1) // FOUR):
-        i = FOUR * k
-        before, s0, s1, s2, s3, after = (
-            around[i],
-            around[i + 1],
-            around[i + 2],
-            around[i + 3],
-            around[i + 4],
-            around[i + 5],
-        )
-        c0, c1, c2, c3 = s1 - before, s2 - s0, s3 - s1, after - s2
-        energies[k] = (s0 * s0 + s1 * s1) + (s2 * s2 + s3 * s3)
-        bends[k] = 0.25 * ((c0 * c0 + c1 * c1) + (c2 * c2 + c3 * c3))
+                out[i] += factor * (after[i] - before[i])
+    return slope
 
 
 #: pass edge of the differentiator, in half lengths: wave number x half length
@@ -162,9 +90,6 @@ PASS = 20.0
 #: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost;
 #: nearer to one, the filter needs many more coefficients
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
-#: means are taken of as many samples as leave this many per period of the pass edge; twice as many
-#: take twice as long and change what the filter passes no more
-OVERSAMPLING = 4.0
 #: a sample off its neighbours' cubic by more than these many sigmas and this share of the
 #: passages' height is bridged; twice as much of either leaves spikes in that are half as large as
 #: what counts
@@ -177,10 +102,6 @@ SHOULDERS = 1.6
 BRIDGED_MEANS, BRIDGED_TURNS = 2.0, 0.25
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
-#: a standard error above so many factors, the row's or the log's usual one, tells nothing and is
-#: left blank; half of it would blank rows of very noisy logs, twice as much no row that this does
-#: not
-MOST_ERROR = 10.0
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
 #: moving average; twice the step takes gentle braking for a constant speed
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
@@ -218,11 +139,6 @@ class _Filter:
     rate_Hz: float
     limited: bool
 
-    @property
-    def margin(self) -> int:
-        """Samples of the channel that a derivative needs on either side."""
-        return (self.coefficients.size // 2 + 2) * self.averaged
-
 
 def _filter(channel: Channel, passages: Passages) -> _Filter:
     """The differentiator for the fastest passage."""
@@ -231,7 +147,9 @@ def _filter(channel: Channel, passages: Passages) -> _Filter:
     half_length = LENGTH_TO_WIDTH * half_width * passages.radius_m
     top = float(np.nanmax(passages.speed_m_s))
     wanted = PASS / half_length * top / (2.0 * np.pi)
-    averaged = int(2 ** np.floor(np.log2(max(rate / (OVERSAMPLING * wanted), 1.0))))
+    # means are taken of as many samples as leave this many per period of the pass edge; twice as
+    # many take twice as long and change what the filter passes no more
+    averaged = int(2 ** np.floor(np.log2(max(rate / (4.0 * wanted), 1.0))))
     edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
     return _Filter(
         differentiator(rate / averaged, edge, averaged),
@@ -329,12 +247,8 @@ def _energies(
     )
     half = how.coefficients.size // 2
     side = how.coefficients[:half][::-1].copy()
-    step = (
-        max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size)
-        // FOUR
-        * FOUR
-    )
-    sums, scratch = np.zeros(len(passages), ENERGY), scratch_of(step + 2 * (half + 3))
+    step = max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size)
+    sums = np.zeros(len(passages), ENERGY)
     breaks = np.concatenate([[0], filled.breaks // how.averaged, [last]])
     # rows are in order, and their revolutions nearly so: those of a block stand together
     furthest, nearest = (
@@ -348,11 +262,11 @@ def _energies(
                 np.searchsorted(furthest, start, "right"), np.searchsorted(nearest, stop)
             )
             if rows.size:
-                first, final = max(start - half - 3, begin), min(stop + half + 3, end)
+                first, final = max(start - half - 1, begin), min(stop + half + 1, end)
                 raw = filled.read(first * how.averaged, final * how.averaged)
                 means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
-                within = np.maximum(low[rows], start) - begin, np.minimum(high[rows], stop) - begin
-                revolution_sums(means, first - begin, side, scratch, rows, *within, sums)
+                within = np.maximum(low[rows], start), np.minimum(high[rows], stop)
+                revolution_sums(means, side, rows, within[0] - first, within[1] - first, sums)
     return sums["slope2"], sums["change2"], (high - low).astype(float) * known
 
 
@@ -396,19 +310,13 @@ def moving_average(values: FloatArray, stretch: IntArray, width: int = AVERAGED)
     total = np.concatenate([[0.0], np.cumsum(np.where(good, values, 0.0))])
     count = np.concatenate([[0], np.cumsum(good)])
     row = np.arange(n)
-    same_before = np.searchsorted(_boundaries(stretch), row, side="right") - 1
-    edges = np.append(_boundaries(stretch), n)
-    half = width // 2
-    reach = np.minimum(half, np.minimum(row - edges[same_before], edges[same_before + 1] - 1 - row))
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(stretch)) + 1, [n]])
+    run = np.searchsorted(edges, row, side="right") - 1
+    reach = np.minimum(width // 2, np.minimum(row - edges[run], edges[run + 1] - 1 - row))
     low, high = row - reach, row + reach + 1
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = (total[high] - total[low]) / (count[high] - count[low])
     return np.where(stretch >= 0, mean, np.nan)
-
-
-def _boundaries(stretch: IntArray) -> IntArray:
-    """First row of each run of equal numbers."""
-    return np.concatenate([[0], np.flatnonzero(np.diff(stretch)) + 1])
 
 
 def dissipation(
@@ -449,7 +357,7 @@ def dissipation(
         # a revolution whose patch the log cuts off has no energy of its own
         reach = (
             SHOULDERS * passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz
-            + how.margin
+            + (how.coefficients.size // 2 + 2) * how.averaged
         )
         whole = (
             (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
@@ -457,7 +365,10 @@ def dissipation(
         factor = np.where(whole, (energy - means * per_mean) * step / speed, np.nan)
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
         known = np.abs(factor[np.isfinite(factor)])
-        absurd = error > MOST_ERROR * np.maximum(
+        # a standard error above so many factors, the row's or the log's usual one, tells nothing
+        # and is left blank; half of it would blank rows of very noisy logs, twice as much no row
+        # that this does not
+        absurd = error > 10.0 * np.maximum(
             np.abs(factor), np.median(known) if known.size else np.inf
         )
     error = np.where(absurd, np.nan, error)
@@ -491,27 +402,14 @@ def dissipation(
 # stretches scatter about the line.
 
 
-#: rows of constant speed that a regression needs; half as many would leave a parabola one degree
-#: of freedom, twice as many refuse short tests
-LEAST_ROWS = 8
 #: a stretch is cut when its speed has moved by this much [m/s]: a slow coast-down is no single
 #: speed; twice as much halves the points of such a stretch and leaves others alone
 PIECE_M_S = 1.0
-#: means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to
-#: stretch, above the steps of a test plan; twice as much takes steps of less than 1 m/s for one
-#: speed
-SAME_SPEED_M_S = 0.5
 #: probability that an interval covers; and the one of the test whether a parabola is needed; half
 #: the rest, 0.975, makes intervals a seventh wider
 COVERED = 0.95
-#: a line is said to miss a mean that lies further off than this many of the mean's own standard
-#: errors: by noise alone one line in a thousand does; at twice as many only a line that is visibly
-#: wrong
-FAR_OFF = 4.0
 #: said of a line whose errors hold although its means lie far off
 SCATTERED = "stretches scatter more than their revolutions, which the errors count"
-#: halvings of the interval that holds the scatter between stretches
-_HALVINGS = 60
 
 
 #: the line quantity = intercept + slope x speed, and what can be said of it:
@@ -581,7 +479,8 @@ def _through(
         return found, np.full_like(inverse, np.nan), 0
     low, high = 0.0, float(np.ptp(means)) ** 2
     if solved(low)[2] > free:
-        for _ in range(_HALVINGS):
+        # halvings of the interval that holds the scatter between stretches
+        for _ in range(60):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if solved(middle)[2] > free else (low, middle)
     else:
@@ -600,14 +499,19 @@ def regression(
     """
     good = (stretch >= 0) & np.isfinite(values) & np.isfinite(speed_m_s)
     v, y, group = speed_m_s[good], values[good], stretch[good]
-    if v.size < LEAST_ROWS:
+    # rows of constant speed that a regression needs; half as many would leave a parabola one degree
+    # of freedom, twice as many refuse short tests
+    if v.size < 8:
         return None
     order = np.argsort(group, kind="stable")
     v, y, group = v[order], y[order], group[order]
     piece = pieces(v, group)
     count = np.bincount(piece)
     speed, means = np.bincount(piece, v) / count, np.bincount(piece, y) / count
-    speeds = 1 + int((np.diff(np.sort(speed)) > SAME_SPEED_M_S).sum())
+    # means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to
+    # stretch, above the steps of a test plan; twice as much takes steps of less than 1 m/s for one
+    # speed
+    speeds = 1 + int((np.diff(np.sort(speed)) > 0.5).sum())
     if speeds < 2:
         return None
     within = float(((y - means[piece]) ** 2).sum()) / max(v.size - count.size, 1)
@@ -666,15 +570,13 @@ def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
 
     Empty if nothing speaks against it.
     """
-    far = f"the line misses a mean by {sigmas:.0f} of its errors" if sigmas > FAR_OFF else ""
+    # a line is said to miss a mean that lies further off than this many of the mean's own standard
+    # errors: by noise alone one line in a thousand does; at twice as many only a line that is
+    # visibly wrong
+    far = f"the line misses a mean by {sigmas:.0f} of its errors" if sigmas > 4.0 else ""
     if speeds < 3 or free <= 1:
         untested = f"{speeds} speeds: a line is not tested"
         return f"{untested}; {far}, a parabola may follow them" if free > 0 and far else untested
     if bent:
         return "the line misses the means, a parabola follows them" + (f"; {far}" if far else "")
     return f"{SCATTERED} ({far})" if far else ""
-
-
-def regression_table(lines: list[Regression]) -> dict[str, NDArray[Any]]:
-    """The columns of some regressions."""
-    return {name: np.array([line[name] for line in lines]) for name in COLUMNS}

@@ -19,11 +19,11 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.runs.in_memory import released
 from tirelog.strain.dissipation import (
     AVERAGED,
+    COLUMNS,
     STEADY_STEP_M_S,
     Dissipation,
     dissipation,
     regression,
-    regression_table,
 )
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.speed import PassageRows, begin, speed_quality
@@ -166,7 +166,8 @@ def regressions(
             f"{found.channel.name}: no regression: too few revolutions of constant speed, "
             "or one speed",
         )
-    return {"log": log, "channel": found.channel.name} | regression_table(kept), ()
+    columns = {name: np.array([line[name] for line in kept]) for name in COLUMNS}
+    return {"log": log, "channel": found.channel.name} | columns, ()
 
 
 def by_speed(found: DissipationOfChannel) -> dict[str, Any]:

@@ -40,20 +40,12 @@ RAMP_SHARE = 0.25
 #: standard errors of a rate that the border between ramp and stop is above: the rate is told over
 #: as many means as that takes.  With half as many noise makes ramps of stops
 RATE_SIGMAS = 5.0
-#: a leak is one that exceeds so many of its standard errors: chance makes none in a million stops;
-#: with twice as many, leaks up to twice as large are said to be 0
-LEAK_SIGMAS = 5.0
 #: means of the ramp on either side that a stop's kinks are told by: so little of a ramp is straight
 #: whatever the compressor does; twice as many tell them better, and count on it for 6 s
 BESIDE = 30
-#: what a further kink within a stop must take off chi-square: chance does so once in 10^5 stops;
-#: half as much, once in 1000
-BENT_CHI2 = 25.0
 #: means about an edge from which its kink is sought: a rate sees it so much early or late, and a
 #: kink that begins beyond its stop does not come back; twice as wide, one may find the next stop's
 NEAR_MEANS = (-3, 0, 3)
-#: rounds in which the kinks settle; mere numerics
-KINK_ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -230,7 +222,8 @@ class _Line:
         time = time - self._origin_s
         kinks = np.asarray(values.time_s[at] - self._origin_s, float)
         margin = 2.0 * MEAN_S
-        for _ in range(KINK_ROUNDS):
+        # rounds in which the kinks settle; mere numerics
+        for _ in range(20):
             bends = np.maximum(time[:, None] - kinks, 0.0)
             design = np.column_stack([np.ones(time.size), time, bends])
             self._found = np.linalg.lstsq(design, strain, rcond=None)[0]
@@ -306,11 +299,15 @@ def _lost(
             (_Line(values, first, stop, sorted([*edges, k])) for k in middles),
             key=lambda one: one.chi2,
         )
-        line = bent if bent.chi2 < line.chi2 - BENT_CHI2 else line
+        # what a further kink within a stop must take off chi-square: chance does so once in 10^5
+        # stops; half as much, once in 1000
+        line = bent if bent.chi2 < line.chi2 - 25.0 else line
     begin = float(line.kinks_s[0]) if before < low else float(values.time_s[low])
     end = float(line.kinks_s[-1]) if after > high else float(values.time_s[high - 1])
     lost, error = line.fall(begin, end, (before < low, after > high))
-    return (lost if direction * lost > LEAK_SIGMAS * error else 0.0), error
+    # a leak is one that exceeds so many of its standard errors: chance makes none in a million
+    # stops; with twice as many, leaks up to twice as large are said to be 0
+    return (lost if direction * lost > 5.0 * error else 0.0), error
 
 
 def _begins(edges: list[int], first: int, stop: int) -> list[list[int]]:
@@ -378,10 +375,6 @@ def inflation(
 # Recording --no drive, no strain that goes to and fro--> `inflation` --> columns, sentences
 
 
-#: whole turns from which a log is a drive: two may be a kink of the filling and its leaks
-FEWEST_TURNS = 3
-#: radius [m] that tells turns if the setup has none: only whether there are any matters
-ANY_RADIUS_M = 0.3
 #: way of the strain over its range, and stretches that are needed to say so.  Filling with leaks at
 #: stops: 1.1, filling and emptying: 2; vibration: 10.  Twice as much would take some of that for a
 #: test
@@ -452,13 +445,11 @@ def inflation_of(
 
 def _refuse_drive(recording: Recording, channel: Channel) -> None:
     """UsageError if the wheel turns: what a passage does to the strain is no ramp and no stop."""
-    radius = (
-        recording.setup.tire.rolling_radius_m
-        or recording.setup.tire.unloaded_radius_m
-        or ANY_RADIUS_M
-    )
+    # radius [m] that tells turns if the setup has none: only whether there are any matters
+    radius = recording.setup.tire.rolling_radius_m or recording.setup.tire.unloaded_radius_m or 0.3
     passages = find_passages(channel, radius)
-    if passages.turn_after.sum() >= FEWEST_TURNS:
+    # whole turns from which a log is a drive: two may be a kink of the filling and its leaks
+    if passages.turn_after.sum() >= 3:
         raise UsageError(
             f"no inflation test: the wheel turns, {channel.name} passes the patch {len(passages)}"
             " times",

@@ -31,10 +31,6 @@ from tirelog.vocabulary.quality import OK, Quality, marked, quality_column
 from tirelog.wheel.angle import encoder_of, rolling_radius
 from tirelog.wheel.rolling import FREE_M_S2, LEAST_TURNS, Rolling, WheelTurns, rolling
 
-#: slip that the delay's standard error may make of a row before it is marked: a quarter of what
-#: moderate braking makes; doubled, rows are `ok` of which half may be the delay
-_DELAYED = 0.005
-
 
 def slip_of(recording: Recording) -> Iterator[TableRows]:
     """The slip of every turn.
@@ -84,9 +80,11 @@ def _slip(
     begin, end = (at + found.delay_s for at in (wheel.begin_s, wheel.end_s))
     outside = (begin < reference.axis.at(0.0)) | (end > reference.axis.at(reference.size - 1.0))
     lost = (wheel.turns > 0) & ~np.isfinite(found.metres)
+    # slip that the delay's standard error may make of a row before it is marked: a quarter of what
+    # moderate braking makes; doubled, rows are `ok` of which half may be the delay
     quality = (
         wheel.quality
-        | marked(delayed > _DELAYED, Quality.DELAY_UNKNOWN)
+        | marked(delayed > 0.005, Quality.DELAY_UNKNOWN)
         | marked(lost & outside, Quality.EDGE_OF_LOG)
         | marked(lost & ~outside, Quality.GAP)
     )
@@ -320,10 +318,6 @@ def grip_columns(
 # accelerometer. The sensor's own angle is not known; the zero is the mean over the first passages
 # that are good, so that only changes count.
 
-#: passages whose middle is the zero of the shift: with one its error would be in all rows; twice as
-#: many would reach into the first manoeuvre of a short log
-ZERO_PASSAGES = 8
-
 
 def strain_shift_of(recording: Recording) -> Iterator[TableRows]:
     """Width and shift of the patch in wheel angle at each passage.
@@ -339,7 +333,9 @@ def strain_shift_of(recording: Recording) -> Iterator[TableRows]:
         angles = [wheel.angle.at(time) for time in (entry, exit_)]
         middle = 0.5 * (angles[0] + angles[1])
         good = (np.asarray(table["quality"]) == OK) & np.isfinite(middle)
-        first = np.flatnonzero(good)[:ZERO_PASSAGES]
+        # passages whose middle is the zero of the shift: with one its error would be in all rows;
+        # twice as many would reach into the first manoeuvre of a short log
+        first = np.flatnonzero(good)[:8]
         # whole turns apart: the mean direction, then what each differs from it
         zero = np.angle(np.exp(1j * middle[first]).mean()) if first.size else np.nan
         shift = np.angle(np.exp(1j * (middle - zero)))

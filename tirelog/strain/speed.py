@@ -63,28 +63,10 @@ def not_turning(recording: Recording) -> UsageError:
 # turns that roll freely, as for the slip.
 
 
-@dataclass(frozen=True)
-class RadiusCalibration:
-    """Rolling radius and its standard error [m] from so many turns.
+def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> tuple[float, float, int]:
+    """(rolling radius, its standard error [m], turns) by one wheel's channels.
 
-    `channel` is the reference's name.
-    """
-
-    radius_m: float
-    radius_se_m: float
-    turns: int
-    channel: str
-
-    def __str__(self) -> str:
-        return (
-            f"rolling radius {self.radius_m:.5f} +- {self.radius_se_m:.5f} m, calibrated against "
-            f"{self.channel} over {self.turns} turns"
-        )
-
-
-def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> RadiusCalibration:
-    """The rolling radius from the reference `speed` [m/s] and the passages of one wheel's channels.
-
+    From the reference `speed` [m/s] and the passages of each channel.
     UsageError if fewer than LEAST_TURNS turns of free rolling lie within the reference.
     """
     radii, errors, turns = [], [], 0
@@ -103,13 +85,7 @@ def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> RadiusCalibr
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better
-    return RadiusCalibration(float(np.mean(radii)), float(np.mean(errors)), turns, speed.name)
-
-
-#: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank;
-#: half of it would blank those of a wheel that is about to stand, twice as much would keep what no
-#: reader can use
-LEAST_ERROR_M_S = 1.0
+    return float(np.mean(radii)), float(np.mean(errors)), turns
 
 
 def speed_quality(passages: Passages) -> QualityFlags:
@@ -155,8 +131,9 @@ def period(passages: Passages) -> FloatArray:
     Half of the time between the passages before and after if these are one turn away, else a turn
     at the passage's speed.
     """
-    both = 0.5 * (passages.period_before_s + passages.period_after_s)
-    return np.where(np.isfinite(both), both, TURN_RAD / passages.omega_rad_s)
+    step = np.diff(passages.time_s, prepend=np.nan, append=np.nan)
+    both = passages.turn_before & passages.turn_after
+    return np.where(both, 0.5 * (step[:-1] + step[1:]), TURN_RAD / passages.omega_rad_s)
 
 
 @dataclass(frozen=True)
@@ -191,7 +168,10 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
         error = np.hypot(
             passages.speed_se_m_s, radius_se_m / passages.radius_m * passages.speed_m_s
         )
-        absurd = error > np.maximum(np.abs(passages.speed_m_s), LEAST_ERROR_M_S)
+        # a standard error above the speed itself, and above this [m/s], tells nothing and is left
+        # blank; half of it would blank those of a wheel that is about to stand, twice as much would
+        # keep what no reader can use
+        absurd = error > np.maximum(np.abs(passages.speed_m_s), 1.0)
     return begin(log, passages) | {
         "period_s": period(passages),
         "speed_se_m_s": np.where(absurd, np.nan, error),
@@ -246,12 +226,14 @@ def calibrated_speed(
     found = [passages_of(recording, channel) for channel in speed_channels(recording)]
     if all(passages.doubt for passages in found):
         raise UsageError(f"--calibrate-radius: {found[0].doubt}", file=recording.log)
-    radius = calibrate_radius(reference, found)
-    said = [str(radius)]
+    radius_m, se_m, turns = calibrate_radius(reference, found)
+    said = [
+        f"rolling radius {radius_m:.5f} +- {se_m:.5f} m, calibrated against {reference.name} over "
+        f"{turns} turns"
+    ]
     for passages in found:
-        rolled = replace(passages, radius_m=radius.radius_m)
-        columns = speed_columns(recording.log, rolled, radius.radius_se_m)
-        yield columns, [*said, *speed_doubts(rolled)]
+        rolled = replace(passages, radius_m=radius_m)
+        yield speed_columns(recording.log, rolled, se_m), [*said, *speed_doubts(rolled)]
         said = []
 
 

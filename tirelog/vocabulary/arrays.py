@@ -20,7 +20,7 @@ Record = np.void
 
 def records(dtype: np.dtype[Any], **columns: Any) -> Records:
     """Rows of a `dtype` out of columns by name, (n,) or numbers; what is not given is 0."""
-    rows = np.zeros(max(np.size(column) for column in columns.values()), dtype)
+    rows = np.zeros(np.broadcast(*columns.values()).size, dtype)
     for name, column in columns.items():
         rows[name] = column
     return rows

@@ -11,7 +11,7 @@ square pulses, counters and angles are taken as they come.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,10 +28,10 @@ from tirelog.dsp.pitch import (
     angle_function,
     steps_that_repeat,
 )
-from tirelog.dsp.teeth import FASTEST_BACK_Hz, Probe, Teeth, count_teeth, crossings, probe
+from tirelog.dsp.teeth import FASTEST_BACK_Hz, Probe, count_teeth, crossings, probe
 from tirelog.errors import DataLoss, SetupError
 from tirelog.vocabulary import units
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.wheel.rolling import WheelTurns, rolling
 
@@ -46,12 +46,6 @@ from tirelog.wheel.rolling import WheelTurns, rolling
 # sign, or by a speed at which nobody drives backwards.
 
 
-#: a wheel that turns this fast, in turns per second, on both sides of a hole in its signal did not
-#: stand in it: 1 m/s on a car; doubled, more holes count as standstills and cost a direction
-ROLLING_TURNS_S = 0.5
-#: a mean speed below this [m/s] tells no direction; doubled, a car that creeps at 0.3 m/s
-#: has none
-CREEP_M_S = 0.15
 #: samples of the vehicle's speed read at once
 PIECE = 1 << 17
 
@@ -72,7 +66,9 @@ def ways_of(stretches: Sequence[StretchSums], vehicle: Channel | None) -> dict[i
         for at in range(first, last + 1, PIECE):
             values = vehicle.read(at, min(at + PIECE, last + 1))
             total, known = total + float(np.nansum(values)), known + int(np.isfinite(values).sum())
-        if abs(total) > CREEP_M_S * known:
+        # a mean speed below this [m/s] tells no direction; doubled, a car that creeps at 0.3 m/s
+        # has none
+        if abs(total) > 0.15 * known:
             ways[stretch.number] = 1 if total > 0 else -1
     return ways if -1 in ways.values() else {}
 
@@ -86,7 +82,10 @@ def untold_stretches(angle: AngleFunction, placings: Sequence[Placing]) -> np.nd
     for number in range(1, len(placings)):
         low, high = np.searchsorted(angle.stretch, [number, number + 1])
         beside = np.abs(angle.rate_rad_s[[max(low - 1, 0), min(low, angle.stretch.size - 1)]])
-        if beside.min() > ROLLING_TURNS_S * 2 * np.pi:  # a hole in the signal, and no standstill
+        # a wheel that turns this fast, in turns per second, on both sides of a hole in its signal
+        # did not stand in it: 1 m/s on a car; doubled, more holes count as standstills and cost a
+        # direction
+        if beside.min() > 0.5 * 2 * np.pi:  # a hole in the signal, and no standstill
             untold[number] = untold[number - 1]
             continue
         fast = bool(np.any(np.abs(angle.rate_rad_s[low:high]) > FASTEST_BACK_Hz * 2 * np.pi))
@@ -96,12 +95,6 @@ def untold_stretches(angle: AngleFunction, placings: Sequence[Placing]) -> np.nd
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4; twice as wide, at 10 Hz
 SPEED_WINDOW_S = 0.443 / 20.0
-#: slower than this, in turns per second, the wheel counts as standing: 0.2 m/s on a car; doubled,
-#: what creeps at 0.4 m/s stands
-STANDSTILL_TURNS_S = 0.1
-#: third differences [turns] below this are the arithmetic's, not the sensor's: at a million turns
-#: a double is known to 1e-10
-ROUNDING = 1e-9
 #: a table that explains more than this share of the deviations repeats; another number of steps
 #: must explain so much more than the setup's; twice the lead keeps a setup's wrong number of steps
 #: where both explain much
@@ -138,7 +131,9 @@ class WheelAngle:
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
-        slow = np.flatnonzero(np.diff(knots) > 1 / STANDSTILL_TURNS_S / max(self.steps, 1))
+        # slower than this, in turns per second, the wheel counts as standing: 0.2 m/s on a car;
+        # doubled, what creeps at 0.4 m/s stands
+        slow = np.flatnonzero(np.diff(knots) > 1 / 0.1 / max(self.steps, 1))
         back = np.flatnonzero(self.backward)
         still = np.searchsorted(slow, last) > np.searchsorted(slow, first)
         reversing = np.searchsorted(back, last, side="right") > np.searchsorted(back, first)
@@ -175,13 +170,13 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
     learner, builder = PitchLearner(steps), KnotBuilder(np.pi / steps, 2 * steps, edges)
     passages, missing, extra = 0, 0, 0
     for teeth in _teeth(channel, found, steps):
-        time = channel.axis.at(teeth.index)
+        time = channel.axis.at(teeth["index"])
         for each in (learner, builder):
-            each.add(time, teeth.count, teeth.stretch, teeth.forward)
+            each.add(time, teeth["count"], teeth["stretch"], teeth["forward"])
         passages, missing, extra = (
             passages + time.size,
-            missing + teeth.missing,
-            extra + teeth.extra,
+            missing + int(teeth["missing"].sum()),
+            extra + int(teeth["extra"].sum()),
         )
     if passages < 4 * steps:
         raise _too_few(channel, passages, steps)
@@ -211,7 +206,7 @@ def _noise(found: Probe, steps: int) -> float:
     return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
-def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
+def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Records]:
     """Counted teeth of a sine or square channel, piece by piece.
 
     Stretches are numbered 0, 1, ..., and gaps in the time axis end one.
@@ -223,15 +218,13 @@ def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
     for teeth in count_teeth(
         channel.read, found, crossings(channel.read, channel.size, rate, found), rate, steps
     ):
-        stretch = (
-            teeth.stretch + np.searchsorted(holes, teeth.index, side="right")
-            if holes.size
-            else teeth.stretch
-        )
+        stretch = teeth["stretch"] + np.searchsorted(holes, teeth["index"], side="right")
         if stretch.size:
             order = np.cumsum(np.diff(stretch, prepend=last) != 0) + number
             last, number = int(stretch[-1]), int(order[-1])
-            yield replace(teeth, stretch=order)
+            told = teeth.copy()
+            told["stretch"] = order
+            yield told
 
 
 def _too_few(channel: Channel, passages: int, steps: int) -> DataLoss:
@@ -305,7 +298,9 @@ def _scatter(turns: FloatArray) -> float:
     From their third differences, as far as they move.
     """
     third = np.abs(np.diff(turns, 3))
-    third = third[third > ROUNDING]
+    # third differences [turns] below this are the arithmetic's, not the sensor's: at a million
+    # turns a double is known to 1e-10
+    third = third[third > 1e-9]
     return float(np.median(third)) / (0.6745 * np.sqrt(20.0)) if third.size else 0.0
 
 

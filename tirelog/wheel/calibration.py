@@ -149,9 +149,6 @@ DRAG_M_S, DRAG_SD_M_S = 6.0, 6.0
 #: does not coast, and its standard deviation: f2 / 2 of 0.12 to 0.22 kg/m, 1.6e-4 to 6.5e-4 deg/N
 #: by sidewalls of 1.5e5 to 6e5 N/m^2. Twice the deviation doubles its share in a delay's error
 WIND_UP_DEG, WIND_UP_SD_DEG = 7e-5, 5e-5
-#: a delay that is more than so many standard errors long is one; with twice as many, delays up to
-#: twice as long are not told
-SURE = 3.0
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
 #: share of a log's quasi-static passages at which it has to be known, to be used; the others are
@@ -210,7 +207,9 @@ class Calibration:
     @property
     def has_delay(self) -> bool:
         """Whether there is a constant telemetry delay beyond its error."""
-        return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > SURE * self.delay_se_s)
+        # a delay that is more than so many standard errors long is one; with twice as many, delays
+        # up to twice as long are not told
+        return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > 3.0 * self.delay_se_s)
 
     @property
     def delay_remark(self) -> str:

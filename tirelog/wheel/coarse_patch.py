@@ -15,16 +15,14 @@ signal may have either sign; the level tells.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.encoder import AngleFunction
-from tirelog.dsp.filters import sliding_mean
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
+from tirelog.dsp.filters import runs, sliding_mean
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records, records
 from tirelog.wheel.angle import WheelAngle
 
 #: radians of a degree
@@ -54,30 +52,21 @@ DIPS = np.dtype(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Bins:
-    """Bins of one degree, shape (m,).
-
-    `first` the first bin's angle [deg]; `mean` [m/s^2], NaN if empty; `count`; `squares` sum of
-    squared deviations; `time_s` mean time; `begins` True for the log's first piece.
-    """
-
-    first: int
-    mean: FloatArray
-    count: FloatArray
-    squares: FloatArray
-    time_s: FloatArray
-    begins: bool
+#: a bin of one degree: its number [deg]; mean [m/s^2], NaN if empty; samples; sum of their squared
+#: deviations; mean time
+BIN = np.dtype(
+    [("degree", "i8"), ("mean", "f8"), ("count", "f8"), ("squares", "f8"), ("time_s", "f8")]
+)
 
 
-def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
-    """The channel in degrees of wheel angle, in pieces of CORE bins.
+def binned(channel: Channel, angle: AngleFunction) -> Iterator[Records]:
+    """The channel in degrees of wheel angle, in pieces of CORE bins, (m,) of BIN.
 
     They overlap their neighbours by OVERLAP on both sides.
     """
     first, highest = 0, -np.inf
     held: FloatArray = np.zeros((4, 0))
-    offset, begins = 0.0, True
+    offset = 0.0
     for start, values in channel.blocks(PIECE):
         time = channel.axis.time(start, start + values.size)
         theta = angle.coarse(time) / DEGREE
@@ -102,63 +91,57 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
         sums[:, : held.shape[1]] += held
         held = sums
         while held.shape[1] > CORE + 2 * OVERLAP:
-            yield _bins(first, held[:, : CORE + 2 * OVERLAP], offset, begins)
-            first, held, begins = first + CORE, held[:, CORE:], False
+            yield _bins(first, held[:, : CORE + 2 * OVERLAP], offset)
+            first, held = first + CORE, held[:, CORE:]
     if held.shape[1]:
-        yield _bins(first, held, offset, begins)
+        yield _bins(first, held, offset)
 
 
-def _bins(first: int, sums: FloatArray, offset: float, begins: bool) -> Bins:
+def _bins(first: int, sums: FloatArray, offset: float) -> Records:
     count, total, squares, time = sums
     n = np.where(count > 0, count, np.nan)
     mean = total / n
-    return Bins(
-        first, mean + offset, count, np.maximum(squares - total * mean, 0.0), time / n, begins
+    return records(
+        BIN,
+        degree=first + np.arange(count.size),
+        mean=mean + offset,
+        count=count,
+        squares=np.maximum(squares - total * mean, 0.0),
+        time_s=time / n,
     )
 
 
-def find_dips(pieces: Iterator[Bins]) -> tuple[Records | None, float]:
-    """(all dips of a log in order, share of the degrees that had no samples).
+def find_dips(pieces: Iterable[Records]) -> Records:
+    """All dips of a log in order, (n,) of DIPS."""
+    found, last = [np.zeros(0, DIPS)], -np.inf
+    for number, piece in enumerate(pieces):
+        dips = _dips(piece, begins=number == 0)
+        found.append(dips[dips["entry_rad"] > last + 5 * DEGREE])
+        last = float(found[-1]["entry_rad"].max(initial=last))
+    return np.concatenate(found)
 
-    None for the dips if there are none.
+
+def _dips(bins: Records, begins: bool) -> Records:
+    """The dips of one piece whose surroundings are in it (but for the log's ends).
+
+    `begins`: the piece is the log's first.
     """
-    found: list[Records] = []
-    empty, bins, last = 0, 0, -np.inf
-    for piece in pieces:
-        dips = _dips(piece)
-        empty += int(np.sum(piece.count == 0))
-        bins += piece.count.size
-        if dips is None:
-            continue
-        new = dips[dips["entry_rad"] > last + 5 * DEGREE]
-        if new["entry_rad"].size:
-            last = float(new["entry_rad"][-1])
-            found.append(new)
-    return (np.concatenate(found) if found else None), empty / max(bins, 1)
-
-
-def _dips(bins: Bins) -> Records | None:
-    """The dips of one piece whose surroundings are in it (but for the log's ends)."""
-    m = bins.mean.size
-    known = np.flatnonzero(bins.count > 0)
+    m, none = bins.size, np.zeros(0, DIPS)
+    known = np.flatnonzero(bins["count"] > 0)
     if m < 90 or known.size < 45:
-        return None
+        return none
     at = np.arange(m)
-    mean, time = np.interp(at, known, bins.mean[known]), np.interp(at, known, bins.time_s[known])
-    lost = sliding_mean((bins.count == 0).astype(float), 9) > 0.7
+    mean, time = (np.interp(at, known, bins[name][known]) for name in ("mean", "time_s"))
+    lost = sliding_mean((bins["count"] == 0).astype(float), 9) > 0.7
     ahead, behind = np.minimum(at + 12, m - 1), np.maximum(at - 12, 0)
     rate = (ahead - behind) * DEGREE / np.maximum(time[ahead] - time[behind], 1e-9)
-    fast = rate > SLOWEST_rad_s
-    if not fast.any():
-        return None
+    fast = (rate > SLOWEST_rad_s) & ~lost
     specific = mean / rate**2
-    usual = float(np.median(specific[fast & ~lost])) if (fast & ~lost).any() else 0.0
+    usual = float(np.median(specific[fast])) if fast.any() else 0.0
     if usual == 0.0:
-        return None
+        return none
     q = sliding_mean(specific / usual, 3)
-    starts, stops = _runs((q < 0.5) & fast & ~lost)
-    if starts.size == 0:
-        return None
+    starts, stops = _bridged_runs((q < 0.5) & fast)
     entry = starts - (0.5 - q[starts]) / np.maximum(q[np.maximum(starts - 1, 0)] - q[starts], 1e-3)
     leave = (
         stops
@@ -167,37 +150,25 @@ def _dips(bins: Bins) -> Records | None:
     )
     entry, leave = np.maximum(entry, starts - 1), np.minimum(leave, stops)
     width = leave - entry
-    deep = np.array(
-        [
-            q[a : b + 1].mean() < 0.4
-            for a, b in zip(
-                (entry + 0.25 * width).astype(int), (leave - 0.25 * width).astype(int), strict=True
-            )
-        ]
-    )
+    inner = np.stack([entry + 0.25 * width, leave - 0.25 * width], axis=1).astype(int)
+    deep = np.array([q[a : b + 1].mean() < 0.4 for a, b in inner], bool)
     good = (width > NARROWEST) & (width < WIDEST) & deep & (starts > 1) & (stops < m - 1)
     # the last overlap is the next piece's first
-    good &= (entry >= OVERLAP / 2) | bins.begins
-    if not good.any():
-        return None
+    good &= (entry >= OVERLAP / 2) | begins
     return _levels(bins, mean, rate, lost, entry[good], leave[good])
 
 
-def _runs(mask: np.ndarray, bridge: int = 2) -> tuple[IntArray, IntArray]:
-    """[start, stop) of the runs of `mask`, with holes of up to `bridge` closed."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.view(np.int8), [0]])))
-    starts, stops = edges[::2], edges[1::2]
-    if starts.size > 1:
-        apart = starts[1:] - stops[:-1] > bridge
-        starts, stops = (
-            starts[np.concatenate([[True], apart])],
-            stops[np.concatenate([apart, [True]])],
-        )
-    return starts, stops
+def _bridged_runs(mask: np.ndarray) -> tuple[IntArray, IntArray]:
+    """[start, stop) of the runs of `mask`, with holes of up to two closed."""
+    starts, stops = runs(mask)
+    apart = starts[1:] - stops[:-1] > 2
+    return starts[np.append(True, apart)[: starts.size]], stops[
+        np.append(apart, True)[: stops.size]
+    ]
 
 
 def _levels(
-    bins: Bins,
+    bins: Records,
     mean: FloatArray,
     rate: FloatArray,
     lost: np.ndarray,
@@ -219,7 +190,7 @@ def _levels(
     )
     inside = (at >= 0) & (at < mean.size)
     at = np.clip(at, 0, mean.size - 1)
-    weight = np.where(inside & ~lost[at], bins.count[at], 0.0)
+    weight = np.where(inside & ~lost[at], bins["count"][at], 0.0)
     phi = (at - middle[:, None]) * DEGREE
     square = rate[at] ** 2
     specific, gravity = mean[at] / square, np.cos(phi) / square
@@ -230,7 +201,7 @@ def _levels(
         y0, y1 = np.sum(weight * y, axis=1), np.sum(weight * y * phi, axis=1)
         return (w2 * y0 - w1 * y1) / determinant, (w0 * y1 - w1 * y0) / determinant
 
-    within = np.sum(np.where(weight > 1, bins.squares[at], 0.0), axis=1) / np.maximum(
+    within = np.sum(np.where(weight > 1, bins["squares"][at], 0.0), axis=1) / np.maximum(
         np.sum(np.maximum(weight - 1, 0), axis=1), 1.0
     )
     bend = mean[at] - 0.5 * (mean[np.maximum(at - 1, 0)] + mean[np.minimum(at + 1, mean.size - 1)])
@@ -238,7 +209,7 @@ def _levels(
     design = np.stack([square, square * np.cos(phi), np.cos(phi)], axis=-1)
     target = np.concatenate([design, mean[at][..., None]], axis=-1)
     normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
-    scale = bins.first * DEGREE
+    scale = bins["degree"][0] * DEGREE
     dips = np.empty(entry.size, DIPS)
     dips["entry_rad"], dips["exit_rad"] = (
         (entry + 0.5) * DEGREE + scale,
@@ -262,94 +233,58 @@ def _levels(
 #                                                     level left (s,)
 
 
-#: samples read at once (1 MB)
-SAMPLES_PIECE = 1 << 17
-
-
-@dataclass(frozen=True)
-class Flanks:
-    """Both fronts of n passages, shape (2 n,), entries first.
-
-    `angle` at which the front is thought to be, `middle` the patch's middle, `level`, `tilt` of a /
-    Omega^2 outside with gravity's part taken off, `gravity` [m/s^2] in the signal, `ahead` the
-    vehicle's acceleration, `noise` [m/s^2] of a sample, `level_share` standard error of the level
-    for a noise of one, `angle_noise` [rad] of the wheel angle.
-    """
-
-    angle: FloatArray
-    middle: FloatArray
-    level: FloatArray
-    tilt: FloatArray
-    noise: FloatArray
-    level_share: FloatArray
-    gravity: float
-    ahead: FloatArray
-    rate: FloatArray
-    angle_noise: FloatArray
-
-    def take(self, which: IntArray) -> Flanks:
-        fewer: dict[str, Any] = {
-            k: v[which] for k, v in self.__dict__.items() if isinstance(v, np.ndarray)
-        }
-        return replace(self, **fewer)
-
-    @property
-    def passages(self) -> int:
-        return int(self.angle.size // 2)
-
-    def moved(self, angle: FloatArray) -> Flanks:
-        good = np.isfinite(angle) & (np.abs(angle - self.angle) < 3 * DEGREE)
-        return replace(self, angle=np.where(good, angle, self.angle))
+#: a front of a passage; both of n passages stand in (2 n,), entries first: `angle` at which it is
+#: thought to be, `middle` of the patch, `level`, `tilt` of a / Omega^2 outside with gravity's part
+#: taken off, `noise` [m/s^2] of a sample, `level_share` standard error of the level for a noise of
+#: one, `gravity` [m/s^2] in the signal, `ahead` the vehicle's acceleration, `rate` of the wheel,
+#: `angle_noise` [rad] of its angle
+FLANK = np.dtype(
+    [("angle", "f8"), ("middle", "f8"), ("level", "f8"), ("tilt", "f8"), ("noise", "f8"),
+     ("level_share", "f8"), ("gravity", "f8"), ("ahead", "f8"), ("rate", "f8"),
+     ("angle_noise", "f8")]
+)  # fmt: skip
 
 
 def flanks_of(
     dips: Records, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float
-) -> Flanks:
+) -> Records:
+    """Both fronts of the `dips` (n,), (2 n,) of FLANK."""
     middle = 0.5 * (dips["entry_rad"] + dips["exit_rad"])
-    level = dips["level"] - gravity * dips["gravity_level"]
-    tilt = dips["tilt"] - gravity * dips["gravity_tilt"]
-    time = wheel.angle.time_at(middle)
-    span = 0.1
-    ahead = (
-        radius_m * (wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)) / span
+    time, span = wheel.angle.time_at(middle), 0.1
+    change = wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)
+    passages = records(
+        FLANK,
+        middle=middle,
+        level=dips["level"] - gravity * dips["gravity_level"],
+        tilt=dips["tilt"] - gravity * dips["gravity_tilt"],
+        noise=float(np.median(dips["noise_m_s2"])),
+        level_share=dips["level_share"],
+        gravity=gravity,
+        ahead=np.nan_to_num(radius_m * change / span),
+        rate=wheel.speed_rad_s(time),
+        angle_noise=wheel.angle.noise_at(time),
     )
-    noise = np.full(middle.size, float(np.median(dips["noise_m_s2"])))
-    twice = [
-        np.tile(x, 2)
-        for x in (
-            middle,
-            level,
-            tilt,
-            noise,
-            dips["level_share"],
-            np.nan_to_num(ahead),
-            wheel.speed_rad_s(time),
-            wheel.angle.noise_at(time),
-        )
-    ]
-    middle2, level2, tilt2, noise2, share2, ahead2, rate2, angle2 = twice
-    return Flanks(
-        np.concatenate([dips["entry_rad"], dips["exit_rad"]]),
-        middle2,
-        level2,
-        tilt2,
-        noise2,
-        share2,
-        gravity,
-        ahead2,
-        rate2,
-        angle2,
-    )
+    flanks = np.tile(passages, 2)
+    flanks["angle"] = np.concatenate([dips["entry_rad"], dips["exit_rad"]])
+    return flanks
+
+
+def moved(flanks: Records, angle: FloatArray) -> Records:
+    """The `flanks` at other angles (n,), where these are known and near."""
+    result = flanks.copy()
+    near = np.isfinite(angle) & (np.abs(angle - flanks["angle"]) < 3 * DEGREE)
+    result["angle"] = np.where(near, angle, flanks["angle"])
+    return result
 
 
 def ranges(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray
+    channel: Channel, wheel: WheelAngle, flanks: Records, windows: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """First and last-but-one sample index of each front's window."""
-    order = np.argsort(flanks.angle)
+    order = np.argsort(flanks["angle"])
     first, last = np.zeros(order.size, np.int64), np.zeros(order.size, np.int64)
     for bound, shift in ((first, -1.0), (last, 1.0)):
-        time = wheel.angle.time_at(flanks.angle[order] + shift * windows[order])
+        time = wheel.angle.time_at(flanks["angle"][order] + shift * windows[order])
         bound[order] = np.ceil(channel.axis.index(np.nan_to_num(time, nan=-1.0)))
     first = np.clip(first, 0, channel.size)
     return first, np.clip(last, first, channel.size)
@@ -367,12 +302,12 @@ def groups(
     at = 0
     while at < order.size:
         start = int(first[order[at]])
-        until = at + max(int(np.searchsorted(first[order[at:]], start + SAMPLES_PIECE)), 1)
+        until = at + max(int(np.searchsorted(first[order[at:]], start + PIECE)), 1)
         group = order[at:until]
         at = until
         stop = int(last[group].max(initial=start))
-        if stop - start > 4 * SAMPLES_PIECE:
-            group = group[last[group] - start <= 4 * SAMPLES_PIECE]
+        if stop - start > 4 * PIECE:
+            group = group[last[group] - start <= 4 * PIECE]
             stop = int(last[group].max(initial=start))
         if stop > start:
             yield group, start, channel.read(start, stop)[: stop - start]
@@ -383,7 +318,7 @@ def normalised(
     start: int,
     channel: Channel,
     wheel: WheelAngle,
-    flanks: Flanks,
+    flanks: Records,
     first: IntArray,
     last: IntArray,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -399,9 +334,9 @@ def normalised(
         + np.repeat(first, sizes)
     )
     theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
-    phi = theta - flanks.middle[owner]
-    a = values[index - start] - flanks.gravity * np.cos(phi)
-    if flanks.gravity:
-        a = a - np.sign(flanks.gravity) * flanks.ahead[owner] * np.sin(phi)
-    scale = flanks.rate[owner] ** 2 * (flanks.level[owner] + flanks.tilt[owner] * phi)
-    return owner, theta - flanks.angle[owner], a / scale
+    phi = theta - flanks["middle"][owner]
+    gravity = flanks["gravity"][owner]
+    a = values[index - start] - gravity * np.cos(phi)
+    a -= np.sign(gravity) * flanks["ahead"][owner] * np.sin(phi)
+    level = flanks["level"][owner] + flanks["tilt"][owner] * phi
+    return owner, theta - flanks["angle"][owner], a / (flanks["rate"][owner] ** 2 * level)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import sliding_median
@@ -14,14 +17,17 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.coarse_patch import (
     DEGREE,
-    Flanks,
     binned,
     find_dips,
     flanks_of,
     groups,
+    moved,
     normalised,
     ranges,
 )
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 # ---- Fronts by the flank's mean form, learnt from the log itself.
 #
@@ -66,8 +72,6 @@ DEGREE_OF_FLANK = 5
 #: half width of its window, in level over the flank's slope, and not beyond the patch's middle, or
 #: the other flank is in it; half as wide, noise moves the steepest place as much as the patch does
 FLANK_REACH = 1.5
-#: steps that centre the window on the steepest place; twice as many take twice as long for it
-CENTRINGS = 4
 #: passages over which errors are as large as what is left of the signal says, and so many at least
 #: that tell it by their widths; twice as many follow a change of road half as soon
 SMOOTH, FEWEST = 101, 9
@@ -76,39 +80,10 @@ SMOOTH, FEWEST = 101, 9
 STEPS, LONGEST = 3, 1.0
 
 
-@dataclass(frozen=True)
-class FrontForm:
-    """The mean flank in levels outside over the angle from the front [rad].
-
-    From `low` to `high`: a cubic spline with even knots, by the `weights` (k + 3,) of the bumps
-    around the k + 1 knots.
-    """
-
-    weights: FloatArray
-    low: float
-    high: float
-
-    def values(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(levels, slopes [levels/rad]) at `u`, beyond the ends those of the ends."""
-        first, share, step = _place(u, self.low, self.high, self.weights.size)
-        around = [self.weights[first + j] for j in range(4)]
-        value = sum(w * c for w, c in zip(_bumps(share), around, strict=True))
-        slope = sum(w * c for w, c in zip(_bump_slopes(share), around, strict=True))
-        return np.asarray(value), np.asarray(slope) / step
-
-    def weight(self, u: FloatArray) -> FloatArray:
-        """1 inside, falling to 0 over the tenth at each end.
-
-        Which samples fall into it must not matter.
-        """
-        edge = 0.1 * (self.high - self.low)
-        return np.clip(np.minimum(u - self.low, self.high - u) / edge, 0.0, 1.0)
-
-
 def matched(
     channel: Channel,
     wheel: WheelAngle,
-    flanks: Flanks,
+    flanks: Records,
     cubic: tuple[FloatArray, FloatArray, FloatArray],
     spoilt: IntArray,
 ) -> tuple[FloatArray, FloatArray, float]:
@@ -122,29 +97,29 @@ def matched(
     larger by as much as the samples lie farther from what was fitted than that.
     """
     place, se, slope = cubic
-    n = flanks.passages
+    n = flanks.size // 2
     good = np.isfinite(place)
     good[spoilt] = False
     good = np.tile(good[:n] & good[n:], 2)
     if good.sum() < 2 * LEAST:
         return place, se * _scatter(place, se), 1.0
     half = 0.5 * float(np.median((place[n:] - place[:n])[good[:n]]))
-    flanks = flanks.moved(place)
+    flanks = moved(flanks, place)
     result, error = place.copy(), se.copy()
     for entries in (True, False):
         side = np.arange(n) + (0 if entries else n)
         steepness = float(np.median(np.abs(slope[side][good[side]])))
         low, high = (-OUTER * half, INNER * half) if entries else (-INNER * half, OUTER * half)
-        form = _learn(
-            channel, wheel, flanks.take(_some(side[good[side]])), (low, high), KNOTS / steepness
+        form = _mean_flank(
+            channel, wheel, flanks[_some(side[good[side]])], (low, high), KNOTS / steepness
         )
-        result[side], error[side], left = _shifts(channel, wheel, flanks.take(side), form)
+        result[side], error[side], left = _shifts(channel, wheel, flanks[side], form)
         error[side] *= _about(left)
     by_form = result[n:] - result[:n]
     result += _difference(place - result, by_form, flanks, good)
     known = np.isfinite(result) & (np.abs(result - place) < FAR * se)
     result, error = np.where(known, result, place), np.where(known, error, se * _scatter(place, se))
-    lead = _grown(channel, wheel, flanks.moved(result), result, error, slope, good)
+    lead = _grown(channel, wheel, moved(flanks, result), result, error, slope, good)
     result += lead
     seen = good[:n] & np.isfinite(by_form) & np.isfinite(result[n:] - result[:n])
     magnified = _slope(by_form[seen], (result[n:] - result[:n])[seen])
@@ -158,116 +133,92 @@ def _slope(x: FloatArray, y: FloatArray) -> float:
     return float(x @ y) / square if square > 0.0 else 1.0
 
 
-def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray, FloatArray, float]:
-    """(the first of the four bumps that are not zero at `u`, the place, the width).
-
-    The place is that within its interval, in [0, 1]; the width that of an interval.
-    """
-    step = (high - low) / (size - 3)
-    x = np.clip((u - low) / step, 0.0, size - 3)
-    first = np.clip(x.astype(np.int64), 0, size - 4)
-    return first, x - first, step
-
-
-def _bumps(s: FloatArray) -> tuple[FloatArray, ...]:
-    """Values of the four cubic bumps (uniform B-splines) at the place s of an interval."""
-    return (
-        (1 - s) ** 3 / 6,
-        (4 - 6 * s**2 + 3 * s**3) / 6,
-        (1 + 3 * s + 3 * s**2 - 3 * s**3) / 6,
-        s**3 / 6,
-    )
-
-
-def _bump_slopes(s: FloatArray) -> tuple[FloatArray, ...]:
-    return -((1 - s) ** 2) / 2, (3 * s**2 - 4 * s) / 2, (1 + 2 * s - 3 * s**2) / 2, s**2 / 2
-
-
 def _some(rows: IntArray) -> IntArray:
     return rows[np.linspace(0, rows.size - 1, min(rows.size, MOST)).astype(np.int64)]
 
 
-def _learn(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float], step: float
-) -> FrontForm:
-    """The least-squares cubic spline through the samples of all `flanks`, aligned by place."""
-    low, high = reach
-    size = max(round((high - low) / step), 4) + 3
-    left, right = 1e-9 * np.eye(size), np.zeros(size)
-    first, last = _samples(channel, wheel, flanks, reach)
-    for group, start, values in groups(channel, first, last):
-        _, u, y = normalised(
-            values, start, channel, wheel, flanks.take(group), first[group], last[group]
-        )
-        inside = np.isfinite(y) & (u >= low) & (u <= high)
-        at, share, _ = _place(u[inside], low, high, size)
-        bumps = _bumps(share)
-        for j, one in enumerate(bumps):
-            right += np.bincount(at + j, one * y[inside], size)
-            for k, other in enumerate(bumps):
-                left += np.bincount((at + j) * size + at + k, one * other, size * size).reshape(
-                    size, size
-                )
-    return FrontForm(np.asarray(np.linalg.solve(left, right), dtype=np.float64), low, high)
-
-
 def _samples(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float]
-) -> tuple[IntArray, IntArray]:
-    """First and last-but-one sample of each flank.
+    channel: Channel, wheel: WheelAngle, flanks: Records, reach: float
+) -> Iterator[tuple[IntArray, IntArray, FloatArray, FloatArray]]:
+    """(rows, owner, angle from the owner's front [rad], level) of the samples, piece by piece.
 
-    From `reach` before to after its place, and a little more.
+    They lie within `reach` [rad] of the fronts, and a little more; owners count in the `rows`.
     """
-    first, last = ranges(
-        channel,
-        wheel,
-        flanks,
-        np.full(flanks.angle.size, max(abs(r) for r in reach) + LONGEST * DEGREE),
-    )
-    return first, last
+    windows = np.full(flanks.size, reach + LONGEST * DEGREE)
+    first, last = ranges(channel, wheel, flanks, windows)
+    for group, start, values in groups(channel, first, last):
+        part = flanks[group]
+        yield group, *normalised(values, start, channel, wheel, part, first[group], last[group])
+
+
+def _mean_flank(
+    channel: Channel, wheel: WheelAngle, flanks: Records, reach: tuple[float, float], step: float
+) -> BSpline:
+    """The mean flank in levels outside over the angle from the front [rad].
+
+    The least-squares cubic spline through the samples of all `flanks`, aligned by place, with even
+    knots about `step` apart within `reach`.
+    """
+    from scipy.interpolate import BSpline  # a third of a second that speeds do without
+
+    low, high = reach
+    intervals = max(round((high - low) / step), 4)
+    knots = low + (high - low) / intervals * np.arange(-3, intervals + 4)
+    left, right = 1e-9 * np.eye(intervals + 3), np.zeros(intervals + 3)
+    for _, _, u, y in _samples(channel, wheel, flanks, max(-low, high)):
+        inside = np.isfinite(y) & (u >= low) & (u <= knots[-4])
+        bumps = BSpline.design_matrix(u[inside], knots, 3)
+        left += (bumps.T @ bumps).toarray()
+        right += bumps.T @ y[inside]
+    return BSpline(knots, np.linalg.solve(left, right), 3)
 
 
 def _shifts(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, form: FrontForm
+    channel: Channel, wheel: WheelAngle, flanks: Records, form: BSpline
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(places [rad] at which the form fits best, standard errors, misfits), shape (n,).
 
     The errors are by noise; a misfit is the root of what the form leaves over what noise does. NaN
     if samples are missing.
     """
-    place, se, left = np.full((3, flanks.angle.size), np.nan)
-    first, last = _samples(channel, wheel, flanks, (form.low, form.high))
-    for group, start, values in groups(channel, first, last):
-        part = flanks.take(group)
-        owner, u, y = normalised(values, start, channel, wheel, part, first[group], last[group])
+    place, se, left = np.full((3, flanks.size), np.nan)
+    low, high = form.t[3], form.t[-4]
+    steepness = form.derivative()
+    for group, owner, u, y in _samples(channel, wheel, flanks, max(-low, high)):
+        part = flanks[group]
         lost = np.bincount(owner[~np.isfinite(y)], minlength=group.size) > 0
         u, y = np.nan_to_num(u, nan=10.0), np.nan_to_num(y)
-        moved = np.zeros(group.size)
+        shift = np.zeros(group.size)
         for _ in range(STEPS):
-            at = u - moved[owner]
-            weight, (level, slope) = form.weight(at), form.values(at)
+            at = np.clip(u - shift[owner], low, high)
+            weight, level, slope = _weight(at, low, high), form(at), steepness(at)
             known = np.bincount(owner, weight * slope**2, group.size)
             known[known == 0] = np.inf  # nothing tells the place: it stays
             step = -np.bincount(owner, weight * slope * (y - level), group.size) / known
-            moved += np.clip(step, -LONGEST * DEGREE, LONGEST * DEGREE)
+            shift += np.clip(step, -LONGEST * DEGREE, LONGEST * DEGREE)
         # a level that is wrong by a share moves the fit by what its form times its slope says
         lever = np.bincount(owner, weight * slope * level, group.size) / known
         own = np.sqrt(np.bincount(owner, (weight * slope) ** 2, group.size)) / known
-        noise = (
-            np.hypot(own, lever * part.level_share)
-            * part.noise
-            / (np.abs(part.level) * part.rate**2)
-        )
+        of_noise = part["noise"] / (np.abs(part["level"]) * part["rate"] ** 2)
         lost |= np.isinf(known)
-        place[group] = np.where(lost, np.nan, part.angle + moved)
-        se[group] = np.hypot(noise, part.angle_noise)
-        at = u - moved[owner]
-        weight, (level, _) = form.weight(at), form.values(at)
-        square = np.bincount(owner, weight * (y - level) ** 2, group.size)
-        of_noise = (part.noise / (np.abs(part.level) * part.rate**2)) ** 2
+        place[group] = np.where(lost, np.nan, part["angle"] + shift)
+        noise = np.hypot(own, lever * part["level_share"]) * of_noise
+        se[group] = np.hypot(noise, part["angle_noise"])
+        at = np.clip(u - shift[owner], low, high)
+        weight = _weight(at, low, high)
+        square = np.bincount(owner, weight * (y - form(at)) ** 2, group.size)
         free = np.bincount(owner, weight, group.size) - 1.0  # the place is fitted
-        left[group] = np.where(lost, np.nan, np.sqrt(square / np.maximum(free, 1.0) / of_noise))
+        misfit = np.sqrt(square / np.maximum(free, 1.0)) / of_noise
+        left[group] = np.where(lost, np.nan, misfit)
     return place, se, left
+
+
+def _weight(u: FloatArray, low: float, high: float) -> FloatArray:
+    """1 within `low` to `high`, falling to 0 over the tenth at each end.
+
+    Which samples fall into it must not matter.
+    """
+    return np.clip(np.minimum(u - low, high - u) / (0.1 * (high - low)), 0.0, 1.0)
 
 
 def _about(left: FloatArray) -> FloatArray:
@@ -295,29 +246,22 @@ def _scatter(place: FloatArray, se: FloatArray) -> FloatArray:
 
 
 def _difference(
-    difference: FloatArray, width: FloatArray, flanks: Flanks, good: np.ndarray
+    difference: FloatArray, width: FloatArray, flanks: Records, good: np.ndarray
 ) -> FloatArray:
     """How far crossings lie beyond matched places, shape (2 n,).
 
     Least squares on speed, its square, acceleration and width, for each side.
     """
-    n = flanks.passages
-    speed, ahead = flanks.rate[:n], flanks.ahead[:n]
-    columns = [np.ones(n), speed, speed**2, ahead, width]
+    n = flanks.size // 2
+    speed, ahead = flanks["rate"][:n], flanks["ahead"][:n]
+    columns = np.stack([speed, speed**2, ahead, width], axis=1)
     result = np.full(2 * n, np.nan)
     for side in (slice(0, n), slice(n, 2 * n)):
         y, rows = difference[side], good[side] & np.isfinite(difference[side]) & np.isfinite(width)
         if rows.sum() < LEAST:
             continue
-        middles = [float(np.mean(c[rows])) for c in columns]
-        sizes = [max(float(np.std(c[rows])), 1e-12) for c in columns]
-        design = np.stack(
-            [
-                np.ones(n),
-                *((c - m) / s for c, m, s in zip(columns[1:], middles[1:], sizes[1:], strict=True)),
-            ],
-            axis=1,
-        )
+        middle, size = columns[rows].mean(axis=0), np.maximum(columns[rows].std(axis=0), 1e-12)
+        design = np.column_stack([np.ones(n), (columns - middle) / size])
         for _ in range(3):
             solved = np.linalg.lstsq(design[rows], y[rows], rcond=1e-6)[0]
             left = y - np.nan_to_num(design) @ solved
@@ -330,7 +274,7 @@ def _difference(
 def _grown(
     channel: Channel,
     wheel: WheelAngle,
-    flanks: Flanks,
+    flanks: Records,
     place: FloatArray,
     se: FloatArray,
     slope: FloatArray,
@@ -341,7 +285,7 @@ def _grown(
     With the patch's width, from its usual one, as much outwards on both sides, so that the middle
     stays; zero if the width hardly moves.
     """
-    n = flanks.passages
+    n = flanks.size // 2
     width, own = place[n:] - place[:n], np.hypot(se[:n], se[n:])
     known = good[:n] & np.isfinite(width) & np.isfinite(own)
     if known.sum() < LEAST:
@@ -355,22 +299,18 @@ def _grown(
         rows = _some(side[known])
         steep = float(np.median(np.abs(slope[rows])))
         reach = min(FLANK_REACH / steep, 0.5 * usual)
-        u, y, z = _around(channel, wheel, flanks.take(rows), grown[rows % n], reach)
+        u, y, z = _around(channel, wheel, flanks[rows], grown[rows % n], reach)
         leads.append(_lead(u, y, z, reach))
     outwards = 0.5 * (leads[1] - leads[0])
     return np.concatenate([-outwards * grown, outwards * grown])
 
 
 def _around(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, grown: FloatArray, reach: float
+    channel: Channel, wheel: WheelAngle, flanks: Records, grown: FloatArray, reach: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(angle from the front [rad], level, how much the patch has grown) of the samples (s,)."""
     parts: list[tuple[FloatArray, ...]] = []
-    first, last = _samples(channel, wheel, flanks, (-2.0 * reach, 2.0 * reach))
-    for group, start, values in groups(channel, first, last):
-        owner, u, y = normalised(
-            values, start, channel, wheel, flanks.take(group), first[group], last[group]
-        )
+    for group, owner, u, y in _samples(channel, wheel, flanks, 2.0 * reach):
         inside = np.isfinite(y) & (np.abs(u) < 2.0 * reach)
         parts.append((u[inside], y[inside], grown[group][owner[inside]]))
     u, y, z = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -385,7 +325,8 @@ def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
     """
     powers = np.arange(DEGREE_OF_FLANK + 1)
     centre = 0.0
-    for _ in range(CENTRINGS):
+    # steps that centre the window on the steepest place; twice as many take twice as long for it
+    for _ in range(4):
         x = (u - centre) / reach
         inside = np.abs(x) < 1.0
         weight = np.sqrt(1.0 - x[inside] ** 2)
@@ -407,26 +348,25 @@ def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
     return 0.5 * (leads[1] - leads[0]) * reach
 
 
+def _real_roots(form: FloatArray, reach: float) -> FloatArray:
+    """The roots of a polynomial within +-`reach`."""
+    roots = polynomial.polyroots(form)
+    return np.real(roots[(np.abs(np.imag(roots)) < 1e-9) & (np.abs(np.real(roots)) < reach)])
+
+
 def _steepest(form: FloatArray) -> float | None:
     """Where a polynomial in the window is steepest; None if that is near an end."""
-    slope = np.polynomial.polynomial.polyder(form)
-    turns = np.polynomial.polynomial.polyroots(np.polynomial.polynomial.polyder(slope))
-    places = np.real(turns[(np.abs(np.imag(turns)) < 1e-9) & (np.abs(np.real(turns)) < 0.9)])
+    slope = polynomial.polyder(form)
+    places = _real_roots(polynomial.polyder(slope), 0.9)
     if not places.size:
         return None
-    return float(places[np.argmax(np.abs(np.polynomial.polynomial.polyval(places, slope)))])
+    return float(places[np.argmax(np.abs(polynomial.polyval(places, slope)))])
 
 
 def _half_level(form: FloatArray, near: float) -> float | None:
     """Where a polynomial is half of the level, next to a place; None if it is not."""
-    x = np.linspace(-1.0, 1.0, 2001)
-    above = np.polynomial.polynomial.polyval(x, form) > 0.5
-    crossing = np.flatnonzero(above[1:] != above[:-1])
-    if not crossing.size:
-        return None
-    left = int(crossing[np.argmin(np.abs(x[crossing] - near))])
-    low, high = np.polynomial.polynomial.polyval(x[left : left + 2], form) - 0.5
-    return float(x[left] + (x[left + 1] - x[left]) * low / (low - high))
+    places = _real_roots(polynomial.polysub(form, [0.5]), 1.0)
+    return float(places[np.argmin(np.abs(places - near))]) if places.size else None
 
 
 # ---- Where the flanks of the patch signal cross half of the level outside, each by a cubic of
@@ -438,27 +378,24 @@ def _half_level(form: FloatArray, near: float) -> float | None:
 # The cubic follows the flank's own shape, so nothing is assumed about it.
 
 
-#: samples are read so much wider, for a place that was a little off [deg]; twice as wide reads
-#: that much more
-MARGIN = 1.0
 #: samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
 #: twice as many widen windows with few samples, and take more of the front's bend into them
 LEAST_SAMPLES = 7
 
 
-def at_least(channel: Channel, flanks: Flanks, window: FloatArray) -> FloatArray:
+def at_least(channel: Channel, flanks: Records, window: FloatArray) -> FloatArray:
     """Half width [rad] of each front's window.
 
     `window` (2,) of entries and of exits, wider if it would hold too few samples.
     """
-    least = 0.5 * (LEAST_SAMPLES + 0.5) * flanks.rate / channel.axis.rate_Hz
-    return np.maximum(np.repeat(window, flanks.angle.size // 2), least)
+    least = 0.5 * (LEAST_SAMPLES + 0.5) * flanks["rate"] / channel.axis.rate_Hz
+    return np.maximum(np.repeat(window, flanks.size // 2), least)
 
 
 def crossings(
     channel: Channel,
     wheel: WheelAngle,
-    flanks: Flanks,
+    flanks: Records,
     windows: FloatArray,
     limits: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray, QualityFlags]:
@@ -466,12 +403,14 @@ def crossings(
 
     The crossing of the half level [rad]; the slope in levels/rad.
     """
-    first, last = ranges(channel, wheel, flanks, windows + MARGIN * DEGREE)
+    # samples are read so much wider, for a place that was a little off [deg]; twice as wide reads
+    # that much more
+    first, last = ranges(channel, wheel, flanks, windows + 1.0 * DEGREE)
     result = np.full((3, first.size), np.nan)
     quality = none_of(first.size)
     for group, start, values in groups(channel, first, last):
-        part = flanks.take(group)
-        entries = group < flanks.passages
+        part = flanks[group]
+        entries = group < flanks.size // 2
         for _ in range(2):  # the second time around the place that the first has found
             low, high = (
                 np.clip(edge, first[group], last[group])
@@ -480,7 +419,7 @@ def crossings(
             result[:, group], lost = _solve(
                 values, start, channel, wheel, part, windows[group], low, high, entries
             )
-            part = part.moved(result[0, group])
+            part = moved(part, result[0, group])
         beyond = np.concatenate([[0], np.cumsum((values <= limits[0]) | (values >= limits[1]))])
         clipped = beyond[last[group] - start] > beyond[first[group] - start]
         quality[group] |= marked(lost, Quality.GAP) | marked(clipped, Quality.CLIPPED)
@@ -491,7 +430,7 @@ def crossings(
 
 
 def _solve(
-    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks,
+    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Records,
     windows: FloatArray, first: IntArray, last: IntArray, entries: np.ndarray,
 ) -> tuple[FloatArray, np.ndarray]:  # fmt: skip
     """((3, n) place, standard error and slope, n samples lost) by cubic least squares.
@@ -527,12 +466,12 @@ def _solve(
     at = np.stack([np.ones_like(root), root, root**2, root**3], axis=-1)
     share = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", at, covariance, at), 0.0))
     slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
-    level = np.abs(flanks.level) * flanks.rate**2
-    noise = np.hypot(share, 0.5 * flanks.level_share) * flanks.noise / level
+    level = np.abs(flanks["level"]) * flanks["rate"] ** 2
+    noise = np.hypot(share, 0.5 * flanks["level_share"]) * flanks["noise"] / level
     falls = np.where(entries, slope < 0, slope > 0)
     sure = enough & falls & (np.abs(root) < 1)
-    se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows, flanks.angle_noise)
-    place = flanks.angle + root * windows
+    se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows, flanks["angle_noise"])
+    place = flanks["angle"] + root * windows
     return np.where(sure, np.stack([place, se, slope / windows]), np.nan), lost
 
 
@@ -625,12 +564,11 @@ def find_fronts(
 
     `radius_m` the rolling radius, `limits` at which it clips.
     """
-    found, _ = find_dips(binned(channel, wheel.angle))
-    passages = _passages(found)
-    if found is None or passages is None:
+    passages = _passages(find_dips(binned(channel, wheel.angle)))
+    if passages is None:
         return None
-    sign = int(np.sign(np.median(found["level"])))
     dips, turn = passages
+    sign = int(np.sign(np.median(dips["level"])))
     dips, expected, row = _expected(dips[np.sign(dips["level"]) == sign], wheel, turn)
     gravity = gravity_in(dips, sign)
     flanks = flanks_of(
@@ -640,7 +578,7 @@ def find_fronts(
     window = np.full(2, FIRST_GUESS * DEGREE)
     some = slice(max(n // 2 - LEARN_FROM, 0), n // 2 + LEARN_FROM)
     for _ in range(2):
-        part = flanks.take(np.concatenate([np.arange(n)[some], n + np.arange(n)[some]]))
+        part = np.concatenate([flanks[:n][some], flanks[n:][some]])
         slope = crossings(channel, wheel, part, at_least(channel, part, window), limits)[2]
         window = np.clip(
             [FLANK_SHARE / _median(np.abs(s)) for s in np.split(slope, 2)],
@@ -655,7 +593,9 @@ def find_fronts(
     )
     full = np.full((4, expected.size), np.nan)
     full[:, row] = place[:n], place[n:], se[:n], se[n:]
-    saturated = np.abs(flanks.level[:n]) * flanks.rate[:n] ** 2 > 0.95 * min(-limits[0], limits[1])
+    saturated = np.abs(flanks["level"][:n]) * flanks["rate"][:n] ** 2 > 0.95 * min(
+        -limits[0], limits[1]
+    )
     flags = marked(np.ones(expected.size, bool), Quality.LOST_PEAK)
     flags[row] = quality[:n] | quality[n:] | marked(saturated, Quality.CLIPPED)
     level = abs(float(np.median(dips["level"])))
@@ -670,41 +610,34 @@ def patch_turn(channel: Channel, wheel: WheelAngle) -> float:
     NaN if none has PASSAGES of them.
     """
     for piece in binned(channel, wheel.angle):
-        found = _passages(find_dips(iter([piece]))[0])
-        if found and found[0]["entry_rad"].size >= PASSAGES:
+        found = _passages(find_dips([piece]))
+        if found and found[0].size >= PASSAGES:
             return found[1]
     return float("nan")
 
 
-def _passages(dips: Records | None) -> tuple[Records, float] | None:
-    """(dips of the usual width, wheel angle between them [rad]); None if they do not recur."""
-    if dips is None or dips["entry_rad"].size < 3:
-        return None
-    width, turn = np.median(dips["exit_rad"] - dips["entry_rad"]), _turn(dips)
-    dips = dips[
-        (dips["exit_rad"] - dips["entry_rad"] < 1.7 * width)
-        & (dips["exit_rad"] - dips["entry_rad"] > 0.55 * width)
-    ]
-    return (dips, turn) if _recurs(dips, turn) else None
+def _passages(dips: Records) -> tuple[Records, float] | None:
+    """(dips of the usual width, wheel angle between them [rad]); None if they do not recur.
 
-
-def _turn(dips: Records) -> float:
-    """Wheel angle from passage to passage [rad].
-
-    2 pi, if the encoder has as many steps as the setup says.
+    The angle is 2 pi if the encoder has as many steps as the setup says. Most dips come after a
+    whole number of like turns; noise does not.
     """
-    middle = 0.5 * (dips["entry_rad"] + dips["exit_rad"])
-    return float(np.median(np.diff(middle)))
+    if dips.size < 3:
+        return None
+    turn = float(np.median(np.diff(_middle(dips))))
+    width = dips["exit_rad"] - dips["entry_rad"]
+    share = width / np.median(width)
+    dips = dips[(share < 1.7) & (share > 0.55)]
+    steps = np.diff(_middle(dips)) / turn
+    recurring = np.abs(steps - np.rint(steps)) < 0.03
+    if dips.size < 3 or turn <= 0.3 * np.pi or float(np.mean(recurring)) <= 0.6:
+        return None
+    return dips, turn
 
 
-def _recurs(dips: Records, turn: float) -> bool:
-    """Whether most dips come after a whole number of like turns; noise does not."""
-    steps = np.diff(0.5 * (dips["entry_rad"] + dips["exit_rad"])) / turn
-    return (
-        dips["entry_rad"].size >= 3
-        and turn > 0.3 * np.pi
-        and float(np.mean(np.abs(steps - np.rint(steps)) < 0.03)) > 0.6
-    )
+def _middle(dips: Records) -> FloatArray:
+    """Wheel angles [rad] of the middles of the patch."""
+    return np.asarray(0.5 * (dips["entry_rad"] + dips["exit_rad"]), np.float64)
 
 
 def _expected(
@@ -714,7 +647,7 @@ def _expected(
 
     The middles in rad; the rows are those of the dips among the passages.
     """
-    middle = 0.5 * (dips["entry_rad"] + dips["exit_rad"])
+    middle = _middle(dips)
     stretch = wheel.angle.stretch_at(wheel.angle.time_at(middle))
     kept = np.ones(middle.size, bool)
     if abs(turn / (2 * np.pi) - 1) < 0.01:

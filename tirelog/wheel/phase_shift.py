@@ -19,6 +19,7 @@ import numpy as np
 
 from tirelog.data.plausibility import implausible
 from tirelog.data.recording import Channel, Recording
+from tirelog.dsp.filters import runs
 from tirelog.dsp.teeth import crossings, probe
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -61,15 +62,10 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
         first = max(start - HELD, 0)
         values = channel.read(first, stop + HELD)
         equal = (np.diff(values) == 0) & (values[1:] > low) & (values[1:] < high)
-        if equal.any():
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.view(np.int8), [0]])))
-            runs = [
-                (a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= HELD - 1
-            ]
-            if runs:
-                values = values.copy()
-            for a, b in runs:
-                values[a : b + 1] = np.nan
+        held = [(a, b) for a, b in zip(*runs(equal), strict=True) if b - a >= HELD - 1]
+        values = values.copy() if held else values
+        for a, b in held:
+            values[a : b + 1] = np.nan
         return values[start - first : stop - first]
 
     return replace(channel, samples=read)
@@ -108,19 +104,15 @@ def limits(channel: Channel) -> tuple[float, float, float]:
 # mend
 
 
-#: times between swings more alike than this (shorter over longer, median) are an encoder's; twice
-#: as far from one, 0.4, is still far above the 0.05 of passages and the rest of their turns
-EVEN = 0.7
-#: the patch comes this near to once per turn, as a share; twice as much takes 47 steps for 48
-OFF_TURN = 0.01
-
-
 def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channel) -> None:
     """SetupError if accelerometer and encoder are swapped.
 
     The accelerometer's channel swings like an encoder, evenly, and the encoder's does not.
     """
-    if _evenness(accelerometer) > EVEN > _evenness(encoder):
+    # times between swings more alike than this (shorter over longer, median) are an encoder's;
+    # twice as far from one, 0.4, is still far above the 0.05 of passages and the rest of their
+    # turns
+    if _evenness(accelerometer) > 0.7 > _evenness(encoder):
         raise SetupError(
             f"{accelerometer.name} swings like an encoder and {encoder.name} does not: the "
             "channels look swapped",
@@ -153,7 +145,8 @@ def _evenness(channel: Channel) -> float:
 def refuse_steps(recording: Recording, wheel: WheelAngle, turn_rad: float) -> None:
     """SetupError if the patch does not come once per turn, but every `turn_rad` of wheel angle."""
     turns = turn_rad / (2 * np.pi)
-    if not abs(turns - 1) > OFF_TURN:
+    # the patch comes this near to once per turn, as a share; twice as much takes 47 steps for 48
+    if not abs(turns - 1) > 0.01:
         return
     steps = wheel.steps * turns
     table = (
@@ -227,9 +220,6 @@ LOW_SPEED_M_S = 13.0
 #: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
 #: passages, within this range; twice the step or range takes gentle braking for a constant speed
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
-#: forces do not move the patch's usual place by more than this after a standstill; twice as much
-#: leaves moves of up to four degrees unsaid
-ELSEWHERE_DEG = 2.0
 
 
 @dataclass(frozen=True)
@@ -433,7 +423,9 @@ def _one_turn(
         lost = round((place - first) / tooth) * tooth
         turn[rows] -= lost
         moved += lost != 0
-        strange |= rows & (abs(place - lost - first) > ELSEWHERE_DEG)
+        # forces do not move the patch's usual place by more than this after a standstill; twice as
+        # much leaves moves of up to four degrees unsaid
+        strange |= rows & (abs(place - lost - first) > 2.0)
     centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(
         np.median(turn[known])
     )

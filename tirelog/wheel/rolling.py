@@ -37,22 +37,13 @@ _GROWTH, _GROWTH_M_S = 0.01, 25.0
 #: share by which the slip per force may change from a log's lowest speed to its highest: what that
 #: looks like is a delay. Doubled, the delay's error beside slip is twice as large
 _SLIP_BY_SPEED = 0.1
-#: standard errors by which a radius must grow with the speed squared; half as many would let one
-#: log of twenty bend by chance
-_SURE_SIGMAS = 4.0
 #: scatters that a turn may lie off its neighbours before its own error is larger than others' (a
 #: reference that jumps, a corner of the speed), and off the radius before it is left out (a turn
 #: over a border of manoeuvres rolls freely for a part of it only); half as many do so by chance to
 #: one row of seven
 _OUTLYING = 3.0
-#: runs of equal samples that are shorter than the reference's hold, as a share: a few runs are cut
-#: by jitter. Doubled, a hold is taken for longer where readings stand still
-_SHORT_RUNS = 0.1
 #: longest run that is counted [samples]; mere numerics
 _LONGEST_RUN = 100_000
-#: spacing of the odometer's knots [s], if samples are closer: at 3 m/s^2 between two of them the
-#: speed is straight to 4 mm/s; twice as much halves the memory
-_KNOT_S = 0.005
 #: what is thought of slip: 0 give or take so much, and per acceleration [s^2/m]; a tire's usual is
 #: a tenth of either. Doubled, hardly anything moves: it only bounds what a log does not tell
 _SLIP, _SLIP_M_S2 = 0.1, 0.1
@@ -89,7 +80,9 @@ class Odometer:
         follows that `rolling` finds.
         """
         hold, step = _hold(speed)
-        apart = max(int(_KNOT_S * speed.axis.rate_Hz), 1)
+        # spacing of the odometer's knots [s], if samples are closer: at 3 m/s^2 between two of them
+        # the speed is straight to 4 mm/s; twice as much halves the memory
+        apart = max(int(0.005 * speed.axis.rate_Hz), 1)
         longest = 5.0 / speed.axis.rate_Hz
         parts, tail = [np.zeros((5, 0))], np.zeros(3)
         for time, value in _samples(speed):
@@ -190,7 +183,9 @@ def _hold(speed: Channel) -> tuple[int, float]:
         counts += np.bincount(np.minimum(np.diff(edges), _LONGEST_RUN), minlength=counts.size)
         since, seen = edges[-1:], seen + change.size
     total = np.cumsum(counts)
-    hold = int(np.searchsorted(total, _SHORT_RUNS * total[-1], side="right")) if total[-1] else 1
+    # runs of equal samples that are shorter than the reference's hold, as a share: a few runs are
+    # cut by jitter. Doubled, a hold is taken for longer where readings stand still
+    hold = int(np.searchsorted(total, 0.1 * total[-1], side="right")) if total[-1] else 1
     return hold, smallest if np.isfinite(smallest) else 0.0
 
 
@@ -429,6 +424,8 @@ def _radius(
             )
             spread = float(np.sqrt(np.average(left[used] ** 2, weights=weight**2)))
             used &= np.abs(left) <= _OUTLYING * np.maximum(spread, rows.se)
-        if not grows or found[1] > _SURE_SIGMAS * errors[1] > 0.0:
+        # standard errors by which a radius must grow with the speed squared; half as many would let
+        # one log of twenty bend by chance
+        if not grows or found[1] > 4.0 * errors[1] > 0.0:
             break
     return at @ found / turn, np.sqrt((at * errors) ** 2 @ np.ones(1 + grows)) / turn, grows

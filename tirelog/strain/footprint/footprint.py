@@ -75,9 +75,6 @@ MISSES, CLEARER = 0.15, 0.5
 #: with a misfit above this a form is no start for another; twice as much starts from forms that
 #: have gone astray, half as much learns from the beginning what would have been near
 NO_START = 10.0
-#: passages differ among themselves if what the form misses of each alone is this share of what it
-#: misses of all; half of it asks of forms that miss all alike
-DIFFER = 0.3
 #: then it is learnt of this share of them, which it fits best, and of all with no more than this
 #: chi-square per degree of freedom; twice the share mixes those that pull with those that do not,
 #: half the chi-square leaves out speeds that the first ones do not have
@@ -162,8 +159,6 @@ def _with_own(
     if learnt.reference.family is settled.learnt.reference.family:
         return replace(settled, learnt=learnt)
     look = WindowPlan.of(channel, passages, learnt, block_samples)
-    if look is None:
-        return replace(settled, learnt=learnt, forms=None)
     rolls = ~learnt.without if settled.chosen and learnt.without is not None else None
     _, _, usual = look_at_some(look, LOOKED, rolls)
     return replace(settled, learnt=learnt, usual=usual, forms=look.forms)
@@ -188,15 +183,16 @@ def _undriven(
     """
     for again in range(MOST_LEARNT + 1):
         look = WindowPlan.of(channel, passages, learnt, block_samples)
-        if look is None:
-            break
         rows, work, usual = look_at_some(look, LOOKED)
         settled = FormChoice(learnt, usual, clearer, forms=look.forms)
         new = work["driven"] & ~left_out
         if (
             again == MOST_LEARNT
             or not new.any()
-            or not _mixed(learnt, work["driven"].sum() / rows.size, usual)
+            or usual is None
+            # neither few of them nor nearly all show a traction, and the form missed both
+            or abs(work["driven"].sum() / rows.size - 0.5) >= 0.5 - DRIVEN_SHARE
+            or learnt.reference.misfit <= REMARKABLE * usual.scatter**2
         ):
             return settled
         left_out = left_out | work["driven"]
@@ -228,11 +224,11 @@ def _of_alike(
     kept, count = np.zeros(len(passages), bool), 0
     for again in range(MOST_CHOSEN):
         look = WindowPlan.of(channel, passages, learnt, block_samples)
-        if look is None:
-            return None
         rows, work, _ = look_at_some(look, LOOKED)
         misfit = np.nan_to_num(work["fits"]["chi2"][rows], nan=np.inf)
-        if not again and like is None and np.median(misfit) - 1.0 < DIFFER * missed:
+        # passages differ among themselves if what the form misses of each alone is this share of
+        # what it misses of all; half of it asks of forms that miss all alike
+        if not again and like is None and np.median(misfit) - 1.0 < 0.3 * missed:
             return None
         best = misfit <= max(np.quantile(misfit, BEST), LIKELY)
         if again:
@@ -253,8 +249,6 @@ def _of_alike(
     if learnt.reference.misfit - 1.0 > min(CLEARER * missed, NO_START):
         return None
     look = WindowPlan.of(channel, passages, learnt, block_samples)
-    if look is None:
-        return None
     _, _, usual = look_at_some(look, LOOKED, kept)
     return FormChoice(learnt, usual, settled.clearer, True, look.forms)
 
@@ -275,32 +269,9 @@ def _below_gap(misfit: FloatArray, group: IntArray) -> BoolArray:
     return below
 
 
-def _mixed(learnt: EdgeForm, share: float, usual: FreeRollingReference | None) -> bool:
-    """Whether the form has to be learnt again, without passages under traction.
-
-    So it is if it was learnt from passages with and without traction alike, and missed both.
-    `share` of them with a traction; `usual`: what those without leave.
-    """
-    return (
-        DRIVEN_SHARE < share < 1.0 - DRIVEN_SHARE
-        and usual is not None
-        and learnt.reference.misfit > REMARKABLE * usual.scatter**2
-    )
-
-
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
 #: of what the traction has moved it; the error is proportional to it
 UNEXPLAINED = 2.0
-#: a traction moves a length by less than this share of it (13 % at a slip of 0.3); what moves one
-#: farther beside a form is none, as where the load has changed; twice as much takes lengths of such
-#: passages that are off by a third
-MOST_MOVED = 0.2
-#: fewer samples between the edges than this cannot tell a length; twice as many leave fast
-#: passages of slow loggers without a length
-LEAST_SAMPLES = 4
-#: below this acceleration no row is called driven: beside a manoeuvre that of a steady row is up to
-#: 0.15 off; at twice as much a tenth of the driven rows has its error without the word
-STEADY_M_S2 = 0.2
 
 
 @dataclass(frozen=True)
@@ -342,11 +313,11 @@ class Footprint:
 class Measuring:
     """How the windows of a channel are looked at.
 
-    `look`: None if no speed is known; `asked_Hz` (n,): cut-off of the low-pass of each passage;
+    `look`: the plan of the windows; `asked_Hz` (n,): cut-off of the low-pass of each passage;
     `usual`: what free passages leave; `work` (n,) of MEASURED.
     """
 
-    look: WindowPlan | None
+    look: WindowPlan
     learnt: EdgeForm
     asked_Hz: FloatArray
     usual: FreeRollingReference | None
@@ -374,8 +345,6 @@ class Measuring:
 
         A row does not depend on the stretch that it is measured with.
         """
-        if self.look is None:
-            return np.arange(0)
         rows = np.array_split(self.look.rows, of)[stretch]
         cutoff_Hz = np.minimum(self.asked_Hz, 0.98 * 0.5 * self.look.channel.axis.rate_Hz)
         clear = ~self.learnt.unclear(self.look.passages.speed_m_s)
@@ -411,7 +380,7 @@ def footprint(
             how.measure()
         for rows, some in measured or ():
             work[rows] = some
-        if how.look is not None and how.usual is not None:
+        if how.usual is not None:
             find_onsets(how.look, work, how.usual, friction)
     return _assembled(
         passages,
@@ -485,7 +454,10 @@ def _assembled(
         reference_se, form_se = learnt.length_errors(speed)
     slip = work["slip"]
     with np.errstate(invalid="ignore"):
-        slipping = np.abs(slip["length_m"] - fits["length_m"]) < MOST_MOVED * fits["length_m"]
+        # a traction moves a length by less than this share of it (13 % at a slip of 0.3); what
+        # moves one farther beside a form is none, as where the load has changed; twice as much
+        # takes lengths of such passages that are off by a third
+        slipping = np.abs(slip["length_m"] - fits["length_m"]) < 0.2 * fits["length_m"]
     length = np.where(slipping, slip["length_m"], fits["length_m"])
     own_se = np.where(
         slipping,
@@ -498,7 +470,9 @@ def _assembled(
         + (fits["length_m"] * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
     )
     hidden = _hidden(work, passages, slipping)
-    driven = np.abs(acceleration) > STEADY_M_S2
+    # below this acceleration no row is called driven: beside a manoeuvre that of a steady row is up
+    # to 0.15 off; at twice as much a tenth of the driven rows has its error without the word
+    driven = np.abs(acceleration) > 0.2
     unresolved = driven & (hidden > np.hypot(noise_se, form_se))
     length, noise_se = _told(length, np.hypot(noise_se, hidden))
     d2, d2_se = _told(edges["length_d2_m"], edges["length_d2_se_m"])
@@ -556,7 +530,9 @@ def _quality(
     """Quality words of the rows: the passages' own, and what the footprint adds."""
     with np.errstate(invalid="ignore"):
         cut = asked_Hz > nyquist
-        short = work["inside"] < LEAST_SAMPLES
+        # fewer samples between the edges than this cannot tell a length; twice as many leave fast
+        # passages of slow loggers without a length
+        short = work["inside"] < 4
     unknown = ~np.isfinite(length_m)
     unclear = ~np.isfinite(length_d2_m) & ~cut & ~unknown
     formless = (

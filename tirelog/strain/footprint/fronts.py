@@ -39,13 +39,6 @@ _LEARNT = 200
 _FORM = np.radians(np.arange(-60.0, 60.01, 0.25))
 #: half widths of a patch that a tire has [rad]; outside of these nothing is a front
 _LEAST_HALF, _MOST_HALF = np.radians([2.0, 45.0])
-#: samples between the fronts below which no level inside can be read; twice as many leave fast
-#: passages of slow loggers without fronts
-_FEWEST_INSIDE = 4
-
-
-#: columns of the table that an accelerometer's fronts tell
-_TOLD = ("length_m", "length_se_m", "entry_time_s", "exit_time_s", "edge_asymmetry")
 
 
 def accelerometer_footprints(recording: Recording) -> list[PassageRows]:
@@ -63,9 +56,12 @@ def footprint_of_accelerometer(recording: Recording, channel: Channel) -> Passag
     told, flags = lengths(channel, passages)
     nothing = np.full(len(passages), np.nan)
     columns = begin(recording.log, passages) | {
-        **dict(zip(_TOLD[:2], told, strict=False)),
+        "length_m": told[0],
+        "length_se_m": told[1],
         **dict.fromkeys(_OF_STRAIN, nothing),
-        **dict(zip(_TOLD[2:], told[2:], strict=True)),
+        "entry_time_s": told[2],
+        "exit_time_s": told[3],
+        "edge_asymmetry": told[4],
         "slip_onset_m": nothing,
         "slip_onset_se_m": nothing,
         "slip_onset_reason": np.full(len(passages), "not strain", object),
@@ -91,75 +87,67 @@ _OF_STRAIN = (
 
 
 def lengths(channel: Channel, passages: Passages) -> tuple[FloatArray, QualityFlags]:
-    """The columns _TOLD (5, n) of every passage of an accelerometer, NaN if not told; flags why.
+    """Length and its error [m], entry and exit time [s], asymmetry of every passage, (5, n); flags.
 
-    Of the slopes' sizes at the fronts the asymmetry is (exit - entry) / (exit + entry).
+    NaN if not told; the flags say why. Of the slopes' sizes at the fronts the asymmetry is (exit -
+    entry) / (exit + entry).
     """
     n = len(passages)
-    result = np.full((5, n), np.nan)
-    flags = speed_quality(passages)
+    result, (short, lost) = np.full((5, n), np.nan), np.zeros((2, n), bool)
     form = None if passages.doubt else _mean_form(channel, passages)
-    short = np.zeros(n, bool)
-    lost = np.zeros(n, bool)
-    for i in np.flatnonzero(np.isfinite(passages.omega_rad_s)) if form is not None else ():
-        assert form is not None
-        read = _samples(channel, passages, int(i))
-        told = None if read is None else _one_length(*read, *form)
-        if read is None or not np.isfinite(read[1]).all():
-            lost[i] = True
-        if isinstance(told, str):
-            short[i] = True
-        elif told is not None:
-            (entry, exit_), errors, sharper = told
-            omega = passages.omega_rad_s[i]
-            alpha = np.nan_to_num(passages.alpha_rad_s2[i])
-            turned = np.array([entry, exit_])
-            # angle over the speed at the centre, to second order in the acceleration
-            after = turned / omega - 0.5 * alpha * (turned / omega) ** 2 / omega
-            width = exit_ - entry
-            of_speed = width * float(np.nan_to_num(passages.omega_se_rad_s[i] / omega))
-            result[:, i] = (
-                passages.radius_m * width,
-                passages.radius_m * float(np.linalg.norm([*errors, of_speed])),
-                *(passages.time_s[i] + after),
-                sharper,
-            )
-    untold = ~np.isfinite(result[0])
-    flags = flags | marked(short, Quality.PATCH_SHORT) | marked(lost & untold, Quality.LOST_PEAK)
-    flags = flags | marked(untold & good(flags), Quality.NO_LENGTH)
-    return result, flags
+    for row in np.flatnonzero(np.isfinite(passages.omega_rad_s)) if form is not None else ():
+        turned, values = _samples(channel, passages, row)
+        lost[row] = not (values.size and np.isfinite(values).all())
+        if not values.size:
+            continue
+        fronts, short[row] = _fronts(turned, values, form)
+        if not np.isfinite(fronts).all():
+            continue
+        places, errors, slopes = fronts.T
+        omega, alpha = passages.omega_rad_s[row], np.nan_to_num(passages.alpha_rad_s2[row])
+        # angle over the speed at the centre, to second order in the acceleration
+        after = places / omega - 0.5 * alpha * (places / omega) ** 2 / omega
+        width = places[1] - places[0]
+        of_speed = width * float(np.nan_to_num(passages.omega_se_rad_s[row] / omega))
+        result[:, row] = (
+            passages.radius_m * width,
+            passages.radius_m * float(np.linalg.norm([*errors, of_speed])),
+            *(passages.time_s[row] + after),
+            (slopes[1] - slopes[0]) / (slopes[1] + slopes[0]),
+        )
+    untold = np.isnan(result[0])
+    flags = speed_quality(passages) | marked(short, Quality.PATCH_SHORT)
+    flags |= marked(lost & untold, Quality.LOST_PEAK)
+    return result, flags | marked(untold & good(flags), Quality.NO_LENGTH)
 
 
-def _samples(
-    channel: Channel, passages: Passages, row: int
-) -> tuple[FloatArray, FloatArray] | None:
+def _samples(channel: Channel, passages: Passages, row: int) -> tuple[FloatArray, FloatArray]:
     """(angles from the patch centre [rad], values with the patch upward) of one passage, (k,) each.
 
-    None if the log begins or ends within them.
+    None at all if the log begins or ends within them.
     """
     omega = passages.omega_rad_s[row]
     reach = (_MOST_HALF + _FAR[1]) / omega
     ends = channel.axis.index(passages.time_s[row] + np.array([-reach, reach]))
     start, stop = int(np.ceil(ends[0])), int(np.floor(ends[1])) + 1
     if start < 0 or stop > channel.size or stop - start < _CUBIC:
-        return None
+        return np.zeros(0), np.zeros(0)
     since = channel.axis.time(start, stop) - passages.time_s[row]
     turned = omega * since + 0.5 * np.nan_to_num(passages.alpha_rad_s2[row]) * since**2
     return turned, passages.sign * channel.read(start, stop)
 
 
-def _levels(
-    turned: FloatArray, values: FloatArray, fronts: FloatArray
-) -> tuple[float, float] | None:
-    """(level inside, level outside) of a passage; None if too few samples are inside."""
+def _levels(turned: FloatArray, values: FloatArray, fronts: FloatArray) -> tuple[float, float]:
+    """(level inside, level outside) of a passage; NaN if too few samples are inside."""
     middle, half = fronts.mean(), 0.5 * (fronts[1] - fronts[0])
     inside = values[np.abs(turned - middle) < _INSIDE * half]
     away = np.abs(turned - middle) - half
-    beside = (away > _FAR[0]) & (away < _FAR[1])
+    beside = (away > _FAR[0]) & (away < _FAR[1]) & np.isfinite(values)
     sides = [values[beside & (turned < 0.0)], values[beside & (turned > 0.0)]]
-    sides = [side[np.isfinite(side)] for side in sides]
-    if np.isfinite(inside).sum() < _FEWEST_INSIDE or not all(side.size for side in sides):
-        return None
+    # samples between the fronts below which no level inside can be read; twice as many leave fast
+    # passages of slow loggers without fronts
+    if np.isfinite(inside).sum() < 4 or not all(side.size for side in sides):
+        return np.nan, np.nan
     return float(np.nanmedian(inside)), float(np.mean([side.mean() for side in sides]))
 
 
@@ -169,122 +157,94 @@ def _mean_form(channel: Channel, passages: Passages) -> tuple[FloatArray, FloatA
     It goes from 0 outside to 1 inside, so that the entry's slope is positive. None if it has no two
     fronts.
     """
-    known = np.flatnonzero(np.isfinite(passages.omega_rad_s) & good(passages.quality))
-    if not known.size:
-        known = np.flatnonzero(np.isfinite(passages.omega_rad_s))
-    places = np.linspace(0, known.size - 1, min(_LEARNT, known.size))
-    chosen = known[places.round().astype(int)]
-    rough = np.radians([-4.0, 4.0])
+    known = np.isfinite(passages.omega_rad_s)
+    clean = known & good(passages.quality)
+    rows = np.flatnonzero(clean if clean.any() else known)
+    places = np.linspace(0, rows.size - 1, min(_LEARNT, rows.size))
     forms = []
-    for row in chosen:
-        read = _samples(channel, passages, int(row))
-        level = None if read is None else _levels(*read, rough)
-        if read is not None and level is not None and level[0] > level[1]:
-            whole = np.isfinite(read[1])
-            scaled = (read[1][whole] - level[1]) / (level[0] - level[1])
-            forms.append(np.interp(_FORM, read[0][whole], scaled))
+    for row in rows[places.round().astype(int)]:
+        turned, values = _samples(channel, passages, row)
+        inside, outside = _levels(turned, values, np.radians([-4.0, 4.0]))
+        if inside > outside:
+            whole = np.isfinite(values)
+            scaled = (values[whole] - outside) / (inside - outside)
+            forms.append(np.interp(_FORM, turned[whole], scaled))
     if not forms:
         return None
-    form = np.median(forms, axis=0)
-    middle = _FORM.size // 2
-    inside = form > 0.5
-    if not inside[middle]:
+    form, middle = np.median(forms, axis=0), _FORM.size // 2
+    above = form > 0.5
+    left = middle - int(np.argmin(above[middle::-1]))
+    right = middle + int(np.argmin(above[middle:]))
+    steps = [left, left + 1], [right, right - 1]
+    fronts = np.array([np.interp(0.5, form[step], _FORM[step]) for step in steps])
+    outwards = fronts * [-1.0, 1.0]
+    if not (above[middle] and ((outwards > _LEAST_HALF) & (outwards < _MOST_HALF)).all()):
         return None
-    left = middle - int(np.argmin(inside[middle::-1]))
-    right = middle + int(np.argmin(inside[middle:]))
-    fronts = np.array([_between(form, left, left + 1), _between(form, right - 1, right)])
-    slopes = np.gradient(form, _FORM)[[left, right]]
-    if not (_LEAST_HALF < -fronts[0] < _MOST_HALF and _LEAST_HALF < fronts[1] < _MOST_HALF):
-        return None
-    return fronts, slopes
+    return fronts, np.gradient(form, _FORM)[[left, right]]
 
 
-def _between(form: FloatArray, low: int, high: int) -> float:
-    """Where the form crosses a half between two points of its grid [rad]."""
-    share = (0.5 - form[low]) / (form[high] - form[low])
-    return float(_FORM[low] + share * (_FORM[high] - _FORM[low]))
+def _fronts(
+    turned: FloatArray, values: FloatArray, form: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, bool]:
+    """(place [rad], its standard error, size of the slope) of both fronts, (2, 3); too few samples.
 
-
-def _one_length(
-    turned: FloatArray, values: FloatArray, fronts: FloatArray, slopes_there: FloatArray
-) -> tuple[list[float], list[float], float] | str | None:
-    """(fronts [rad], their standard errors, which is sharper) of a passage.
-
-    A text if too few samples are between or beside them, None if they are not crossed.
+    NaN if they are not crossed, or too few samples are between or beside them. `form`: fronts and
+    slopes of the mean form.
     """
-    level = _levels(turned, values, fronts)
-    if level is None:
-        return "too few samples inside"
-    step = level[0] - level[1]
-    if step <= 0.0:
-        return None
-    scaled = (values - level[1]) / step - 0.5
-    middle = fronts.mean()
-    places, errors, slopes = [], [], []
-    for front, slope in zip(fronts, slopes_there, strict=True):
-        half = _FLANK / abs(slope)
-        guess = _first_below(turned, scaled, middle, front)
-        if guess is None:
-            return None
-        front = guess
-        near = np.flatnonzero((np.abs(turned - front) < half) & np.isfinite(scaled))
+    found, fronts = np.full((2, 3), np.nan), form[0]
+    inside, outside = _levels(turned, values, fronts)
+    if not inside > outside:
+        return found, bool(np.isnan(inside))
+    scaled = (values - outside) / (inside - outside) - 0.5
+    for side, (front, slope) in enumerate(zip(*form, strict=True)):
+        half, place = _FLANK / abs(slope), _first_below(turned, scaled, fronts.mean(), front)
+        if np.isnan(place):
+            break
+        near = np.flatnonzero((np.abs(turned - place) < half) & np.isfinite(scaled))
         if near.size < _LINE:
-            return "too few samples at a front"
-        crossed = _crossing(turned[near] - front, scaled[near], np.sign(slope), half)
-        if crossed is None:
-            return None
-        places.append(front + crossed[0])
-        errors.append(crossed[1])
-        slopes.append(abs(crossed[2]))
-    return places, errors, (slopes[1] - slopes[0]) / (slopes[1] + slopes[0])
+            return found, True
+        found[side] = _crossing(turned[near] - place, scaled[near], np.sign(slope), half)
+        found[side, 0] += place
+        if np.isnan(found[side, 0]):
+            break
+    return found, False
 
 
-def _first_below(
-    turned: FloatArray, scaled: FloatArray, middle: float, front: float
-) -> float | None:
+def _first_below(turned: FloatArray, scaled: FloatArray, middle: float, front: float) -> float:
     """Where a passage first leaves the level inside for good, from the middle outwards [rad].
 
-    Two samples in a row below the half: one may be noise. None if it does not by twice as far as
+    Two samples in a row below the half: one may be noise. NaN if it does not by twice as far as
     the mean form's front, or samples are lost on the way.
     """
-    outwards = np.sign(front - middle)
-    far = outwards * (turned - middle)
-    way = np.flatnonzero((far > _INSIDE * abs(front - middle)) & (far < 2.0 * abs(front - middle)))
+    far, reach = np.sign(front - middle) * (turned - middle), abs(front - middle)
+    way = np.flatnonzero((far > _INSIDE * reach) & (far < 2.0 * reach))
     way = way[np.argsort(far[way])]
     below = scaled[way] < 0.0
     first = np.flatnonzero(below[:-1] & below[1:])
     if not first.size or not np.isfinite(scaled[way[: first[0] + 1]]).all():
-        return None
-    at = way[first[0]]
-    before = way[first[0] - 1] if first[0] else at
-    if at == before:
-        return float(turned[at])
-    share = scaled[before] / (scaled[before] - scaled[at])
-    return float(turned[before] + np.clip(share, 0.0, 1.0) * (turned[at] - turned[before]))
+        return np.nan
+    beside = way[[first[0], max(first[0] - 1, 0)]]
+    return float(np.interp(0.0, scaled[beside], turned[beside]))
 
 
 def _crossing(
     x: FloatArray, y: FloatArray, rises: float, half: float
-) -> tuple[float, float, float] | None:
-    """(zero, its standard error, slope there) of a flank y at x, which rises or falls."""
+) -> tuple[float, float, float]:
+    """(zero, its standard error, size of the slope) of a flank y at x, which rises or falls.
+
+    NaN if it does not.
+    """
     degree = 3 if x.size >= _CUBIC else 1
     powers = np.vander(x / half, degree + 1)
-    numbers, *_ = np.linalg.lstsq(powers, y, rcond=None)
-    roots = np.roots(numbers)
-    slope_at = np.polyder(numbers)
-    real = [
-        float(root.real)
-        for root in roots
-        if abs(root.imag) < 1e-9
-        and abs(root.real) <= 1.0
-        and np.polyval(slope_at, root.real) * rises > 0
-    ]
-    if not real:
-        return None
-    zero = min(real, key=abs)
-    slope = float(np.polyval(slope_at, zero))
-    left = y - powers @ numbers
-    freedom = max(x.size - degree - 1, 1)
-    spread = np.vander([zero], degree + 1)[0] @ np.linalg.pinv(powers.T @ powers)
-    variance = float(left @ left) / freedom * float(spread @ np.vander([zero], degree + 1)[0])
-    return zero * half, half * float(np.sqrt(max(variance, 0.0))) / abs(slope), slope / half
+    numbers = np.linalg.lstsq(powers, y, rcond=None)[0]
+    roots, slopes = np.roots(numbers), np.polyder(numbers)
+    real = np.real(roots[(np.abs(roots.imag) < 1e-9) & (np.abs(roots.real) <= 1.0)])
+    real = real[np.polyval(slopes, real) * rises > 0]
+    if not real.size:
+        return np.nan, np.nan, np.nan
+    zero = float(real[np.argmin(np.abs(real))])
+    slope, left = abs(float(np.polyval(slopes, zero))), y - powers @ numbers
+    there = np.vander([zero], degree + 1)[0]
+    share = max(float(there @ np.linalg.pinv(powers.T @ powers) @ there), 0.0)
+    scatter = np.sqrt(float(left @ left) / max(x.size - degree - 1, 1) * share)
+    return zero * half, half * float(scatter) / slope, slope / half

@@ -367,9 +367,6 @@ LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
 #: beyond, its cost grows with this power; twice as far follows solutions that the next start is
 #: nearer to
 TRUST, FAR = 0.5, 4
-#: starts that are followed to their end at most; twice as many take up to twice as long where the
-#: first ones fail
-ATTEMPTS = 4
 
 
 @compiled
@@ -725,7 +722,9 @@ def onset_rows(
                 cost[k] = told[top]["chi2"] * far
             onset[k], moved[k] = top * fine, shift + _own_shift(best, trust_m)
         chosen, kept, left = -1, 0.0, np.inf
-        for _ in range(ATTEMPTS):
+        # starts that are followed to their end at most; twice as many take up to twice as long
+        # where the first ones fail
+        for _ in range(4):
             k = int(np.argmin(cost))
             if cost[k] == np.inf:
                 break

@@ -36,14 +36,9 @@ WINDOW = 2.7
 #: least of each, in clusters of neighbours; twice as many passages or classes take twice as long;
 #: steps of twice the ratio average over forms that differ
 CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 6, 1.12, 480, 48, 6
-#: samples are averaged while they lie closer than this share of the half length
-STEP = 1.0 / 36.0
 #: free rolling, as far as the acceleration tells [m/s^2]; with so many such passages in a class of
 #: speed it is learnt from them alone
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
-#: a start from another grating that ends in this many times its misfit is given up; twice as much
-#: keeps starts that have three times the misfit, which a search from the beginning may undercut
-LIKE_MISFIT = 1.5
 #: a slower wheel's windows are not cut out (its passage takes seconds); twice as much leaves out
 #: wheels that creep up to 0.6 m/s
 LEAST_SPEED_M_S = 0.3
@@ -197,10 +192,11 @@ def _samples(
     for number in names:
         chosen = _chosen(rows[classes == number], max(LEARNT_FROM // names.size, LEAST_OF_CLASS))
         reach = 1.02 * half_window_m / float(speed[chosen].min()) * channel.axis.rate_Hz + 1.0
+        # samples are averaged while they lie closer than this share of the half length
         fewer = 2 ** int(
             np.log2(
                 max(
-                    STEP
+                    (1.0 / 36.0)
                     * half_window_m
                     / WINDOW
                     * channel.axis.rate_Hz
@@ -293,7 +289,10 @@ def learn_reference(
     found = None
     if like is not None:
         found = refine_edges(_at(like.reference, samples), samples, passages.noise, window)
-        if found.misfit > LIKE_MISFIT * max(like.reference.misfit, 1.0):
+        # a start from another grating that ends in this many times its misfit is given up; twice as
+        # much keeps starts that have three times the misfit, which a search from the beginning may
+        # undercut
+        if found.misfit > 1.5 * max(like.reference.misfit, 1.0):
             found = None
     found = found or _from_a_start(samples, passages, window, rough)
     if not found.misfit > 0.0:  # no passage with more samples than unknowns

@@ -98,33 +98,6 @@ def _along(
     return first, (second_s - acceleration * first) / now**2
 
 
-@compiled
-def _along_rows(derivatives: FloatArray, motion: Records, upsample: int) -> FloatArray:
-    """`derivatives` (2, n, m) in time turned into those along the tread; `motion` (n,)."""
-    out = np.empty_like(derivatives)
-    for row in range(motion.size):
-        centre, rate = motion[row]["centre"], motion[row]["rate_Hz"]
-        speed, acceleration = motion[row]["speed_m_s"], motion[row]["acceleration_m_s2"]
-        for k in range(derivatives.shape[2]):
-            time = (k / upsample - centre) / rate
-            out[0, row, k], out[1, row, k] = _along(
-                derivatives[0, row, k], derivatives[1, row, k], time, speed, acceleration
-            )
-    return out
-
-
-@dataclass(frozen=True)
-class AlongTread:
-    """Low-passed windows, (n, m x upsample): abscissae and derivatives.
-
-    `xi_m` from the patch centre, `first` and `second` derivative by xi [1/m, 1/m^2].
-    """
-
-    xi_m: FloatArray
-    first: FloatArray
-    second: FloatArray
-
-
 def along_tread(
     windows: FloatArray,
     rate_Hz: float,
@@ -133,17 +106,19 @@ def along_tread(
     acceleration_m_s2: FloatArray,
     cutoff_Hz: FloatArray,
     upsample: int = 2,
-) -> AlongTread:
-    """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Low-passed derivatives along the tread, (n, m x upsample); arguments as of `find_edges`.
+
+    Abscissae from the patch centre [m], first and second derivative by them [1/m, 1/m^2].
+    """
     count, spectra = windows.shape[1], window_spectra(windows)
-    in_time = derivatives(spectra, rate_Hz, cutoff_Hz, count, upsample)[:2]
-    first, second = _along_rows(
-        np.stack(in_time), motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2), upsample
-    )
+    first_s, second_s, _ = derivatives(spectra, rate_Hz, cutoff_Hz, count, upsample)
+    speed, acceleration = speed_m_s[:, None], acceleration_m_s2[:, None]
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
-    return AlongTread(
-        distance_along(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second
-    )
+    now = np.maximum(speed + acceleration * time, 0.05 * np.abs(speed) + 1e-9)
+    first = first_s / now
+    second = (second_s - acceleration * first) / now**2
+    return distance_along(time, speed, acceleration), first, second
 
 
 def find_edges(
@@ -267,12 +242,6 @@ ROUGH_STEP = 1.0 / 9.0
 #: the gain of a traction is asked for at every so many-th onset: every other coarse one; twice as
 #: far apart, an onset between two loses more of its gain
 GAIN_EVERY = 2 * FINE
-#: the low-pass needs this many samples per period of its cut-off; above, samples are averaged;
-#: twice as many take twice as long
-PLAIN_OVERSAMPLING = 10.0
-#: onsets that start from others are given up if more than this share is unlike; what is then looked
-#: for everywhere takes five times as long
-FOLLOWING = 0.7
 #: rows whose plain edges are worked on at once
 ROWS = 256
 
@@ -365,12 +334,13 @@ class WindowPlan:
         learnt: EdgeForm,
         block_samples: int,
         forms: Forms | None = None,
-    ) -> WindowPlan | None:
-        """None if no passage's speed is known. `forms`: those of `learnt`, if they are at hand."""
+    ) -> WindowPlan:
+        """The plan of passages that `learnt` was learnt from: the speed of some is known.
+
+        `forms`: those of `learnt`, if they are at hand.
+        """
         rate, speed = channel.axis.rate_Hz, passages.speed_m_s
         rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
-        if not rows.size:
-            return None
         forms = forms or Forms(learnt, speed[rows])
         number = forms.nearest(speed)
         half_length = forms.tables.half_length_m[number]
@@ -478,7 +448,9 @@ def measure_windows(
     rate, speed = look.channel.axis.rate_Hz, look.passages.speed_m_s
     half_length = look.forms.tables.half_length_m[look.number]
     with np.errstate(divide="ignore", invalid="ignore"):
-        for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
+        # the low-pass needs this many samples per period of its cut-off; above, samples are
+        # averaged; twice as many take twice as long
+        for_plain = _power_of_two(rate / (10.0 * cutoff_Hz))
         upsample = np.where(rate / for_plain < DENSE * cutoff_Hz, 2, 1)
         reach = (SEARCH * half_length + 2.5 * speed / cutoff_Hz) / speed * rate + 2.0
     work["inside"][rows] = (2.0 * half_length * rate / speed)[rows]
@@ -522,7 +494,9 @@ def find_onsets(
         other = (
             _followed(look, work, rest, known, starts, friction, scatter) if known.size else rest
         )
-        if other.size > FOLLOWING * rest.size:  # these are not alike
+        # onsets that start from others are given up if more than this share is unlike; what is then
+        # looked for everywhere takes five times as long
+        if other.size > 0.7 * rest.size:  # these are not alike
             _searched(look, work, other, friction, scatter)
             return
         rest = other

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.kernels import compiled
 from tirelog.strain.footprint.family import ComplexArray
 from tirelog.strain.footprint.kernels import (
     FIT,
@@ -59,11 +58,6 @@ from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Record, R
 # A row's window depends on its own passage only (its length is the next power of two above what its
 # speed needs), so rows do not change with the blocks that are read. Values are turned so that the
 # patch is a minimum, whatever the surface.
-
-
-#: numbers in the windows that are given at a time: what works on them does so without leaving the
-#: processor's cache
-_AT_ONCE = 1 << 17
 
 
 @dataclass(frozen=True)
@@ -177,7 +171,9 @@ def gather_windows(
                     inside[some],
                 )
             )
-            if sum(part.values.size for part in held) >= _AT_ONCE:
+            # numbers in the windows that are given at a time: what works on them does so without
+            # leaving the processor's cache
+            if sum(part.values.size for part in held) >= (1 << 17):
                 yield joined_windows(waiting.pop(size))
     for held in waiting.values():
         yield joined_windows(held)
@@ -216,32 +212,12 @@ def _cut(
             first[part - 1].astype(np.int64),
             np.append(first, channel.size)[part].astype(np.int64),
         )
-    values = _cut_out(samples, low, nearest - size, 2 * size, begins, ends, turned)
+    place = (nearest - size)[:, None] + np.arange(2 * size)
+    inside = (place >= np.maximum(begins, low)[:, None]) & (place < ends[:, None])
+    inside &= place < low + samples.size
+    values = np.full(place.shape, np.nan)
+    values[inside] = turned * samples[place[inside] - low]
     return PatchWindows(rows, values, index - nearest + size, channel.axis.rate_Hz)
-
-
-@compiled
-def _cut_out(
-    samples: FloatArray,
-    low: int,
-    starts: IntArray,
-    count: int,
-    begins: IntArray,
-    ends: IntArray,
-    turned: float,
-) -> FloatArray:
-    """`count` samples from each of `starts` (n,) on, times `turned`.
-
-    Shape (n, count); NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are
-    numbered from `low` on. `turned`: 1 or -1.
-    """
-    out = np.empty((starts.size, count))
-    for row in range(starts.size):
-        begin, end = max(begins[row], low), min(ends[row], low + samples.size)
-        for k in range(count):
-            at = starts[row] + k
-            out[row, k] = turned * samples[at - low] if begin <= at < end else np.nan
-    return out
 
 
 # ---- Every passage against the log's own form.
@@ -404,8 +380,6 @@ def fit_edges(
     )
 
 
-#: rounds of refining, at most; twice as many only help a refinement that has not settled by then
-ROUNDS = 6
 #: stay when the next round promises less than this of the whole chi-square, and stop when one has
 #: changed it by less than this share; half of the latter goes on for some rounds with forms that
 #: are those of no tire, and nowhere else
@@ -417,9 +391,6 @@ REFINED_ODD_SD = 0.5
 CELLS, REMARKABLE = 120, 1.3
 #: weight of a cell without samples, so that a class without any is known to nothing and not unknown
 LEAST_WEIGHT = 1e-6
-#: passages with more than this times the usual misfit do not belong; three times the usual size;
-#: twice as much keeps passages of 4.2 times
-FOREIGN = 9.0
 #: what an average misses by passages that are unlike each other, as a share of the height in each
 #: cell: a third of it halves the errors of trapezoids, which are then 3.5 of these off; squared, in
 #: such units, what a form that is believed may leave (blocks and soft sectors leave 4 to 40); sizes
@@ -431,9 +402,6 @@ TRUSTS, FIRST_STEPS, FEW_STEPS = (0.01, 0.1, 1.0), 30, 5
 #: lengths (logarithm) that are tried: at first an error apart, within these bounds, then twice as
 #: far, until the evidence falls by so much, or that far
 STEPS, UNLIKELY, FARTHEST = (0.002, 0.02), 5.0, 0.3
-#: a form is learnt if the fastest class has so many times the speed of the slowest: at one speed a
-#: traction or the stiffness is as good as a pressure
-SPEEDS = 1.4
 #: error of a length over what the prior of the form's series gives: boxes and trapezoids, which the
 #: series does not follow, are 1 to 2.1 times that off; the error is proportional to it
 UNFOLLOWED = 2.0
@@ -515,7 +483,8 @@ def refine_edges(
     `noise`: standard deviation of one sample of the log.
     """
     best, trial = reference, reference
-    for again in range(ROUNDS):
+    # rounds of refining, at most; twice as many only help a refinement that has not settled by then
+    for again in range(6):
         sums = [_sums(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
         samples, sums = _without_foreign(samples, sums, trial, noise, half_window_m)
         free = float(sum(one.free.sum() for one in sums))
@@ -557,7 +526,9 @@ def _without_foreign(
     kept, again = list(samples), list(sums)
     for number, one in enumerate(sums):
         share = one.chi2 / one.free
-        good = (share < FOREIGN * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
+        # passages with more than this times the usual misfit do not belong; three times the usual
+        # size; twice as much keeps passages of 4.2 times
+        good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
         if good.any() and not good.all():
             kept[number] = samples[number].take(good)
             again[number] = _sums(reference, number, kept[number], noise, half_window_m)
@@ -592,7 +563,9 @@ def learn_form(
     share = UNFOLLOWED * float(np.sqrt(chances @ unseen**2 / chances.sum()))
     plain = replace(reference, form_share=share)
     speeds = reference.speed_m_s
-    if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < SPEEDS * speeds[0]:
+    # a form is learnt if the fastest class has so many times the speed of the slowest: at one speed
+    # a traction or the stiffness is as good as a pressure
+    if np.argmax(promised) == len(SIZES) - 1 or speeds[-1] < 1.4 * speeds[0]:
         return plain
     # the tread may have stood for the form, or be what it is beside
     kept = descend(problem, start, SIZES[0], steps=FEW_STEPS)

@@ -84,9 +84,6 @@ START_SHIFTS = tuple(START_STEP * k for k in range(-6, 7))
 #: onsets that are looked for everywhere, and from which those of other passages start; twice as
 #: many are like more passages, and take twice as long
 SEARCHED = 16
-#: others start from an onset that stands alone by so many times what is asked of each; half as many
-#: would tell onsets beside which others are nearly as good
-SURELY = 3.0
 #: where a passage's onset is looked for that is like another's: number of the onset, how far the
 #: traction moves the form (share of the half length)
 FOLLOWED = np.dtype([("onset", "f8"), ("moved", "f8")])
@@ -109,9 +106,6 @@ FORM_ERROR = 0.08
 #: the form put anew for each (2 to 5 on passages of the finite-difference beam at 0.8 to 8 pm): as
 #: many times is the error larger; at twice as much nine in ten are within it
 STEEPER = 4.0
-#: an onset whose error is above this share of the half length is not told: at twice as much one in
-#: twenty is off by 5 mm or more
-WORST_ERROR = 0.05
 NO_FORM, TOO_SMALL, TOO_WIDE, AT_EDGE, NOT_ALONE = (
     "no_form",
     "slip_too_small",
@@ -378,7 +372,9 @@ def onset_starts(onsets: Records, told: Records, scatter: float) -> tuple[BoolAr
     moved = (found["shift"] - onsets["shift_m"]) / onsets["half_length_m"]
     with np.errstate(invalid="ignore"):
         lead = found["rival"] - found["chi2"]
-        alone = lead > SURELY * ALONE * _scale(found, scatter)
+        # others start from an onset that stands alone by so many times what is asked of each; half
+        # as many would tell onsets beside which others are nearly as good
+        alone = lead > 3.0 * ALONE * _scale(found, scatter)
     return alone & (told["reason"] == ""), records(FOLLOWED, onset=found["best"], moved=moved)
 
 
@@ -409,7 +405,9 @@ def slip_onsets(
     error = np.hypot(own * missed, shared * L)
     reason = np.full(best.size, "", object)
     reason[rival - left < ALONE * scale] = NOT_ALONE
-    reason[(own > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
+    # an onset whose error is above this share of the half length is not told: at twice as much one
+    # in twenty is off by 5 mm or more
+    reason[(own > 0.05 * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
     reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE
     reason[~known] = NO_FORM
     nan = np.where(reason == "", 1.0, np.nan)

@@ -28,10 +28,10 @@ from tirelog.runs.in_memory import without_spikes
 from tirelog.strain.passages import passage_flags
 from tirelog.strain.passages.match import MatchedPassages, Signal, match, one_turn
 from tirelog.strain.passages.passage_flags import TURN_RAD, kinematics, turns_between
-from tirelog.strain.passages.search import AT_ONCE, pulses_in, search_passages
+from tirelog.strain.passages.search import AT_ONCE, decimate, pulses_in
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import BoolArray, FloatArray, Records
-from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
 # ---- Whether what was found are passages of a tire at all: the gate before any speed is told.
 #
@@ -47,10 +47,6 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 #: width at half level over the period; tires of cars, trucks, bicycles and karts: 0.03 to 0.12, a
 #: sine: 0.5.  Twice as much lets gravity on a rim pass, of which every second turn stands out
 WIDEST_TURNS = 0.2
-#: deceleration [m/s^2] from which a wheel that stops within a turn may have stood or rolled back
-#: before the next passage (a car's: from 5.5 m/s).  Twice as much takes random pulses at 7.8 m/s
-#: for stops
-STOPPING_M_S2 = 8.0
 #: share of pairs that may fail to be one turn apart, as the wheel stopped or samples were lost: of
 #: pairs too fast for a stop, and of all.  Random pulses: 0.4 to 0.9; starts and stops: up to 0.1,
 #: every fourth turn lost: 0.25.  Twice as much lets random pulses pass
@@ -58,10 +54,6 @@ MOST_BROKEN, MOST_UNLINKED = 0.3, 0.4
 #: pairs that it takes to say so.  Half as many would doubt a car that is parked; twice as many let
 #: the axles of a weighing bridge pass
 FEWEST_FAST, FEWEST_PAIRS = 3, 8
-#: residual of the usual waveform beyond the noise, over the height; a real tire that rings at its
-#: edges: 0.07, 1/f noise: 0.35 to 0.8.  Twice as much lets noise pass, half as much leaves no
-#: margin
-MOST_MISFIT = 0.15
 #: noise over height of pulses that may be the noise's own largest (the search takes 0.125), and the
 #: share of pairs that may then fail.  Twice as much asks it of all logs
 FAINT, FAINT_UNLINKED = 0.09, 0.15
@@ -91,7 +83,11 @@ def doubt(
     period = np.diff(time_s)
     linked = one_turn(turns_between(time_s, omega))
     pairs, unlinked = linked.size, float(np.mean(~linked))
-    broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > _stopping_speed(radius_m))
+    # deceleration [m/s^2] from which a wheel that stops within a turn may have stood or rolled back
+    # before the next passage (a car's: from 5.5 m/s): 8.  Twice as much takes random pulses at 7.8
+    # m/s for stops
+    stopping = np.sqrt(2.0 * 8.0 * TURN_RAD * radius_m)
+    broken = ~linked & (radius_m * np.maximum(omega[1:], omega[:-1]) > stopping)
     height = np.abs(matched.fit["height"])
     faint = noise > FAINT * float(np.median(matched.pulses["height"]))
     if (
@@ -105,7 +101,10 @@ def doubt(
         )
     if matched.template is not None and time_s.size > FEWEST_FAST:
         beyond = np.sqrt(np.maximum(matched.fit["misfit"] ** 2 - noise**2, 0.0)) / height
-        if np.median(beyond) > MOST_MISFIT:
+        # residual of the usual waveform beyond the noise, over the height; a real tire that rings
+        # at its edges: 0.07, 1/f noise: 0.35 to 0.8.  Twice as much lets noise pass, half as much
+        # leaves no margin
+        if np.median(beyond) > 0.15:
             return f"their shapes differ by {100 * np.median(beyond):.0f} % of their height"
     uneven = np.abs(np.log(period[1:-1] / np.sqrt(period[2:] * period[:-2])))[
         linked[1:-1] & linked[2:] & linked[:-2]
@@ -129,11 +128,6 @@ def sentence(channel: str, rows: int, found: int, why: str) -> str:
         "not a patch signal? "
         "No speed is told from them; check source, kind and surface of the channel in the setup"
     )
-
-
-def _stopping_speed(radius_m: float) -> float:
-    """Speed [m/s] from which a wheel can stop within a turn."""
-    return float(np.sqrt(2.0 * STOPPING_M_S2 * TURN_RAD * radius_m))
 
 
 def _width_turns(channel: Channel, pulses: Records) -> float:
@@ -221,16 +215,6 @@ class Passages:
         return int(self.time_s.size)
 
     @property
-    def period_before_s(self) -> FloatArray:
-        """Time since the passage before, NaN if that is not one turn away."""
-        return np.where(self.turn_before, np.diff(self.time_s, prepend=np.nan), np.nan)
-
-    @property
-    def period_after_s(self) -> FloatArray:
-        """Time to the passage after, NaN if that is not one turn away."""
-        return np.where(self.turn_after, np.diff(self.time_s, append=np.nan), np.nan)
-
-    @property
     def speed_m_s(self) -> FloatArray:
         """Speed over the rolling circumference (errata, Speed)."""
         return self.radius_m * self.omega_rad_s
@@ -284,7 +268,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     """
     channel = without_spikes(channel)
     sign = patch_sign(channel)
-    pulses, data = search_passages(channel, sign, block_samples)
+    pulses, data = pulses_in(channel, decimate(channel, sign, block_samples), sign)
     signal = Signal(channel, sign, data.noise, data.extremes)
     if len(pulses) > FEW_PULSES:
         del data  # memory
@@ -313,7 +297,8 @@ def _measured(signal: Signal, radius_m: float, pulses: Records) -> Passages:
     turns = turns_between(time_s, omega)
     turned = matched.backwards[1:] != matched.backwards[:-1]
     index = matched.start["index"] + (time_s - matched.start["time_s"]) * channel.axis.rate_Hz
-    untimed = passage_flags.clock_between(channel, index)
+    # a clock that was set back runs on, as if no sample lacked or came twice
+    untimed = passage_flags.doubted(channel, Quality.CLOCK_SET_BACK, index[:-1], index[1:])
     linked, rolled = one_turn(turns) & ~turned & ~untimed, passage_flags.rolled_on(omega, radius_m)
     whole = np.where(turned | untimed, 0, passage_flags.whole_turns(time_s, linked, rolled))
     linked = np.append(np.where(whole > 0, whole == 1, linked), False)
@@ -433,16 +418,11 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 
 def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passages:
     """No passage at all."""
-    empty, no = np.zeros(0), np.zeros(0, bool)
-    columns: dict[str, Any] = {f.name: empty for f in fields(Passages)[6:]}
-    columns |= {
-        "turn_before": no,
-        "turn_after": no,
-        "measured": no,
-        "break_after": none_of(0),
-        "sides": np.zeros(0, np.int64),
+    others = {"sides": np.int64} | dict.fromkeys(("turn_before", "turn_after", "measured"), bool)
+    others |= dict.fromkeys(("break_after", "quality"), np.uint32)
+    columns: dict[str, Any] = {
+        f.name: np.zeros(0, others.get(f.name, np.float64)) for f in fields(Passages)[6:-1]
     }
-    columns |= {"quality": none_of(0), "doubt": ""}
     return Passages(channel.name, radius_m, sign, noise, 0.0, None, **columns)
 
 
@@ -457,10 +437,6 @@ def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passa
 FEWEST_TURNS = 3
 #: passages at which the motion is judged; twice as many find the same
 _LOOKED_AT = 64
-#: readings of a rolling vehicle that tell a radius; with one, a single wild one would
-_FEWEST_READINGS = 3
-#: acceleration [m/s^2] beyond which gravity, twice 9.8 per turn, changes it by a fifth at most
-_STRONG_M_S2 = 100.0
 #: what makes an accelerometer contradict the wheel, if no unit does
 _TURNING = "check unit and scale, the sampling rate, the steps of the encoder and the radius"
 
@@ -510,13 +486,15 @@ def implausible_motion(
         index = np.rint(reference.axis.index(passages.time_s[some])).astype(np.int64)
         reading = np.array([reference.read(one, one + 1)[0] for one in index.tolist()])
         rolls = np.abs(reading) > slowest  # a vehicle on a drum reads nothing
-        if rolls.sum() >= _FEWEST_READINGS:
+        # readings of a rolling vehicle that tell a radius; with one, a single wild one would
+        if rolls.sum() >= 3:
             radius = float(np.median(reading[rolls] / omega[rolls]))
             problem = problem or doubt_of_vehicle(recording, reference, radius)
     if problem is not None or channel.kind != "radial_acceleration":
         return problem
     turning = omega**2 * passages.radius_m
-    strong = np.maximum(turning, passages.height[some]) > _STRONG_M_S2
+    # acceleration [m/s^2] beyond which gravity, twice 9.8 per turn, changes it by a fifth at most
+    strong = np.maximum(turning, passages.height[some]) > 100.0
     if not strong.any():
         return None
     ratio = float(np.nanmedian((passages.height[some] / turning)[strong]))

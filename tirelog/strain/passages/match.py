@@ -25,11 +25,11 @@ from tirelog.strain.passages.passage_flags import (
 from tirelog.strain.passages.search import AT_ONCE, PULSE, usual
 from tirelog.strain.passages.template import (
     FOUND,
+    INTERVALS,
     ROW,
     SEGMENT,
     SPAN,
     WIDEST_RAD,
-    CurveSums,
     Source,
     Template,
     learned_template,
@@ -154,20 +154,21 @@ def residuals(
     What is left is a share of the height. Lost samples and those outside of the template do not
     count; offset, height and shift are of those inside.
     """
-    rows = records(ROW, alpha_rad_s2=alpha[which])
-    phi, left = np.empty((2, which.size * kernels.MOST_SAMPLES))
-    used = kernels.leave_rows(
-        windows.source,
-        template.table,
-        template.window_rad,
-        rows,
-        windows.spans[which],
-        found[which],
-        scratch(),
-        phi,
-        left,
-    )
-    return phi[:used], left[:used]
+    signal, angles, left = windows.signal, [], []
+    for span, made, change in zip(windows.spans[which], found[which], alpha[which], strict=True):
+        stride = -(-(span["stop"] - span["first"]) // kernels.MOST_SAMPLES)
+        index = np.arange(span["first"], span["stop"], stride)
+        value = signal.sign * windows.samples[index + span["shift"]]
+        tau = signal.channel.axis.at(index.astype(np.float64)) - made["time_s"]
+        phi = (made["omega_rad_s"] + 0.5 * change * tau) * tau
+        inside = np.isfinite(value) & (np.abs(phi) <= template.window_rad)
+        phi, value = phi[inside], value[inside]
+        waves = (np.interp(phi, template.phi_rad, w) for w in (template.values, template.slope))
+        design = np.column_stack([np.ones(phi.size), *waves])
+        solved = np.linalg.lstsq(design, value, rcond=None)[0]
+        angles.append(phi)
+        left.append((value - design @ solved) / made["height"])
+    return np.concatenate(angles), np.concatenate(left)
 
 
 def fit_passages(
@@ -181,7 +182,11 @@ def fit_passages(
 
 
 def fit_blocks(
-    signal: Signal, template: Template, start: Records, height: FloatArray, block_samples: int
+    signal: Signal,
+    template: Template,
+    start: Records,
+    height: FloatArray,
+    block_samples: int = AT_ONCE,
 ) -> Records:
     """`fit_passages` of rows from all over the log, in order, a block of it at a time."""
     found = np.zeros(height.size, FOUND)
@@ -210,25 +215,19 @@ def _fit(
 
 def curve_sums(
     windows: Windows, start: Records, offset: FloatArray, height: FloatArray, window_rad: float
-) -> CurveSums:
+) -> tuple[FloatArray, FloatArray, int]:
     """The rows' samples, scaled to height 1, as what a template's curve is learnt from.
 
-    The curve is over +-`window_rad`.
+    Normal equations of a spline over +-`window_rad`, the upper triangle (s, s) and the right side
+    (s,), and how many samples are in them.
     """
-    sums = CurveSums()
+    normal, right = np.zeros((INTERVALS + 3, INTERVALS + 3)), np.zeros(INTERVALS + 3)
     rows = start.copy()
     rows["height"] = height
-    sums.count = spline_sums(
-        windows.source,
-        rows,
-        offset,
-        windows.spans,
-        window_rad,
-        sums.normal,
-        sums.right,
-        scratch(),
+    count = spline_sums(
+        windows.source, rows, offset, windows.spans, window_rad, normal, right, scratch()
     )
-    return sums
+    return normal, right, count
 
 
 # ---- The template of a log's own passages.
@@ -242,11 +241,6 @@ def curve_sums(
 #: passages that the template is learnt from, in clusters of neighbours, and rounds; twice as many
 #: tell the template to 0.7 of the noise, in twice the time
 LEARNT_FROM, CLUSTERS, LEARNING_ROUNDS = 320, 16, 3
-#: the window that is learnt, in half widths
-LEARNT_HALF_WIDTHS = 3.0
-#: a passage whose misfit is a larger share of its height is not learnt from; twice as much learns
-#: from passages with a tenth of something else in them
-ALIKE = 0.15
 #: stretches of angle over which the scatter between turns is told, from so many passages at most,
 #: and the passages that it takes: of fewer a spike is a large part; twice as many stretches have
 #: half of the samples each
@@ -277,11 +271,10 @@ def learn_template(
     clusters = _clusters(good)
     if not clusters:
         return None
+    # the window that is learnt, in half widths
     window = min(
         WIDEST_RAD,
-        LEARNT_HALF_WIDTHS
-        * 0.5
-        * float(np.median(pulses["width"][good] / rate_Hz * start["omega_rad_s"][good])),
+        3.0 * 0.5 * float(np.median(pulses["width"][good] / rate_Hz * start["omega_rad_s"][good])),
     )
     chosen = np.concatenate(clusters)
     windows = Windows.concatenate([gather(signal, start[cluster], window) for cluster in clusters])
@@ -296,8 +289,10 @@ def learn_template(
         if template is None:
             return None
         found = fit_passages(windows, template, at, height)
+        # a passage whose misfit is a larger share of its height is not learnt from; twice as much
+        # learns from passages with a tenth of something else in them
         like = (found["height"] > 0.5 * np.median(height)) & (
-            found["misfit"] < np.maximum(ALIKE * found["height"], 3 * signal.noise)
+            found["misfit"] < np.maximum(0.15 * found["height"], 3 * signal.noise)
         )
         at["time_s"] = np.where(like, found["time_s"], at["time_s"])
         offset, height = (
@@ -357,8 +352,6 @@ ONE_TURN = (0.7, 1.4)
 TOO_CLOSE_TURNS = 0.25
 #: width of the joined halves against the widths around
 JOINED_WIDTH = (0.6, 1.5)
-#: rounds of dropping; each round leaves half of the strangers that stand side by side
-SCREENING_ROUNDS = 3
 
 
 def width_turns(middle: FloatArray, width: FloatArray) -> float:
@@ -393,7 +386,8 @@ def screen(channel: Channel, pulses: Records) -> Records:
 def _screened(pulses: Records) -> Records:
     """`pulses`, their places on a gapless axis, without halves and strangers."""
     pulses = _joined(pulses)
-    for _ in range(SCREENING_ROUNDS):
+    # rounds of dropping; each round leaves half of the strangers that stand side by side
+    for _ in range(3):
         strange = _strangers(pulses)
         if not strange.any():
             break
@@ -461,9 +455,6 @@ STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
 #: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would
 #: miss short stops
 USUAL_MISFITS = 2.0
-#: a row is doubtful if its misfit is this many times the median's; twice as many leave the error
-#: as it is for misfits of up to six times
-DOUBTFUL = 3.0
 #: heights, against the median around, outside of which a pulse of unknown speed is no passage of
 #: this wheel; twice as wide keeps pulses of a sixth and of five times the height
 FOREIGN_HEIGHTS = (0.3, 2.5)
@@ -505,19 +496,19 @@ def match(signal: Signal, pulses: Records) -> MatchedPassages:
     template = _learn(signal, start, pulses, everything) if len(pulses) > 1 else None
     if template is None:
         return _matched(signal, None, pulses, start, _rough(signal, start, pulses), ~everything)
-    found = _fit_all(signal, start, pulses["height"], template)
+    found = fit_blocks(signal, template, start, pulses["height"])
     kept = ~_foreign(found, start, signal.noise)
     if not kept.all():
         pulses = pulses[kept]
         start = _start(signal.channel, pulses)
-        found = _fit_all(signal, start, pulses["height"], template)
+        found = fit_blocks(signal, template, start, pulses["height"])
     back = _backwards(signal, template, start, found)
     if back.any():
         start = _start(signal.channel, pulses, back[1:] != back[:-1])
         template = _learn(signal, start, pulses, ~back) or template
-        found = _fit_all(signal, start, pulses["height"], template)
+        found = fit_blocks(signal, template, start, pulses["height"])
         found = np.where(
-            back, _fit_all(signal, start, pulses["height"], template.mirrored()), found
+            back, fit_blocks(signal, template.mirrored(), start, pulses["height"]), found
         )
     return _matched(signal, template, pulses, start, found, back)
 
@@ -587,7 +578,9 @@ def _doubt(found: Records, noise: float) -> FloatArray:
         return np.ones(found["misfit"].size)
     share = found["misfit"] / np.abs(found["height"])
     expected = np.maximum(float(np.nanmedian(share)) * np.abs(found["height"]), noise)
-    return np.where(found["misfit"] > DOUBTFUL * expected, 2.0 * found["misfit"] / noise, 1.0)
+    # a row is doubtful if its misfit is this many times the median's; twice as many leave the error
+    # as it is for misfits of up to six times
+    return np.where(found["misfit"] > 3.0 * expected, 2.0 * found["misfit"] / noise, 1.0)
 
 
 def _start(channel: Channel, pulses: Records, turned: BoolArray | None = None) -> Records:
@@ -614,11 +607,6 @@ def _start(channel: Channel, pulses: Records, turned: BoolArray | None = None) -
         alpha_rad_s2=np.where(known | extrapolated, motion["alpha_rad_s2"], 0.0),
         stretch=np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
     )
-
-
-def _fit_all(signal: Signal, start: Records, height: FloatArray, template: Template) -> Records:
-    """All rows, a block of the log at a time."""
-    return fit_blocks(signal, template, start, height, AT_ONCE)
 
 
 def _rough(signal: Signal, start: Records, pulses: Records) -> Records:

@@ -42,9 +42,6 @@ REACH, DEGREE = 3, 3
 #: standard deviation of the jerk if nothing tells it: the acceleration itself, gained or lost over
 #: this many turns; twice as many halve the jerk and with it what is added to the error
 BLIND_TURNS = 2.0
-#: a wheel may have stopped if it would have needed up to so many times the time between: the brake
-#: came late in the turns before; twice as much doubts more gaps between turns
-STOPS_WITHIN = 3.0
 #: share of the acceleration that may have changed beyond the last passage without a trace; that
 #: part of the error is proportional to it
 UNSEEN = 0.05
@@ -81,7 +78,9 @@ def may_have_stopped(time_s: FloatArray) -> BoolArray:
         rate = (speed[:-1] - speed[1:]) / (0.5 * (period[:-1] + period[1:]))
         down = (speed[1:] - 0.5 * rate * period[1:]) / rate
         up = (speed[:-1] + 0.5 * rate * period[:-1]) / -rate
-        soon = down[:-3] + up[3:] < STOPS_WITHIN * period[2:-2]  # a steady speed never falls to 0
+        # a wheel may have stopped if it would have needed up to so many times the time between: the
+        # brake came late in the turns before; twice as much doubts more gaps between turns
+        soon = down[:-3] + up[3:] < 3.0 * period[2:-2]  # a steady speed never falls to 0
     stop[2:-2] = (rate[:-3] > 0) & (rate[3:] < 0) & soon
     return stop
 
@@ -134,12 +133,8 @@ def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArra
 
 def _near(values: FloatArray, offset: int) -> FloatArray:
     """`values` of the passage `offset` later, NaN beyond the ends."""
-    result = np.full(values.size, np.nan)
-    if abs(offset) < values.size:
-        result[max(-offset, 0) : values.size - max(offset, 0)] = values[
-            max(offset, 0) : values.size + min(offset, 0)
-        ]
-    return result
+    padded = np.pad(values, REACH, constant_values=np.nan)
+    return padded[REACH + offset : REACH + offset + values.size]
 
 
 def _local_mean(values: FloatArray, reach: int) -> FloatArray:
@@ -360,18 +355,6 @@ def between(t0: float, t1: float, omega0: float, omega1: float, count: int) -> F
         + t1 * u**2 * (3 - 2 * u)
         + angle * (u * (1 - u) ** 2 / omega0 - u**2 * (1 - u) / omega1)
     )
-
-
-def clock_between(channel: Channel, index: FloatArray) -> BoolArray:
-    """Whether the clock was set back between each passage at `index` (n,) and the next, (n - 1,).
-
-    Its time runs on, as if no sample lacked or came twice: what lies between is not known.
-    """
-    doubts = [
-        (start, stop - 1) for start, stop, why in channel.flags if why == Quality.CLOCK_SET_BACK
-    ]
-    low, high = np.array(doubts, float).reshape(-1, 2).T
-    return _touched(index[:-1], index[1:], low, high)
 
 
 def breaks(

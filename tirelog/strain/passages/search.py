@@ -18,26 +18,25 @@ only a pulse of which the gap takes more than half is none.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, TimeAxis
-from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise
+from tirelog.dsp.filters import PIECE_SAMPLES, SampleNoise, runs
 from tirelog.kernels import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
-# ---- Compiled loops of the search for passages.
+# ---- Loops of the search for passages.
 #
 # Samples to medians of buckets, turning points, half-level crossings.
 #
 #     values (n,) --bucket_medians--> medians (n / bucket,) --turning_points--> places
 #         --half_level--> middle, width, height, base
-#
-# Each goes over its input once and writes into arrays that the caller gives.
 
 
 #: a pulse, patch upward: middle of its half-level crossings and width between them [places, later
@@ -45,7 +44,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 PULSE = np.dtype([("middle", "f8"), ("width", "f8"), ("height", "f8"), ("base", "f8")])
 
 
-@compiled
 def bucket_medians(
     values: FloatArray, bucket: int, sign: float, medians: NDArray[np.float32]
 ) -> None:
@@ -54,78 +52,29 @@ def bucket_medians(
     Of `values` (n,), times `sign`, into `medians` (ceil(n / bucket),); of those quarters that are
     whole; NaN if none is. `bucket`: a multiple of 4.
     """
-    quarter = bucket // 4
-    whole = values.size // bucket
-    if quarter == 1:
-        fours = values[: 4 * whole].reshape(whole, 4)
-    else:
-        fours = np.empty((whole, 4))
-        for k in range(whole):
-            for j in range(4):
-                fours[k, j] = _sum(values, (4 * k + j) * quarter, quarter)
-    lost = _medians_of_four(fours, sign * 0.5 / quarter, medians)
-    for k in range(0 if lost > 0 else whole, medians.size):
-        if k >= whole or medians[k] != medians[k]:
-            medians[k] = sign * _median_of_some(values, k * bucket, quarter)
+    quarter, short = bucket // 4, medians.size * bucket - values.size
+    whole = np.pad(values, (0, short), constant_values=np.nan) if short else values
+    parts = whole.reshape(-1, quarter)
+    total = parts[:, 0].copy()
+    for k in range(1, quarter):
+        total += parts[:, k]
+    fours = total.reshape(-1, 4) * (sign / quarter)
+    a, b, c, d = fours.T
+    lower = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    upper = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    medians[:] = 0.5 * (lower + upper)
+    lost = np.flatnonzero(np.isnan(medians))
+    medians[lost] = _medians(fours[lost])
 
 
-@compiled
-def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float32]) -> int:
-    """Fills `medians` with the middle of each four, scaled; how many are lost.
-
-    The sum of the inner two of each row of `fours` (m, 4), times `factor`; NaN if one of the four
-    is lost.
-    """
-    lost = 0
-    for k in range(fours.shape[0]):
-        t0, t1, t2, t3 = fours[k, 0], fours[k, 1], fours[k, 2], fours[k, 3]
-        # selects, which the compiler makes branchless; min() and max() are not
-        low01, high01 = (t0, t1) if t0 < t1 else (t1, t0)
-        low23, high23 = (t2, t3) if t2 < t3 else (t3, t2)
-        second = low23 if low01 < low23 else low01
-        third = high23 if high01 > high23 else high01
-        total = t0 + t1 + t2 + t3
-        finite = np.isfinite(total)
-        medians[k] = factor * (second + third) if finite else np.nan
-        lost += not finite
-    return lost
+def _medians(rows: FloatArray) -> FloatArray:
+    """Median of what is there in each of the `rows` (n, m), NaN if nothing is."""
+    ordered, row = np.sort(rows, axis=1), np.arange(len(rows))  # NaN come last
+    there = (~np.isnan(ordered)).sum(axis=1)
+    middle: FloatArray = 0.5 * (ordered[row, (there - 1) // 2] + ordered[row, there // 2])
+    return middle
 
 
-@compiled
-def _sum(values: FloatArray, first: int, count: int) -> float:
-    """The sum of so many of `values` from `first` on, in their order; NaN if one is lost."""
-    total = 0.0
-    for i in range(first, first + count):
-        total += values[i]
-    return total
-
-
-@compiled
-def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
-    """Median of the means of those of four quarters that are whole, NaN if none is.
-
-    The quarters begin at `first` and have `quarter` of `values` (n,) each.
-    """
-    s0 = s1 = s2 = s3 = np.inf
-    there = 0
-    for begin in range(first, min(first + 4 * quarter, values.size - quarter + 1), quarter):
-        total = _sum(values, begin, quarter)
-        if total == total:
-            there += 1
-            s3 = min(s3, max(s2, total))
-            s2 = min(s2, max(s1, total))
-            s1 = min(s1, max(s0, total))
-            s0 = min(s0, total)
-    if there == 4:
-        return 0.5 * (s1 + s2) / quarter
-    if there == 3:
-        return s1 / quarter
-    if there == 2:
-        return 0.5 * (s0 + s1) / quarter
-    return s0 / quarter if there == 1 else np.nan
-
-
-@compiled
 def running_medians(
     values: FloatArray, first: int, sign: float, medians: NDArray[np.float32]
 ) -> None:
@@ -133,14 +82,11 @@ def running_medians(
 
     From place `first` on; the ends of `values` and the neighbours of lost samples stay as they are.
     """
-    for k in range(medians.size):
-        i = first + k
-        value = values[i]
-        if 0 < i < values.size - 1:
-            before, after = values[i - 1], values[i + 1]
-            if before == before and after == after and value == value:
-                value = max(min(before, value), min(max(before, value), after))
-        medians[k] = sign * value
+    out = values.copy()
+    before, value, after = values[:-2], values[1:-1], values[2:]
+    middle = np.maximum(np.minimum(before, value), np.minimum(np.maximum(before, value), after))
+    out[1:-1] = np.where(np.isnan(middle), value, middle)
+    medians[:] = sign * out[first : first + medians.size]
 
 
 @compiled
@@ -206,48 +152,6 @@ def _share(below: float, above: float, level: float) -> float:
     return min(max((level - below) / rise, 0.0), 1.0) if rise != 0.0 else 0.5
 
 
-@compiled
-def medians_around(values: FloatArray, reach: int, least: FloatArray, medians: FloatArray) -> None:
-    """Fills `medians` (n,) with the median of the values around each place.
-
-    Of the values that are there within `reach` places on either side, NaN if none is; `least` (2
-    reach + 1,) is scratch.
-    """
-    for i in range(values.size):
-        there = 0
-        for j in range(max(i - reach, 0), min(i + reach + 1, values.size)):
-            least[there] = values[j]
-            there += values[j] == values[j]
-        # the smaller half in order, by exchanges without branches
-        for j in range(there // 2 + 1):
-            first = least[j]
-            for k in range(j + 1, there):
-                other = least[k]
-                least[k] = other if other > first else first
-                first = first if first < other else other
-            least[j] = first
-        medians[i] = 0.5 * (least[(there - 1) // 2] + least[there // 2]) if there > 0 else np.nan
-
-
-@compiled
-def fill_lost(values: NDArray[np.float32]) -> bool:
-    """Fills lost `values` (n,) by straight lines, at the ends by the nearest; False if all are."""
-    before, n = -1, values.size
-    for i in range(n):
-        if not np.isfinite(values[i]):
-            continue
-        if before < 0:
-            values[:i] = values[i]
-        elif i > before + 1:
-            first, last = np.float64(values[before]), np.float64(values[i])
-            for k in range(before + 1, i):
-                values[k] = first + (last - first) / (i - before) * (k - before)
-        before = i
-    if before >= 0:
-        values[before + 1 :] = values[before]
-    return before >= 0
-
-
 # ---- A channel thinned for the search of passages: medians of short buckets.
 #
 #     channel
@@ -268,9 +172,6 @@ BUCKET_S = 1.6e-3
 #: shorter buckets have this share of the samples: twice as much takes two rounds for what is four
 #: times as fast
 SHORTER = 4
-#: a recording that is interrupted for longer [s] goes on as another part, as its level may have
-#: drifted meanwhile; twice as long takes a drift of twice the size for a pulse's rise or fall
-INTERRUPTED_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -406,7 +307,9 @@ def _median_blocks(
 
 def _parts(axis: TimeAxis, bucket: IntArray, begin: IntArray, first: IntArray) -> IntArray:
     """Numbers of the buckets with which the recording begins and goes on, by the pieces (p,)."""
-    behind = axis.first[1:][axis.missing[1:] > INTERRUPTED_S * axis.rate_Hz]
+    # a recording that is interrupted for more than a second goes on as another part, as its level
+    # may have drifted meanwhile; twice as long takes a drift of twice the size for a pulse's rise
+    behind = axis.first[1:][axis.missing[1:] > axis.rate_Hz]
     piece = np.searchsorted(first[1:], behind, side="right")
     place = np.ceil((behind - first[piece] - 0.5 * (bucket[piece] - 1)) / bucket[piece])
     return np.concatenate([[0], begin[piece] + place.astype(np.int64)])
@@ -417,7 +320,13 @@ def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
 
     Nothing at all if all are lost.
     """
-    return medians if fill_lost(medians) else medians[:0]
+    known = np.isfinite(medians)
+    if not known.any():
+        return medians[:0]
+    lost = np.flatnonzero(~known)
+    if lost.size:  # the places take four times the room of the medians
+        medians[lost] = np.interp(lost, np.flatnonzero(known), medians[known])
+    return medians
 
 
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3, and half
@@ -426,14 +335,6 @@ LEAST_HEIGHT = 0.45
 #: and by this many times the noise of a sample; half of it, one sample's noise does by chance once
 #: in 3e4
 LEAST_SIGMAS = 8.0
-#: a pulse whose top lies this share of its height below both neighbours' is the stretch between
-#: two patches, seen from its deep shoulders; twice as much keeps almost every such stretch, half
-#: as much drops passages beside higher ones
-PLATEAU_SHARE = 0.4
-#: pulses whose usual width is less than so many buckets are searched with shorter ones: a pulse
-#: whose middle lies between two buckets looks two wide, however narrow it is, and below 1.2 it may
-#: be too low to count.  Half as many would leave such pulses out
-FEWEST_BUCKETS = 2.2
 #: pulses on either side whose widths are the usual one; twice as many pulses tell it of a speed
 #: that changes over twice as many
 REACH = 3
@@ -501,26 +402,15 @@ def _without_plateaus(
     height = top - np.minimum(values[left], values[right])
     before = np.concatenate([[np.inf], top[:-1]])
     after = np.concatenate([top[1:], [np.inf]])
-    kept = top >= np.minimum(before, after) - PLATEAU_SHARE * height
+    # a pulse whose top lies this share of its height below both neighbours' is the stretch between
+    # two patches, seen from its deep shoulders; twice as much keeps almost every such stretch, half
+    # as much drops passages beside higher ones
+    kept = top >= np.minimum(before, after) - 0.4 * height
     return peak[kept], left[kept], right[kept]
 
 
-@dataclass(frozen=True)
-class _Level:
-    """Radial acceleration outside the patch: sizes (k,) at samples (k,), straight lines between."""
-
-    index: FloatArray
-    size: FloatArray
-
-    def at(self, index: FloatArray) -> NDArray[np.float32]:
-        return np.interp(index, self.index, self.size).astype(np.float32)
-
-
-def search_passages(
-    channel: Channel, sign: float, block_samples: int = AT_ONCE
-) -> tuple[Records, Decimated]:
-    """The pulses of `channel`, and what they were found in. `sign` turns the patch upward."""
-    return pulses_in(channel, decimate(channel, sign, block_samples), sign)
+#: radial acceleration outside the patch by sample: sizes (n,) at fractional samples (n,)
+Level = Callable[[FloatArray], FloatArray]
 
 
 def pulses_in(
@@ -528,8 +418,8 @@ def pulses_in(
 ) -> tuple[Records, Decimated]:
     """The pulses of `channel` in its `data`, and those with shorter buckets where it takes them.
 
-    `without` as `find_pulses` has it. Radial acceleration, whose pulses grow with the square of
-    the speed, is searched in units of its level outside the patch.
+    `sign` turns the patch upward, `without` as `find_pulses` has it. Radial acceleration, whose
+    pulses grow with the square of the speed, is searched in units of its level outside the patch.
     """
     if not data.values.size or not np.isfinite(data.noise):
         return np.zeros(0, PULSE), data
@@ -541,27 +431,30 @@ def pulses_in(
     return _seen(channel.axis, pulses), data
 
 
-def _found(data: Decimated, level: _Level | None, without: int) -> Records:
+def _found(data: Decimated, level: Level | None, without: int) -> Records:
     """The pulses of `data`, searched in units of a `level` if there is one."""
     if level is None:
         return find_pulses(data, without)
-    at = level.at(data.index(np.arange(data.values.size)))
+    at = level(data.index(np.arange(data.values.size))).astype(np.float32)
     noise = data.noise / float(np.median(at))
     pulses = find_pulses(replace(data, values=data.values / at, noise=noise), without)
-    scale = level.at(pulses["middle"]).astype(np.float64)
+    scale = level(pulses["middle"])
     pulses["height"] *= scale
     pulses["base"] *= scale
     return pulses
 
 
-def _level(channel: Channel, data: Decimated) -> _Level:
-    """Median size of the values over pieces of LEVEL_S, never below the least."""
+def _level(channel: Channel, data: Decimated) -> Level:
+    """Median size of the values over pieces of LEVEL_S, never below the least.
+
+    With straight lines between their middles.
+    """
     size = max(int(LEVEL_S * channel.axis.rate_Hz / data.bucket[0]), 1)
     firsts = np.arange(0, data.values.size, size)
     medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
     least = max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
     middles = data.index(np.asarray(firsts + 0.5 * size, np.float64))
-    return _Level(middles, np.maximum(medians, least))
+    return partial(np.interp, xp=middles, fp=np.maximum(medians, least))
 
 
 def _fast_stretches(channel: Channel, data: Decimated, pulses: Records) -> IntArray:
@@ -570,14 +463,17 @@ def _fast_stretches(channel: Channel, data: Decimated, pulses: Records) -> IntAr
     With REACH pulses on either side, between which and the others none was overlooked.
     """
     bucket = data.bucket[np.searchsorted(data.first[1:], pulses["middle"], side="right")]
-    narrow = (usual(pulses["width"] / bucket) < FEWEST_BUCKETS) & (bucket > 1)
+    # pulses whose usual width is less than so many buckets are searched with shorter ones: a pulse
+    # whose middle lies between two buckets looks two wide, however narrow it is, and below 1.2 it
+    # may be too low to count.  Half as many would leave such pulses out
+    narrow = (usual(pulses["width"] / bucket) < 2.2) & (bucket > 1)
     if not narrow.any():
         return np.zeros((0, 2), np.int64)
     around = np.convolve(narrow, np.ones(2 * REACH + 1))[REACH:-REACH] > 0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], around, [False]])))
+    edges = np.stack(runs(around), axis=1)
     between = 0.5 * (pulses["middle"][1:] + pulses["middle"][:-1])
     bounds = np.concatenate([[0.0], between, [float(channel.size)]])
-    return bounds[edges].astype(np.int64).reshape(-1, 2)
+    return bounds[edges].astype(np.int64)
 
 
 def _seen(axis: TimeAxis, pulses: Records) -> Records:
@@ -593,10 +489,10 @@ def _seen(axis: TimeAxis, pulses: Records) -> Records:
 
 
 def usual(values: FloatArray) -> FloatArray:
-    """Median of the values within REACH pulses, shape (n,)."""
-    medians = np.empty(values.size)
-    medians_around(np.ascontiguousarray(values), REACH, np.empty(2 * REACH + 1), medians)
-    return medians
+    """Median of the values that are there within REACH pulses, shape (n,), NaN if none is."""
+    padded = np.pad(np.asarray(values, np.float64), REACH, constant_values=np.nan)
+    places = np.arange(values.size)[:, None] + np.arange(2 * REACH + 1)
+    return _medians(padded[places])
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Records:

@@ -334,59 +334,6 @@ def _shapes(
 
 
 @compiled
-def leave_rows(
-    source: Source, table: Records, window_rad: float, rows: Records, spans: Records,
-    found: Records, scratch: Scratch, phi: FloatArray, left: FloatArray,
-) -> int:  # fmt: skip
-    """What a template leaves of its passages, as shares of their heights; how many samples.
-
-    Fills `phi` [rad] and `left` (n MOST_SAMPLES,) with the samples that are there and lie within
-    the template, of all `rows` (n,) with `spans` and fits `found`. Offset, height and shift of a
-    row are those of its own samples. `table` (g,) of POINT over +-`window_rad`.
-    """
-    used = 0
-    for row in range(rows.size):
-        made = found[row]
-        count, _ = read_window(source, spans[row], scratch)
-        _shapes(
-            count, made["time_s"], made["omega_rad_s"], rows[row]["alpha_rad_s2"], table,
-            window_rad, scratch,
-        )  # fmt: skip
-        inside, value, shape, slope = 0, 0.0, 0.0, 0.0
-        for i in range(count):
-            scratch.weight[i] = 0.0
-            if abs(scratch.phi[i]) <= window_rad and np.isfinite(scratch.value[i]):
-                scratch.weight[i] = 1.0
-                inside += 1
-                value += scratch.value[i]
-                shape += scratch.shape[i]
-                slope += scratch.slope[i]
-        if inside < 1:
-            continue
-        value, shape, slope = value / inside, shape / inside, slope / inside
-        aa, ab, bb, av, bv = 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(count):
-            if scratch.weight[i] > 0.0:
-                a, b, v = (
-                    scratch.shape[i] - shape,
-                    scratch.slope[i] - slope,
-                    scratch.value[i] - value,
-                )
-                aa, ab, bb, av, bv = aa + a * a, ab + a * b, bb + b * b, av + a * v, bv + b * v
-        # columns that cannot be told apart share what there is
-        aa, bb = aa * (1.0 + 1e-12) + 1e-300, bb * (1.0 + 1e-12) + 1e-300
-        determinant = aa * bb - ab * ab
-        by_a, by_b = (bb * av - ab * bv) / determinant, (aa * bv - ab * av) / determinant
-        for i in range(count):
-            if scratch.weight[i] > 0.0:
-                rest = scratch.value[i] - value
-                rest -= by_a * (scratch.shape[i] - shape) + by_b * (scratch.slope[i] - slope)
-                phi[used], left[used] = scratch.phi[i], rest / made["height"]
-                used += 1
-    return used
-
-
-@compiled
 def _step(count: int, hold: float, scratch: Scratch) -> TemplateFit:
     """One Gauss-Newton step of the first `count` samples of a window.
 
@@ -549,24 +496,15 @@ class Template:
         )
 
 
-class CurveSums:
-    """Normal equations of the least-squares spline through the samples.
+def _coefficients(normal: FloatArray, right: FloatArray, count: int) -> FloatArray:
+    """The least-squares spline's coefficients, (s,), from sums over `count` samples.
 
-    `normal` (s, s) upper triangle, `right` (s,), so many samples.
+    `normal` (s, s) upper triangle, `right` (s,) of the normal equations.
     """
-
-    def __init__(self) -> None:
-        self.normal = np.zeros((INTERVALS + 3, INTERVALS + 3))
-        self.right = np.zeros(INTERVALS + 3)
-        self.count = 0
-
-    def coefficients(self) -> FloatArray:
-        """The spline's coefficients, (INTERVALS + 3,)."""
-        size = self.right.size
-        rough = np.diff(np.eye(size), 3, axis=0)
-        normal = self.normal + np.triu(self.normal, 1).T + 1e-12 * np.eye(size)
-        normal += SMOOTHING * max(self.count / INTERVALS, 1.0) * rough.T @ rough
-        return np.asarray(np.linalg.solve(normal, self.right), np.float64)
+    rough = np.diff(np.eye(right.size), 3, axis=0)
+    whole = normal + np.triu(normal, 1).T + 1e-12 * np.eye(right.size)
+    whole += SMOOTHING * max(count / INTERVALS, 1.0) * rough.T @ rough
+    return np.asarray(np.linalg.solve(whole, right), np.float64)
 
 
 def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArray:
@@ -594,13 +532,14 @@ def half_height(phi: FloatArray, values: FloatArray) -> tuple[float, float] | No
     return float(0.5 * (entry + leave)), float(0.5 * (leave - entry))
 
 
-def learned_template(sums: CurveSums, window: float) -> Template | None:
-    """The template of the samples in `sums`, within +-`window` [rad], or None.
+def learned_template(sums: tuple[FloatArray, FloatArray, int], window: float) -> Template | None:
+    """The template of samples, within +-`window` [rad], or None.
 
-    None if the curve has no two half-level crossings. Its table covers a window of
-    WINDOW_HALF_WIDTHS half widths around the middle of the crossings, as far as `window` allows.
+    `sums`: normal equations of its curve and how many samples (`spline_sums`). None if the curve
+    has no two half-level crossings. Its table covers a window of WINDOW_HALF_WIDTHS half widths
+    around the middle of the crossings, as far as `window` allows.
     """
-    coefficients = sums.coefficients()
+    coefficients = _coefficients(*sums)
     grid = np.linspace(-window, window, TABLE)
     found = half_height(grid, _curve(coefficients, grid, window)[0])
     if found is None:
