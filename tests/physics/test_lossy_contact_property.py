@@ -16,7 +16,6 @@ from tirelog.physics.carcass.contact import (
     pressure_modes,
     pressure_modes_near,
     solve_contact,
-    solve_lossy,
 )
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
 
@@ -32,7 +31,7 @@ DAMPED = (540.0 * SPIN, 200.0 * SPIN, 0.15 * 6.3e5, 2e-5 * SPIN * 2.0)
 def test_springs_press_just_as_deep_as_the_lagging_ring_under_them_lies(load):
     """By the ring's own modes with damping, without the solver's matrix."""
     losses = (DAMPED[0], DAMPED[1], 0.0, 0.0)
-    contact = solve_lossy(CARCASS, losses, load)
+    contact = solve_contact(CARCASS, load, losses)
     assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(load, rel=1e-9)
     assert contact.pressure_N_m.min() >= 0.0
     phi, p = np.arange(3072) * STEP, np.zeros(3072)
@@ -51,9 +50,7 @@ def test_springs_press_just_as_deep_as_the_lagging_ring_under_them_lies(load):
 
 
 def test_without_losses_it_is_the_even_contact():
-    lossy, even = (solve(CARCASS, *more, 3500.0) for solve, more in (
-        (solve_lossy, (NONE,)), (solve_contact, ())
-    ))  # fmt: skip
+    lossy, even = (solve_contact(CARCASS, 3500.0, losses) for losses in (NONE, ()))
     assert np.allclose(lossy.pressure_N_m, even.pressure_N_m, rtol=0.0, atol=1e-7 * 3e4)
     assert lossy.half_length_m == pytest.approx(even.half_length_m, rel=1e-9)
 
@@ -62,7 +59,7 @@ def test_without_losses_it_is_the_even_contact():
 def test_every_loss_makes_the_pressure_lean_to_the_entry_edge(which):
     """What takes power needs a moment that brakes: more pressure where the tread arrives."""
     losses = tuple(x if i == which else 0.0 for i, x in enumerate(DAMPED))
-    contact = solve_lossy(CARCASS, losses, 3500.0)
+    contact = solve_contact(CARCASS, 3500.0, losses)
     assert contact.pressure_N_m @ contact.on < 0.0
 
 
@@ -80,7 +77,7 @@ def test_slopes_are_those_of_contacts_a_small_step_away(by):
             load *= factor
         else:
             losses[by - 6] *= factor
-        return solve_lossy(carcass, tuple(losses), load)
+        return solve_contact(carcass, load, tuple(losses))
 
     up, here, down = at(1.0 + step), at(1.0), at(1.0 - step)
     size = (2.0, 6.3e5, 6.3e5, 8.75e7, CARCASS.pb, 3500.0, *DAMPED)[by] * 2.0 * step

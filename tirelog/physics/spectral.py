@@ -152,6 +152,18 @@ def powers(angle: FloatArray) -> ComplexArray:
     return np.asarray((coarse[:, :, None] * fine[:, None, :]).reshape(angle.shape[0], MODES))
 
 
+def interpolation_shares(nodes: FloatArray, weights: FloatArray, at: FloatArray) -> FloatArray:
+    """Shares (n, k) of values at `nodes` (k,) in the polynomial's through them `at` others (n,).
+
+    The barycentric formula, with the nodes' own `weights` (k,).
+    """
+    apart = at[:, None] - nodes
+    exact = apart == 0.0
+    share = weights / np.where(exact, 1.0, apart)
+    share /= share.sum(axis=1, keepdims=True)
+    return np.where(exact.any(axis=1, keepdims=True), exact, share)
+
+
 def to_grid(coefficients: ComplexArray) -> FloatArray:
     """Values on the grid, (..., K) to (..., GRID)."""
     return np.asarray(irfft(coefficients, GRID, axis=-1, norm="forward"))

@@ -8,15 +8,15 @@ road and never pulls:
     p = k_t max(0, delta - R (1 - cos phi) - u(phi)),   u = A p,   sum p h = F
 
 with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
-waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
-is the one of the undamped ring with all its tension, that of effects too, and even about the patch
-centre; `LossyContact` is the one of a ring that takes power, `pressure_modes` the modes of both.
-What a user's own effects on the foundation change in the pressure is left out.
+waveform's grid; the load is a row of the linear system, so it is carried to rounding. The ring has
+all its tension, that of effects too. Without losses it is even about the patch centre, and one half
+is solved for. What damps a ring makes its answer to a load lag behind it: the yield is no longer
+alike to both sides, so the pressure leans towards the entry edge, and more than what the same loss
+does to the ring under a given pressure. What a user's own effects on the foundation change in the
+pressure is left out.
 
-    carcass, F --solve_contact--> pressure at the angles that touch --moved--> its derivatives
-
-This file is longer than others: contacts without losses and with them, and the modes between them,
-share grid, yields and derivatives.
+    carcass, F, losses --solve_contact--> pressure at the angles that touch --.slopes--> derivatives
+    ContactState --pressure_modes--> modes of the pressure, for rows of loads, tensions and losses
 """
 
 from __future__ import annotations
@@ -30,29 +30,31 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
-from scipy.linalg import lu_factor, lu_solve
-from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from tirelog.errors import ModelError
 from tirelog.physics.carcass.structures import RingCarcass, modal_impedance
-from tirelog.physics.spectral import GRID, MODES, STEP, ComplexArray, to_modes
+from tirelog.physics.spectral import (
+    GRID,
+    MODES,
+    STEP,
+    ComplexArray,
+    interpolation_shares,
+    to_modes,
+)
 from tirelog.vocabulary.arrays import FloatArray
 
 #: Farthest angle from the patch centre [rad] that may touch the road. Half of it, 0.4, is a patch
 #: of 12 cm to either side at 0.3 m; twice as much doubles the nodes.
 REACH = 0.8
 NODES = int(REACH / STEP)
-#: The angles of one half of the patch: the undamped ring's contact is even about its centre.
-_PHI = np.arange(NODES + 1) * STEP
-_COS, _SIN = np.cos(_PHI), np.sin(_PHI)
-#: Their sums.
-_LAG = np.arange(2 * _PHI.size - 1) * STEP
-#: How often each of them stands in the whole patch.
-_TWICE = np.where(_PHI > 0.0, 2.0, 1.0)
 #: Steps of the search for the angles that touch; from anywhere it takes some six. Twice as many
 #: change nothing that converges. It begins with those up to so many [rad], which changes no digit.
 _MOST_STEPS = 100
-_BEGIN = 0.15
+_BEGIN = 0.2
+#: Angles beyond those that it begins with, as a share of these and at least so many, among which an
+#: edge is looked for; twice as many take twice as long, and it is asked beyond them too.
+_MARGIN, _LEAST_MARGIN = 0.25, 12
 #: the waves of the grid
 _WAVES = np.arange(GRID // 2 + 1, dtype=np.float64)
 #: What a contact moves with: these constants of the carcass, p0 b and the load.
@@ -60,163 +62,70 @@ STIFFNESSES = ("EI", "k_w", "k_v", "k_t")
 BY = len(STIFFNESSES) + 2
 #: Those of them that are the sidewalls'.
 SIDEWALLS = ("k_w", "k_v")
-#: Angles of a half among which a contact is looked for first; a usual one, of 5 cm at 0.3 m, has
-#: 80. Twice as many take four times as long.
-_SIZES = (128, 256, _PHI.size)
-#: Beyond these, where a usual tire is far above the road, every so manieth angle is asked whether
-#: it touches too: 2.5 mm apart at 0.3 m. Twice as many take a third longer.
-_SPARSE = 4
+#: what losses are made of, each a strength at a speed: of the radial and the tangential foundation
+#: in proportion to the wave's frequency [N/m^2], of the radial one the same at every frequency
+#: [N/m^2], and of the belt in bending in proportion to it [N m^2]
+LOSSES = ("radial_rate", "tangential_rate", "radial", "bending_rate")
+NONE = (0.0,) * len(LOSSES)
+
+#: the factors of `dgetrf`
+_Factors = tuple[FloatArray, NDArray[np.int32]]
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A solved contact: pressure [N/m] at angles, patch and hub drop.
+    """A solved contact: pressure [N/m] at the grid's angles `on` (k,) of -NODES ... NODES.
 
-    Pressure [N/m] at `phi_rad` (both (j,)), half length [m] of the patch, and the hub's drop delta
-    [m].
+    Half length [m] of the patch and the hub's drop [m]. `solved` (k,): the number of each angle's
+    pressure in the equations, of which an even contact has one for two angles; `factors` of these
+    for pressure and drop; `edges` what each edge is told by: the last angle that touches, its depth
+    [m] and that of the next one, and how the next one yields under the pressures.
     """
 
-    phi_rad: FloatArray
+    carcass: RingCarcass
+    losses: tuple[float, ...]
+    on: NDArray[np.int64]
     pressure_N_m: FloatArray
     half_length_m: float
     drop_m: float
+    solved: NDArray[np.int64]
+    factors: _Factors
+    edges: tuple[tuple[int, float, float, FloatArray], ...]
 
+    @property
+    def phi_rad(self) -> FloatArray:
+        return np.asarray(self.on * STEP, dtype=np.float64)
 
-@dataclass(frozen=True)
-class _Yield:
-    """A of one carcass: how far the ring yields upwards [m] under vertical pressure [N/m].
+    @property
+    def slopes(self) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of pressure (6, k) and half length (6,), while the same angles touch.
 
-    With the lag k = i - j of two angles and c = cos phi, s = sin phi
-
-        A_ij h = c_i c_j d_k + s_i s_j a_k + (c_i s_j - s_i c_j) b_k
-
-    where a, b, d have the modes 1 / Z_n, i n / Z_n, n^2 / Z_n: `spectra` (3, GRID / 2 + 1) of them.
-    By sums of angles it is f_k + g_k cos(phi_i + phi_j), with
-
-        f_k = (d_k + a_k) cos(phi_k) / 2 - b_k sin(phi_k),    g_k = (d_k - a_k) / 2
-
-    both even: `by_difference` are f, g and cos (3, j, j) at i - j, `by_sum` at i + j (views).
-    """
-
-    spectra: ComplexArray
-    by_difference: FloatArray
-    by_sum: FloatArray
-
-    def of_first(self, at: slice, size: int) -> FloatArray:
-        """A h at some angles of the half patch from its first ones, (k, size)."""
-        f, g, cos = self.by_difference[:, at, :size]
-        f_far, g_far, cos_far = self.by_sum[:, at, :size]
-        matrix: FloatArray = g * cos_far
-        mirrored = g_far * cos
-        matrix += f
-        mirrored += f_far
-        matrix[:, 1:] += mirrored[:, 1:]  # the angle zero has no other half
-        return matrix
-
-
-def _under(spectra: ComplexArray, on: NDArray[np.int64], p: FloatArray) -> FloatArray:
-    """u [m] at all angles of the half patch under p (k,) at some and the same beyond, (..., j).
-
-    By `spectra` (3, ..., GRID / 2 + 1) as of `_Yield`.
-    """
-    whole = np.concatenate([-on, on])  # an angle zero stands twice, and is set twice
-    return _yields_at(spectra, whole, np.concatenate([p, p]), np.arange(_PHI.size))
-
-
-@lru_cache(maxsize=8)
-def _yield(carcass: RingCarcass) -> _Yield:
-    inverse = 1.0 / modal_impedance(_WAVES, carcass).real
-    spectra = _spectra(inverse)
-    a, b, d = irfft(spectra, GRID, axis=-1)[:, : _LAG.size]
-    cos, sin = np.cos(_LAG), np.sin(_LAG)
-    by_lag = np.stack([0.5 * (d + a) * cos - b * sin, 0.5 * (d - a), cos])
-    size = _PHI.size
-    there_and_back = np.concatenate([by_lag[:, size - 1 : 0 : -1], by_lag[:, :size]], axis=1)
-    by_difference = sliding_window_view(there_and_back, size, axis=1)[:, ::-1]
-    return _Yield(spectra, by_difference, sliding_window_view(by_lag, size, axis=1))
-
-
-@lru_cache(maxsize=512)
-def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
-    """The contact at the load F [N].
-
-    ModelError if the load is not above zero or the patch grows beyond REACH.
-    """
-    if not load_N > 0.0:
-        raise ModelError(
-            f"load {load_N:g} N does not press the tire on the road",
-            allowed="a load above zero is allowed",
-            do="correct load_N",
-        )
-    for size in _SIZES:
-        nested = _nested(carcass, size)
-        found = None if nested is None else _widened(nested, carcass.R, load_N)
-        if found is not None:
-            return found
-    wide = _searched(carcass, NONE, load_N, int(_BEGIN / STEP))
-    phi = np.asarray(wide.on * STEP, dtype=np.float64)
-    return Contact(phi, wide.pressure_N_m, wide.half_length_m, wide.drop_m)
-
-
-@dataclass(frozen=True)
-class _Nested:
-    """The contacts of one carcass at all loads, if each is one stretch about the middle.
-
-    With the matrix of the first angles Cholesky's factor C of any fewer of them is known too: its
-    first rows and columns; and so are C^-1 of a unit drop and of the road's shape, `drop` and
-    `shape` (k,), with the sums of their products over the first angles. `yields` (k, k): how far
-    these angles yield under pressure at them, and `beyond` (j, k) some of those beyond.
-    """
-
-    factor: FloatArray
-    drop: FloatArray
-    shape: FloatArray
-    drop_drop: FloatArray
-    drop_shape: FloatArray
-    yields: FloatArray
-    beyond: FloatArray
-
-
-@lru_cache(maxsize=16)
-def _nested(carcass: RingCarcass, size: int) -> _Nested | None:
-    """The contacts that touch fewer than `size` angles of a half; None if no spring has hold."""
-    yields, twice = _yield(carcass).of_first(slice(size), size), _TWICE[:size]
-    beyond = _yield(carcass).of_first(slice(size, None, _SPARSE), size)
-    matrix = yields * twice[:, None]
-    matrix[np.diag_indices(size)] += twice / carcass.k_t
-    factor, failed = dpotrf(matrix, lower=1, clean=1)
-    if failed:
-        return None
-    right = np.stack([twice, twice * (carcass.R * (1.0 - _COS[:size]))], axis=1)
-    drop, shape = dtrtrs(factor, right, lower=1)[0].T
-    return _Nested(factor, drop, shape, np.cumsum(drop**2), np.cumsum(drop * shape), yields, beyond)
-
-
-def _widened(nested: _Nested, R: float, load_N: float) -> Contact | None:
-    """The contact widened angle by angle until it carries the load.
-
-    None if it is wider than these angles, or another angle would touch too.
-    """
-    drops = (load_N / (R * STEP) + nested.drop_shape) / nested.drop_drop
-    presses = drops * nested.drop > nested.shape  # the last of so many angles
-    # the first of these contacts beside which the next angle does not press
-    closed = presses[:-1] & (drops[:-1] * nested.drop[1:] <= nested.shape[1:])
-    if not closed.any():
-        return None
-    count = int(np.argmax(closed)) + 1
-    drop = float(drops[count - 1])
-    right = np.zeros(nested.drop.size)
-    right[:count] = drop * nested.drop[:count] - nested.shape[:count]
-    p = dtrtrs(nested.factor, right, lower=1, trans=1)[0][:count]
-    above = R * (1.0 - _COS)
-    depth = drop - above[: right.size] - nested.yields[:, :count] @ p
-    beyond = drop - above[right.size :: _SPARSE] - nested.beyond[:, :count] @ p
-    if p.min() <= 0.0 or max(depth[count:].max(), beyond.max(initial=-1.0)) > 0.0:
-        return None
-    # the edge lies where the depth crosses zero beyond the last node that presses
-    edge = float(_PHI[count - 1] + STEP * depth[count - 1] / (depth[count - 1] - depth[count]))
-    phi = np.concatenate([-_PHI[1:count][::-1], _PHI[:count]])
-    return Contact(phi, np.concatenate([p[1:][::-1], p]), R * edge, drop)
+        By EI, k_w, k_v, k_t, p0 b and the load; of a contact with losses also by each of these,
+        (10, ...).
+        """
+        carcass, p, on = self.carcass, self.pressure_N_m, self.on
+        lossy = 1j * loss_shapes(_WAVES, carcass.R)[: len(self.losses)]
+        changes = np.concatenate([by_stiffness(_WAVES, carcass.R) + 0j, lossy])
+        inverse = -changes / _impedance(carcass, self.losses) ** 2
+        outer = [on[0] - 1, on[-1] + 1][-len(self.edges) :]
+        yields = _yields_at(_spectra(inverse), on, p, np.append(on, outer))
+        by_tread, by_load = np.zeros((2, yields.shape[1]))
+        by_tread[: on.size] = -p / carcass.k_t**2
+        right = -np.stack([*yields[:3], by_tread, yields[3], by_load, *yields[4:]])
+        carries = carcass.R * STEP * np.bincount(self.solved)
+        own = right[:, on.size - carries.size : on.size]  # what is before it is a mirror image
+        found, _ = dgetrs(*self.factors, np.vstack([own, np.ones(carries.size)]).T)
+        load = np.zeros(right.shape[0])
+        load[5] = 1.0
+        drop = (load - carries @ found[:, :-1]) / (carries @ found[:, -1])
+        moved = (found[:, :-1] + np.outer(found[:, -1], drop)).T
+        half = np.zeros(right.shape[0])
+        for (at, last, after, under), beyond in zip(self.edges, right[:, on.size :].T, strict=True):
+            of_last = moved[:, at] / carcass.k_t
+            of_last[3] -= p[at] / carcass.k_t**2
+            of_after = drop + beyond - moved @ under
+            half += (last * of_after - after * of_last) / (last - after) ** 2
+        return moved[:, self.solved], carcass.R * STEP / len(self.edges) * half
 
 
 def by_stiffness(n: FloatArray, R: float) -> FloatArray:
@@ -226,147 +135,25 @@ def by_stiffness(n: FloatArray, R: float) -> FloatArray:
     )
 
 
-def moved(
-    carcass: RingCarcass, load_N: float
-) -> tuple[NDArray[np.int64], FloatArray, float, FloatArray, FloatArray] | None:
-    """A contact and its derivatives by STIFFNESSES, p0 b and the load.
-
-    The grid's angles that touch (k,), pressure there (k,), half length; derivatives (6, k) of the
-    pressure, (6,) of the half length. None if the contact is not one stretch about the middle.
-    """
-    contact = solve_contact(carcass, load_N)
-    count = (contact.phi_rad.size + 1) // 2
-    nested = _nested(carcass, next(size for size in _SIZES if size > count))
-    if nested is None or contact.phi_rad[-1] != _PHI[count - 1]:
-        return None
-    change, half = _moved(nested, carcass, contact.pressure_N_m[count - 1 :])
-    both = np.concatenate([change[:, :0:-1], change], axis=1)
-    return np.arange(1 - count, count), contact.pressure_N_m, contact.half_length_m, both, half
-
-
-def _moved(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (6, k) of the pressure at the angles of one half, (6,) of the half length.
-
-    From (A + 1 / k_t) p = delta - shape and sum p h = F at the angles that touch.
-    """
-    R, k_t, count = carcass.R, carcass.k_t, p.size
-    on, twice = np.arange(count), _TWICE[:count]
-    inverse = -by_stiffness(_WAVES, R) / modal_impedance(_WAVES, carcass).real ** 2
-    spectra = _spectra(inverse)
-    yields = np.zeros((BY, count + 1))
-    EI, k_w, k_v, pb = _under(spectra, on, p)[:, : count + 1]
-    yields[:3], yields[3, :count], yields[4] = (EI, k_w, k_v), -p / k_t**2, pb
-    right = np.concatenate([-yields[:, :count], np.ones((1, count))]) * twice
-    found, _ = dpotrs(nested.factor[:count, :count], right.T, lower=1)
-    by_drop = found[:, -1]
-    carried = np.zeros(BY)
-    carried[5] = 1.0 / (R * STEP)
-    drop = (carried - twice @ found[:, :-1]) / (twice @ by_drop)
-    moved = (found[:, :-1] + by_drop[:, None] * drop).T
-    # the edge lies where the depth crosses zero, between the last angle and the next
-    last, after = p[-1] / k_t, -_beside(nested, carcass, p)
-    of_last = moved[:, -1] / k_t
-    of_last[3] -= p[-1] / k_t**2
-    of_after = drop - yields[:, count] - moved @ nested.yields[count, :count]
-    return moved, R * STEP * (last * of_after + after * of_last) / (last + after) ** 2
-
-
-def _beside(nested: _Nested, carcass: RingCarcass, p: FloatArray) -> float:
-    """Depth [m] of the first angle that does not touch, at or below zero."""
-    count = p.size
-    drop = p[0] / carcass.k_t + nested.yields[0, :count] @ p
-    return float(drop - carcass.R * (1.0 - _COS[count]) - nested.yields[count, :count] @ p)
-
-
-# ---- One-sided contact with a flat road of a ring that takes power in rolling.
-#
-# What damps a ring makes its answer to a load lag behind it: the yield under pressure is no longer
-# alike to both sides, so the pressure leans towards the entry edge, and more than what the same
-# loss
-# does to the ring under a given pressure.
-#
-#     carcass, losses, F --solve_lossy--> pressure at the angles that touch --.slopes--> derivatives
-#
-# The law of contact is that of `contact`; the angles of both halves are unknown here, and active
-# sets
-# begin with those of the ring without losses.
-
-
-#: what losses are made of, each a strength at a speed: of the radial and the tangential foundation
-#: in proportion to the wave's frequency [N/m^2], of the radial one the same at every frequency
-#: [N/m^2], and of the belt in bending in proportion to it [N m^2]
-LOSSES = ("radial_rate", "tangential_rate", "radial", "bending_rate")
-NONE = (0.0,) * len(LOSSES)
-#: angles beyond those that touch without losses, as a share of these and at least so many, among
-#: which an edge is looked for; twice as many take twice as long, and it is asked beyond them too
-_MARGIN, _LEAST_MARGIN = 0.25, 12
-
-
 def loss_shapes(n: FloatArray, R: float) -> FloatArray:
-    """Im Z_n (4, k) per strength of each of `LOSSES`, of Z_n of `ring.modal_impedance`."""
+    """Im Z_n (4, k) per strength of each of `LOSSES`, of Z_n of `structures.modal_impedance`."""
     return np.stack([n**3, n, n**2, n**3 * (1.0 - n**2) ** 2 / R**4])
 
 
-@dataclass(frozen=True)
-class LossyContact:
-    """A solved contact: pressure [N/m] at the grid's angles `on` (k,) of -NODES ... NODES.
-
-    Half length [m] of the patch and the hub's drop [m]; `factors` of the equations for pressure and
-    drop; `edges` what each edge is told by: depth [m] of the last angle that touches and of the
-    next one, and how the next one yields under pressure (k,).
-    """
-
-    carcass: RingCarcass
-    losses: tuple[float, ...]
-    on: NDArray[np.int64]
-    pressure_N_m: FloatArray
-    half_length_m: float
-    drop_m: float
-    factors: tuple[FloatArray, NDArray[np.int32]]
-    edges: tuple[tuple[float, float, FloatArray], ...]
-
-    @property
-    def slopes(self) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of pressure (10, k) and half length (10,), while the same angles touch.
-
-        By EI, k_w, k_v, k_t, p0 b and the load, as of `contact`, and by each of the losses.
-        """
-        carcass, p, on = self.carcass, self.pressure_N_m, self.on
-        lossy = 1j * loss_shapes(_WAVES, carcass.R)
-        changes = np.concatenate([by_stiffness(_WAVES, carcass.R) + 0j, lossy])
-        inverse = -changes / _impedance(carcass, self.losses) ** 2
-        outer = np.array([on[0] - 1, on[-1] + 1])
-        yields = _yields_at(_spectra(inverse), on, p, np.append(on, outer))
-        EI, k_w, k_v, pb = yields[:4]
-        none = np.zeros_like(EI)
-        by_tread = none.copy()
-        by_tread[: on.size] = -p / carcass.k_t**2
-        right = -np.stack([EI, k_w, k_v, by_tread, pb, none, *yields[4:]])
-        load = np.zeros(right.shape[0])
-        load[5] = 1.0
-        found = lu_solve(self.factors, np.column_stack([right[:, : on.size], load]).T).T
-        moved, drop = found[:, :-1], found[:, -1]
-        half = np.zeros(right.shape[0])
-        for (last, after, under), at, beyond in zip(
-            self.edges, (0, -1), right[:, on.size :].T, strict=True
-        ):
-            of_last = moved[:, at] / carcass.k_t
-            of_last[3] -= p[at] / carcass.k_t**2
-            of_after = drop + beyond - moved @ under
-            half += (
-                0.5 * carcass.R * STEP * (last * of_after - after * of_last) / (last - after) ** 2
-            )
-        return moved, half
-
-
 def _impedance(carcass: RingCarcass, losses: tuple[float, ...]) -> ComplexArray:
-    lost = np.array(losses) @ loss_shapes(_WAVES, carcass.R)
+    lost = np.array(losses) @ loss_shapes(_WAVES, carcass.R)[: len(losses)]
     return np.asarray(modal_impedance(_WAVES, carcass).real + 1j * lost, dtype=np.complex128)
 
 
-def _spectra(inverse: ComplexArray | FloatArray) -> ComplexArray:
+def _spectra(inverse: ComplexArray) -> ComplexArray:
     """1 / Z_n, i n / Z_n and n^2 / Z_n (3, ..., K), by which the ring yields."""
-    return np.stack([inverse + 0j, 1j * _WAVES * inverse, _WAVES**2 * inverse + 0j])
+    return np.stack([inverse, 1j * _WAVES * inverse, _WAVES**2 * inverse])
+
+
+@lru_cache(maxsize=16)
+def _yields(carcass: RingCarcass, losses: tuple[float, ...]) -> ComplexArray:
+    """`_spectra` of a carcass."""
+    return _spectra(1.0 / _impedance(carcass, losses))
 
 
 def _yields_at(
@@ -383,74 +170,83 @@ def _yields_at(
     )
 
 
-@lru_cache(maxsize=256)
-def solve_lossy(carcass: RingCarcass, losses: tuple[float, ...], load_N: float) -> LossyContact:
-    """The contact of a ring with these losses at the load F [N].
+def check_load(load_N: float) -> None:
+    """ModelError for a load that is not above zero."""
+    if not load_N > 0.0:
+        raise ModelError(
+            f"load {load_N:g} N does not press the tire on the road",
+            allowed="a load above zero is allowed",
+            do="correct load_N or the effects on load",
+        )
+
+
+@lru_cache(maxsize=384)
+def solve_contact(carcass: RingCarcass, load_N: float, losses: tuple[float, ...] = ()) -> Contact:
+    """The contact at the load F [N] of a ring with these losses; without any it is even.
 
     ModelError if the load is not above zero or the patch grows beyond REACH.
     """
-    plain = solve_contact(carcass, load_N)
-    return _searched(carcass, losses, load_N, round(float(plain.phi_rad[-1]) / STEP))
-
-
-def _searched(
-    carcass: RingCarcass, losses: tuple[float, ...], load_N: float, last: int
-) -> LossyContact:
-    """The contact by any angles that touch, sought from those up to the number `last` on."""
-    spectra = _spectra(1.0 / _impedance(carcass, losses))
-    kernels = irfft(spectra, GRID, axis=-1)
+    check_load(load_N)
+    last = int(solve_contact(carcass, load_N).on[-1]) if losses else int(_BEGIN / STEP)
     farthest = last + max(_LEAST_MARGIN, int(_MARGIN * last))
-    while True:
-        farthest = min(farthest, NODES)
-        found = _lossy_balance(carcass, losses, load_N, spectra, kernels, last, farthest)
+    for wide in sorted({min(farthest << k, NODES) for k in range(NODES.bit_length())}):
+        found = _contact_within(carcass, losses, load_N, last, wide)
         if found is not None:
             return found
-        if farthest == NODES:
-            raise ModelError(
-                f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side, or its "
-                "contact with the flat road finds no balance",
-                allowed="a shorter patch is allowed",
-                do="give a stiffer foundation, less damping or a lower load",
-            )
-        farthest *= 2
+    raise ModelError(
+        f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side, or its contact with "
+        "the flat road finds no balance",
+        allowed="a shorter patch is allowed",
+        do="give a stiffer foundation, less damping or a lower load",
+    )
 
 
-def _lossy_balance(
+def _contact_within(
     carcass: RingCarcass,
     losses: tuple[float, ...],
     load_N: float,
-    spectra: ComplexArray,
-    kernels: FloatArray,
     last: int,
     farthest: int,
-) -> LossyContact | None:
-    """The contact among the angles up to `farthest`; None if it reaches beyond them."""
-    nodes = np.arange(-farthest, farthest + 1)
-    yields, shape = _among(kernels, nodes), carcass.R * (1.0 - np.cos(nodes * STEP))
-    h, active = carcass.R * STEP, np.abs(nodes) <= last
-    found = balance(yields, shape, h, carcass.k_t, load_N, active)
+) -> Contact | None:
+    """The contact among the angles up to `farthest`; None if it reaches beyond them.
+
+    Sought from those up to the number `last` on.
+    """
+    even, spectra = not losses, _yields(carcass, losses)
+    nodes = np.arange(0 if even else -farthest, farthest + 1)
+    yields = _among(carcass, losses, farthest)
+    carries = carcass.R * STEP * np.where((nodes > 0) & even, 2.0, 1.0)
+    shape = carcass.R * (1.0 - np.cos(nodes * STEP))
+    found = balance(yields, shape, carries, carcass.k_t, load_N, np.abs(nodes) <= last)
     if found is None:
         return None
-    on, p, drop, depth, factors = found
-    if _touches_beyond(carcass, spectra, nodes[on], p, drop):
+    at, p, drop, depth, factors = found
+    on = nodes[at]
+    if even:
+        on = np.concatenate([-on[on > 0][::-1], on])
+    solved = np.searchsorted(nodes[at], np.abs(on) if even else on)
+    # would an angle within reach that does not press lie below the road?
+    everywhere = np.arange(-NODES, NODES + 1)
+    beyond = drop - carcass.R * (1.0 - np.cos(everywhere * STEP))
+    beyond -= _yields_at(spectra, on, p[solved], everywhere)
+    beyond[on + NODES] = 0.0
+    if beyond.max() > 1e-12:
         return None
+    ends = [(0, at[0], at[0] - 1), (-1, at[-1], at[-1] + 1)][-1 if even else 0 :]
     edges = tuple(
-        (float(depth[inner]), float(depth[outer]), yields[outer, on])
-        for inner, outer in ((on[0], on[0] - 1), (on[-1], on[-1] + 1))
+        (end, float(depth[inner]), float(depth[outer]), yields[outer, at])
+        for end, inner, outer in ends
     )
-    beyond = sum(inner / (inner - outer) for inner, outer, _ in edges)
-    half = 0.5 * h * (on[-1] - on[0] + beyond)
-    return LossyContact(carcass, losses, nodes[on], p, half, drop, factors, edges)
-
-
-#: the factors of `lu_factor`
-_Factors = tuple[FloatArray, NDArray[np.int32]]
+    # an edge lies where the depth crosses zero beyond the last angle that presses
+    more = np.mean([inner / (inner - outer) for _, inner, outer, _ in edges])
+    half = carcass.R * STEP * (0.5 * (on[-1] - on[0]) + more)
+    return Contact(carcass, losses, on, p[solved], float(half), drop, solved, factors, edges)
 
 
 def balance(
     yields: FloatArray,
     shape: FloatArray,
-    pitch_m: float,
+    carries: FloatArray,
     k_t: float,
     load_N: float,
     active: NDArray[np.bool_],
@@ -458,51 +254,48 @@ def balance(
     """(Angles that touch, pressure there, drop, depth of all angles, factors), or None.
 
     By active sets from those that are `active` (j,). `yields` (j, j) [m per N/m], `shape` (j,) how
-    high the road's tangent is below each angle. None too if the first or last angle touches.
+    high the road's tangent is below each angle, `carries` (j,) the load per pressure [m]. None too
+    if an angle at an end touches.
     """
     for _ in range(_MOST_STEPS):
         on = np.flatnonzero(active)
-        system = np.zeros((on.size + 1, on.size + 1))
-        system[:-1, :-1] = yields[np.ix_(on, on)]
-        system[np.arange(on.size), np.arange(on.size)] += 1.0 / k_t
-        system[:-1, -1], system[-1, :-1] = -1.0, pitch_m
-        factors = lu_factor(system, overwrite_a=True, check_finite=False)
-        solution = lu_solve(factors, np.append(-shape[on], load_N), check_finite=False)
-        p, drop = solution[:-1], float(solution[-1])
+        system = np.asfortranarray(yields[np.ix_(on, on)])
+        system[np.diag_indices(on.size)] += 1.0 / k_t
+        *factors, _ = dgetrf(system, overwrite_a=1)
+        by_drop, by_shape = dgetrs(*factors, np.stack([np.ones(on.size), shape[on]], axis=1))[0].T
+        drop = float((load_N + carries[on] @ by_shape) / (carries[on] @ by_drop))
+        p = drop * by_drop - by_shape
         depth = drop - shape - yields[:, on] @ p
         pressing = depth > 0.0
         if np.array_equal(pressing, active):
-            return on, p, drop, depth, factors
-        if pressing[0] or pressing[-1] or not pressing.any():
+            ends = pressing[-1] or (pressing[0] and shape[0] > 0.0)  # the middle is no end
+            return None if ends else (on, p, drop, depth, (factors[0], factors[1]))
+        if not pressing.any():
             return None
         active = pressing
     return None
 
 
-def _among(kernels: FloatArray, nodes: NDArray[np.int64]) -> FloatArray:
-    """How far each of the angles yields under pressure at each of them, (k, k)."""
-    size = nodes.size
-    lags = np.arange(1 - size, size) % GRID
-    a, b, d = (sliding_window_view(kernel[lags], size)[:, ::-1] for kernel in kernels)
+@lru_cache(maxsize=16)
+def _among(carcass: RingCarcass, losses: tuple[float, ...], farthest: int) -> FloatArray:
+    """How far each angle up to the `farthest` yields under pressure at each of them, (j, j).
+
+    Without losses those of one half, under the same pressure at the other.
+    """
+    nodes = np.arange(-farthest, farthest + 1)
+    lags, first = np.arange(1 - nodes.size, nodes.size) % GRID, 0 if losses else farthest
+    a, b, d = (
+        sliding_window_view(kernel[lags], nodes.size)[first:, ::-1]
+        for kernel in irfft(_yields(carcass, losses), GRID, axis=-1)
+    )
     cos, sin = np.cos(nodes * STEP), np.sin(nodes * STEP)
-    matrix: FloatArray = cos[:, None] * (d * cos + b * sin)
-    matrix += sin[:, None] * (a * sin - b * cos)
-    return matrix
-
-
-def _touches_beyond(
-    carcass: RingCarcass,
-    spectra: ComplexArray,
-    on: NDArray[np.int64],
-    p: FloatArray,
-    drop: float,
-) -> bool:
-    """Would an angle within reach that does not press lie below the road?"""
-    everywhere = np.arange(-NODES, NODES + 1)
-    depth = drop - carcass.R * (1.0 - np.cos(everywhere * STEP))
-    depth = depth - _yields_at(spectra, on, p, everywhere)
-    depth[on + NODES] = 0.0
-    return bool(depth.max() > 1e-12)
+    matrix: FloatArray = cos[first:, None] * (d * cos + b * sin)
+    matrix += sin[first:, None] * (a * sin - b * cos)
+    if losses:
+        return matrix
+    half = matrix[:, farthest:]
+    half[:, 1:] += matrix[:, farthest - 1 :: -1]  # the angle zero has no other half
+    return half
 
 
 # ---- Modes of the contact pressure for the rows of a prediction, between solved contacts.
@@ -561,18 +354,12 @@ def pressure_modes(
 ) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
     """(L, modes of p, if asked for modes of p xi / L), between solved loads and tensions."""
     solved, share = _solved_at(state, state)
-    half, modes = _tables(solved, tilted)
-    if (share == 1.0).any(axis=1).all():  # each row is at a node
-        which = share.argmax(axis=1)
-        half, modes = half[which], modes[which]
-    else:
-        half, modes = share @ half, share @ modes
+    found = share @ _tables(solved, tilted)
     steps = state.losses - np.array(solved[0][1])
     if np.any(steps):
         of_losses = [_Step(0.0, step) for step in steps.T[..., None]]
-        moved = _stepped(solved, share, [_Step(0.0, 0.0)] * BY + of_losses, tilted)
-        half, modes = half + moved[:, :1], modes + moved[:, 1:]
-    return half, *_as_modes(modes, tilted)
+        found = found + _stepped(solved, share, [_Step(0.0, 0.0)] * BY + of_losses, tilted)
+    return _apart(found)
 
 
 def pressure_modes_near(
@@ -580,12 +367,11 @@ def pressure_modes_near(
 ) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
     """`pressure_modes` of a state a small step from another, by the derivatives there.
 
-    None if a step of the radius parts them, or one of the contacts has no derivatives.
+    None if a step of the radius parts them.
     """
     if near.carcass.R != state.carcass.R:
         return None
     solved, share = _solved_at(near, state)
-    there = share @ np.concatenate(_tables(solved, tilted), axis=1)
     at = [carcass for carcass, _, loads_N in solved for _ in loads_N]
     before, after = near.carcass, state.carcass
     # a solved one moves by its own constants, as far as its sidewalls are stiffer; a row between
@@ -610,11 +396,7 @@ def pressure_modes_near(
         )
     ]
     steps += [_Step(0.0, step) for step in (state.losses - np.array(solved[0][1])).T[..., None]]
-    try:
-        there = there + _stepped(solved, share, steps, tilted)
-    except _NoSlopes:
-        return None
-    return there[:, :1], *_as_modes(there[:, 1:], tilted)
+    return _apart(share @ _tables(solved, tilted) + _stepped(solved, share, steps, tilted))
 
 
 class _Step(NamedTuple):
@@ -624,30 +406,23 @@ class _Step(NamedTuple):
     of_row: FloatArray | float
 
 
-class _NoSlopes(Exception):
-    """One of the contacts is not one stretch about the middle."""
-
-
 def _stepped(
     solved: list[_Solved], share: FloatArray, steps: Sequence[_Step], tilted: bool
-) -> FloatArray:
-    """What steps by stiffnesses, p0 b, load and losses do to L and the modes."""
-    total: FloatArray = np.zeros((share.shape[0], 1))
+) -> ComplexArray:
+    """What steps by stiffnesses, p0 b, load and losses do to L and the modes, as of `_table`."""
+    total: ComplexArray = np.zeros((share.shape[0], 1), np.complex128)
     lossy = any(bool(np.any(step.of_row)) for step in steps[BY:])
     for i, step in enumerate(steps):
-        if not (np.any(step.of_node) or np.any(step.of_row)):
-            continue
-        slopes = [_slopes(*contacts, tilted, lossy) for contacts in solved]
-        if any(slope is None for slope in slopes):
-            raise _NoSlopes
-        slope = np.concatenate([x[i] for x in slopes if x is not None])
-        total = total + share @ (step.of_node * slope) + step.of_row * (share @ slope)
+        if np.any(step.of_node) or np.any(step.of_row):
+            slope = np.concatenate([_slopes(*one, tilted, lossy)[i] for one in solved])
+            total = total + share @ (step.of_node * slope) + step.of_row * (share @ slope)
     return total
 
 
-def _as_modes(pairs: FloatArray, tilted: bool) -> tuple[ComplexArray, ComplexArray | None]:
-    modes = np.ascontiguousarray(pairs).view(np.complex128)
-    return modes[:, :MODES], modes[:, MODES:] if tilted else None
+def _apart(found: ComplexArray) -> tuple[FloatArray, ComplexArray, ComplexArray | None]:
+    """L, modes of p and of p xi / L, which stand side by side; None for what is not there."""
+    tilt = found[:, MODES + 1 :]
+    return found[:, :1].real, found[:, 1 : MODES + 1], tilt if tilt.size else None
 
 
 def _solved_at(state: ContactState, rows_of: ContactState) -> tuple[list[_Solved], FloatArray]:
@@ -693,39 +468,25 @@ def _between(losses: FloatArray) -> tuple[float, ...]:
     return tuple(np.where(differ, rounded, mean).tolist())
 
 
-def _tables(solved: list[_Solved], tilted: bool) -> tuple[FloatArray, FloatArray]:
+def _tables(solved: list[_Solved], tilted: bool) -> ComplexArray:
     """Those of all solved contacts under each other."""
-    half, modes = (
-        np.concatenate(parts) for parts in zip(*(_table(*one, tilted) for one in solved))
-    )
-    return half, modes
+    return np.concatenate([_table(*one, tilted) for one in solved])
 
 
 @lru_cache(maxsize=128)
 def _table(
     carcass: RingCarcass, losses: tuple[float, ...], loads_N: tuple[float, ...], tilted: bool
-) -> tuple[FloatArray, FloatArray]:
-    """What `pressure_modes` gives at k loads, (k, 1), and modes as pairs of numbers (k, ...)."""
+) -> ComplexArray:
+    """What `pressure_modes` gives at k loads, side by side (k, 1 + ...)."""
     half = np.empty((len(loads_N), 1))
     grid = np.zeros((len(loads_N), 2 if tilted else 1, GRID))
     for row, load_N in enumerate(loads_N):
-        if losses == NONE:
-            contact = solve_contact(carcass, load_N)
-            on, p = np.round(contact.phi_rad / STEP).astype(int), contact.pressure_N_m
-            half[row] = contact.half_length_m
-        else:
-            lossy = solve_lossy(carcass, losses, load_N)
-            on, p, half[row] = lossy.on, lossy.pressure_N_m, lossy.half_length_m
+        found = solve_contact(carcass, load_N, losses if losses != NONE else ())
+        on, p, half[row] = found.on, found.pressure_N_m, found.half_length_m
         grid[row, 0, on] = p
         if tilted:
             grid[row, 1, on] = p * (on * STEP) * (carcass.R / half[row])
-    return half, _pairs(grid)
-
-
-def _pairs(grid: FloatArray) -> FloatArray:
-    """Modes of what stands on the grid (k, ..., GRID), as pairs of numbers one after the other."""
-    modes = np.ascontiguousarray(to_modes(grid)).view(np.float64)
-    return modes.reshape(grid.shape[0], -1)
+    return np.hstack([half, to_modes(grid).reshape(len(loads_N), -1)])
 
 
 @lru_cache(maxsize=16)
@@ -735,31 +496,23 @@ def _slopes(
     loads_N: tuple[float, ...],
     tilted: bool,
     lossy: bool,
-) -> FloatArray | None:
-    """Derivatives of `_table` side by side, by each of STIFFNESSES, by p0 b, by the load.
+) -> ComplexArray:
+    """Derivatives of `_table` by each of STIFFNESSES, by p0 b, by the load, (6, k, 1 + ...).
 
-    (6, k, 1 + ...), or (10, k, 1 + ...) with those by each of the losses; None if a contact is not
-    one stretch about the middle.
+    (10, k, 1 + ...) with those by each of the losses.
     """
-    number = BY + len(LOSSES) if lossy or losses != NONE else BY
-    half = np.empty((number, len(loads_N), 1))
-    grid = np.zeros((number, len(loads_N), 2 if tilted else 1, GRID))
+    own = losses if lossy or losses != NONE else ()
+    size = (BY + len(own), len(loads_N))
+    half, grid = np.empty((*size, 1)), np.zeros((*size, 2 if tilted else 1, GRID))
     for row, load_N in enumerate(loads_N):
-        if number > BY:
-            contact = solve_lossy(carcass, losses, load_N)
-            on, p, length = contact.on, contact.pressure_N_m, contact.half_length_m
-            change, half[:, row, 0] = contact.slopes
-        else:
-            found = moved(carcass, load_N)
-            if found is None:
-                return None
-            on, p, length, change, half[:, row, 0] = found
+        found = solve_contact(carcass, load_N, own)
+        on, p, length = found.on, found.pressure_N_m, found.half_length_m
+        change, half[:, row, 0] = found.slopes
         grid[:, row, 0, on] = change
         if tilted:
             along = (on * STEP) * (carcass.R / length)
             grid[:, row, 1, on] = (change - half[:, row] / length * p) * along
-    modes = _pairs(grid.reshape(number * len(loads_N), -1, GRID)).reshape(number, len(loads_N), -1)
-    return np.concatenate([half, modes], axis=-1)
+    return np.concatenate([half, to_modes(grid).reshape(*size, -1)], axis=-1)
 
 
 def _nodes(
@@ -776,13 +529,5 @@ def _nodes(
     low, high = step * np.floor(distinct[0] / step), step * np.ceil(distinct[-1] / step)
     angle = (np.arange(table) + 0.5) * np.pi / table
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
-    barycentric = (-1.0) ** np.arange(table) * np.sin(angle)
-    distance = there[:, None] - nodes
-    exact = distance == 0.0
-    ratio = barycentric / np.where(exact, 1.0, distance)
-    weights = np.where(
-        exact.any(axis=1, keepdims=True),
-        exact.astype(float),
-        ratio / ratio.sum(axis=1, keepdims=True),
-    )
-    return nodes, weights
+    weights = (-1.0) ** np.arange(table) * np.sin(angle)
+    return nodes, interpolation_shares(nodes, weights, there)

@@ -30,7 +30,14 @@ from tirelog.physics.model.stages import (
     structure,
     waveform,
 )
-from tirelog.physics.spectral import BLOCK, MODES, Angles, ComplexArray, Parameter
+from tirelog.physics.spectral import (
+    BLOCK,
+    MODES,
+    Angles,
+    ComplexArray,
+    Parameter,
+    interpolation_shares,
+)
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
@@ -76,9 +83,10 @@ def few_speeds(
     }
     there = np.asarray(0.5 * (low + high) + 0.5 * (high - low) * at[:, None], dtype=np.float64)
     there[0], there[-1] = high, low  # to the last bit: the highest speed may be refused
-    return Drive(**others | {"speed_m_s": there}), _shares(
-        (2.0 * speed[:, 0] - low - high) / (high - low), at
-    )
+    weights = (-1.0) ** np.arange(count)
+    weights[[0, -1]] *= 0.5
+    shares = interpolation_shares(there[:, 0], weights, speed[:, 0])
+    return Drive(**others | {"speed_m_s": there}), shares
 
 
 def told_by(modes: ComplexArray) -> bool:
@@ -93,22 +101,6 @@ def told_by(modes: ComplexArray) -> bool:
     # the last two of a polynomial's terms are below this share of the largest: so far it is off.
     # Twice as much is as far below what a log tells
     return bool(last <= 1e-9 * np.abs(modes).max())
-
-
-def _shares(x: FloatArray, at: FloatArray) -> FloatArray:
-    """Weights (n, k) of values at Chebyshev's points `at` (k,) for the polynomial's at x (n,).
-
-    The barycentric formula.
-    """
-    weight = np.where(np.arange(at.size) % 2 == 0, 1.0, -1.0)
-    weight[[0, -1]] *= 0.5
-    apart = x[:, None] - at
-    exact = np.abs(apart) < 1e-14
-    share = weight / np.where(exact, 1.0, apart)
-    share /= share.sum(axis=1, keepdims=True)
-    hit = exact.any(axis=1)
-    share[hit] = exact[hit]
-    return np.asarray(share, dtype=np.float64)
 
 
 #: Step of a central difference over a parameter's size; the stages are smooth, the error is its

@@ -317,17 +317,13 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
     ModelError for a load that does not press or a patch that grows beyond the reach of the
     contact.
     """
-    if not load_N > 0.0:
-        raise ModelError(
-            f"load {load_N:g} N does not press the tire on the road",
-            allowed="a load above zero is allowed",
-            do="correct load_N",
-        )
+    contact.check_load(load_N)
     omega = speed_m_s / tire.R
     for _ in range(2 if speed_m_s else 1):
         unit, gives = _compliance(tire, omega)
         shape, begin = tire.R * (1.0 - np.cos(_PHI)), np.abs(_PHI) <= 0.15
-        found = contact.balance(gives, shape, tire.R * STEP, tire.k_t, load_N, begin)
+        carries = np.full(_PHI.size, tire.R * STEP)
+        found = contact.balance(gives, shape, carries, tire.k_t, load_N, begin)
         if found is None:
             raise ModelError(
                 f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or "
