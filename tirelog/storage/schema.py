@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from tirelog.errors import TirelogError, nearest
 from tirelog.storage.whole import toml_tables
@@ -320,6 +320,27 @@ def kinds_of(cls: type[Any]) -> dict[str, KeyKind]:
         for f in fields(cls)
     }
     return {name: kind for name, kind in kinds.items() if kind is not None}
+
+
+class Record:
+    """The values of a table, by its keys: a subclass lists them, each with its kind and default.
+
+    Each subclass is a frozen dataclass whose fields are these keys, in their order.
+    """
+
+    keys: ClassVar[Mapping[str, tuple[KeyKind, Any]]]
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __init_subclass__(cls) -> None:
+        cls.__annotations__ = dict.fromkeys(cls.keys, Any)
+        for name, (kind, default) in cls.keys.items():
+            setattr(cls, name, key(kind, default))
+        dataclass(frozen=True)(cls)
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *values: Any, **named: Any) -> None: ...
+        def __getattr__(self, name: str) -> Any: ...
 
 
 def table_of(cls: type[Any], *needed: str) -> Table:
