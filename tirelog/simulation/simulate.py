@@ -13,24 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.drive import (
-    Roughness,
-    TrueDrive,
-    Wander,
-    drive_of,
-    roughness_of,
-    wander_of,
-)
+from tirelog.simulation.scenario.drive import drive_of, roughness_of, wander_of
 from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import (
-    Trace,
     coupled,
     flanks,
     in_source_units,
+    moments_of,
     pitch_tables,
     riding_values,
     spoiled,
-    traces,
     vehicle_values,
 )
 from tirelog.simulation.steady.truth import steady_truth
@@ -80,15 +72,24 @@ def simulate(scenario: Scenario) -> Simulated:
     drive = drive_of(true, streams[0])
     length = float(drive.distance_at(drive.time_s[-1]))
     roughness = roughness_of(true, length, streams[1])
-    moments = traces(true, streams[2])
-    world, clean = _solved(true, drive, roughness, wander_of(true, streams[-1]), moments)
+    stamps, moments = moments_of(true, streams[2])
+    if scenario.truth == "coupled_ring":
+        from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
+
+        world: World = (rolled := RolledWorld(true, drive, roughness))
+        clean = rolled.values(moments)
+    else:
+        world = World(true, drive, roughness, wander_of(true, streams[-1]))
+        clean = riding_values(world, moments)
     tables = pitch_tables(world)
     channels = {}
-    for (name, trace), random in zip(moments.items(), streams[3:-1], strict=True):
-        values = clean[name] if name in clean else vehicle_values(world, name, trace, tables)
-        told = in_source_units(world, trace, coupled(trace, values))
-        channels[name] = spoiled(trace.sensor, told, flanks(world, trace, told), random)
-    return Simulated(scenario, channels, _stamps(moments), world, tables)
+    for (name, sensor), random in zip(true.channels.items(), streams[3:-1], strict=True):
+        time, values = moments[name], clean.get(name)
+        if values is None:
+            values = vehicle_values(world, sensor, time, tables.get(name))
+        told = in_source_units(world, sensor, time, coupled(sensor, values))
+        channels[name] = spoiled(sensor, told, flanks(world, sensor, time, told), random)
+    return Simulated(scenario, channels, stamps, world, tables)
 
 
 def with_true_radius(scenario: Scenario) -> Scenario:
@@ -98,27 +99,3 @@ def with_true_radius(scenario: Scenario) -> Scenario:
     return replace(
         scenario, tire=replace(tire, rolling_radius_m=tire.rolling_radius_m * (1.0 + error))
     )
-
-
-def _solved(
-    scenario: Scenario,
-    drive: TrueDrive,
-    roughness: Roughness,
-    wander: Wander,
-    moments: dict[str, Trace],
-) -> tuple[World, dict[str, FloatArray]]:
-    """The world of the scenario's truth, and the clean values of what it moves.
-
-    Steady at every instant, or rolled from begin to end.
-    """
-    if scenario.truth == "coupled_ring":
-        from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
-
-        rolled = RolledWorld(scenario, drive, roughness)
-        return rolled, rolled.values(moments)
-    world = World(scenario, drive, roughness, wander)
-    return world, riding_values(world, moments)
-
-
-def _stamps(moments: dict[str, Trace]) -> dict[str, FloatArray]:
-    return {name: trace.stamp_s for name, trace in moments.items()}

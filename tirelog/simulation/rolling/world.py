@@ -33,9 +33,9 @@ from tirelog.simulation.rolling.tire import (
     profile_of,
     tire_at_rest,
 )
-from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Roughness, TrueDrive
+from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Fluctuation, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario, Sensor
-from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange, longitudinal_force
+from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange
 from tirelog.simulation.steady.truth import steady_truth
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray, Records
@@ -78,7 +78,7 @@ class RolledWorld(World):
     UsageError if the physics refuses it.
     """
 
-    def __init__(self, scenario: Scenario, drive: TrueDrive, roughness: Roughness) -> None:
+    def __init__(self, scenario: Scenario, drive: TrueDrive, roughness: Fluctuation) -> None:
         super().__init__(scenario, drive, roughness)
         #: the drive as ordered, its angle the distance over the radius; `drive` has the wheel's own
         #: angle once it has rolled
@@ -112,7 +112,7 @@ class RolledWorld(World):
     def fluctuation(self, time_s: FloatArray) -> FloatArray:
         if not self.scenario.road.roughness:
             return np.zeros_like(time_s)
-        return self.roughness.at(self.distance(time_s))
+        return self.roughness(self.distance(time_s))
 
     def _orders(self, time_s: FloatArray) -> Records:
         """The drive at the steps, (n,) of DRIVE, with the distance at the steps' ends."""
@@ -121,7 +121,7 @@ class RolledWorld(World):
             (time_s >= 0.0) & (time_s <= drive.time_s[-1]), drive.acceleration_at(time_s), 0.0
         )
         load = self.load(time_s) * (1.0 + self.fluctuation(time_s))
-        force = longitudinal_force(self, time_s)
+        force = self.longitudinal_force(time_s)
         if np.any(np.abs(force) > _GRIP * tire.friction * load):
             worst = float(np.abs(force).max())
             raise UsageError(
@@ -144,7 +144,8 @@ class RolledWorld(World):
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
         before = (
-            max((self.late(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
+            max((scenario.late_s(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0)
+            + _MARGIN_S
         )
         before = np.ceil(before / step) * step
         behind = max((8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
@@ -225,38 +226,23 @@ class RolledWorld(World):
 
     # ---- what sensors read -----------------------------------------------------------------------
 
-    def late(self, sensor: Sensor) -> float:
-        """Delay of a channel's values behind their stamps [s]."""
-        delay = self.scenario.planted("telemetry_delay")
-        return sensor.delay_s + (
-            delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0
-        )
-
-    def values(self, moments: Mapping[str, Trace]) -> dict[str, FloatArray]:
-        """Clean values in SI of the channels that feel the belt.
+    def values(self, moments: Times) -> dict[str, FloatArray]:
+        """Clean values in SI of the channels that feel the belt, at their `moments` (n,) [s].
 
         Those that ride on it, and the hub's forces.
         """
-        out = {}
-        time = self.motion.time_s
-        for name, trace in moments.items():
-            sensor = trace.sensor
-            if sensor.kind in RIDING:
-                series = (
-                    self._outwards(name)
-                    if sensor.kind == "radial_acceleration"
-                    else self.ridden[name].strain
-                )
-                values = self._at(trace.moment_s, self._passed_on(series, sensor))
-                out[name] = (
-                    values
-                    if sensor.kind == "radial_acceleration"
-                    else values + self.baseline(trace.moment_s, sensor)
-                )
+        out, motion = {}, self.motion
+        for name, time in moments.items():
+            sensor = self.scenario.channels[name]
+            if sensor.kind == "radial_acceleration":
+                out[name] = self._at(time, self._passed_on(self._outwards(name), sensor))
+            elif sensor.kind in RIDING:
+                strain = self._at(time, self._passed_on(self.ridden[name].strain, sensor))
+                out[name] = strain + self.baseline(time, sensor)
             elif sensor.kind == "vertical_load":
-                out[name] = np.interp(trace.moment_s, time, self.motion.spindle_z_N)
+                out[name] = np.interp(time, motion.time_s, motion.spindle_z_N)
             elif sensor.kind == "longitudinal_force":
-                out[name] = np.interp(trace.moment_s, time, self.motion.spindle_x_N)
+                out[name] = np.interp(time, motion.time_s, motion.spindle_x_N)
         return out
 
     def _at(self, time_s: FloatArray, series: FloatArray) -> FloatArray:

@@ -549,6 +549,12 @@ class Scenario:
         """The planted effect of that name, or None."""
         return next((effect for effect in self.effects if effect.name == name), None)
 
+    def late_s(self, sensor: Sensor) -> float:
+        """Delay [s] of a channel's values behind their stamps: its own, and planted telemetry's."""
+        delay = self.planted("telemetry_delay")
+        of_telemetry = delay is not None and sensor.kind == "radial_acceleration"
+        return sensor.delay_s + (delay["delay_s"] if delay and of_telemetry else 0.0)
+
     @property
     def duration_s(self) -> float:
         return sum(m.duration_s for m in self.manoeuvres)

@@ -92,10 +92,6 @@ class Carcass:
             do="plant less",
         )
 
-    def shape(self, w: FloatArray, derivative: int) -> ComplexArray:
-        """Transform of a derivative of w."""
-        return self.ring.derivatives[derivative] * self.ring.transform(w)
-
 
 def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
     """Strain per metre of lever arm from inward w, shape (m,).
@@ -109,9 +105,7 @@ def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
 
 
 def _derivatives(ring: Ring, at: Instants) -> Sequence[ComplexArray]:
-    """Transforms of the derivatives by xi along the belt as long as it is, (m,) or (b, m)."""
-    if not at.stretches:
-        return ring.derivatives
+    """Transforms of the derivatives by xi along the belt as long as it is, (b, m) each."""
     return [d / at.stretch[:, None] ** m for m, d in enumerate(ring.derivatives)]
 
 
@@ -132,8 +126,7 @@ def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) 
     if scenario.truth == "beam":
         total += rate * scenario.tire.damping_rate_1_s * d1
     for effect in scenario.effects:
-        quarter = ring.quarter_turn
-        total += _structural(effect, derivatives, quarter, at, stiffness, rate)
+        total += _structural(effect, derivatives, ring.quarter_turn, at, stiffness, rate)
         if effect.name == "thermal_drift" and effect["stiffness"]:
             total += stiffness * (effect["stiffness"] * at.warmed)[:, None] * one
     return total
@@ -255,19 +248,6 @@ SECTORS_RAD = (0.3, 0.6)
 KEPT = 128
 
 
-@dataclass(frozen=True)
-class Touch:
-    """Contact at b instants: pressure and edges.
-
-    `pressure` (b, points) [N/m], never negative; `entry_m`, `exit_m` (b,) its edges, below the
-    grid's step.
-    """
-
-    pressure: FloatArray
-    entry_m: FloatArray
-    exit_m: FloatArray
-
-
 class _TooNarrow(Exception):
     """The contact reaches the end of the sector."""
 
@@ -303,8 +283,10 @@ class FlatRoadContact:
         self._kept: dict[tuple[float, float, float], FloatArray] = {}
         self._active = self.ring.xi_m[self.sector] ** 2 < 0.05**2
 
-    def touch(self, at: Instants) -> Touch:
-        """The contact at every instant, at its load; lengths are the grid's (`Instants.on_grid`).
+    def touch(self, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(pressure (b, points) [N/m], entry and exit (b,) [m], finer than the grid), at the load.
+
+        The pressure is never negative; lengths are the grid's (`Instants.on_grid`).
 
         UsageError if the load is more than the ring can carry.
         """
@@ -320,7 +302,7 @@ class FlatRoadContact:
             do="lower it, or give a stiffer ring",
         )
 
-    def _touch(self, at: Instants) -> Touch:
+    def _touch(self, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray]:
         pressure = np.zeros((len(at), self.ring.points))
         entry, exit_ = np.zeros(len(at)), np.zeros(len(at))
         for i in range(len(at)):
@@ -329,7 +311,7 @@ class FlatRoadContact:
             )
             pressure[i, self.sector] = force
             entry[i], exit_[i] = self._edges(depth)
-        return Touch(pressure, entry, exit_)
+        return pressure, entry, exit_
 
     def _response(self, at: Instants) -> FloatArray:
         """How far a point of the sector rises [m] per unit of line force [N/m] at another.

@@ -58,14 +58,8 @@ class Instants:
     def __len__(self) -> int:
         return int(self.time_s.size)
 
-    @property
-    def stretches(self) -> bool:
-        return bool((self.stretch != 1.0).any())
-
     def on_grid(self) -> Instants:
         """The same in the grid's lengths: pressures [N/m] stay, so that forces shrink with them."""
-        if not self.stretches:
-            return self
         return replace(
             self,
             half_length=self.half_length / self.stretch,
@@ -236,21 +230,13 @@ def _smear(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> FloatArr
     return ring.inverse(ring.transform(p) * ring.transform(np.fft.ifftshift(kernel, axes=1)))
 
 
-@dataclass(frozen=True)
-class Friction:
-    """Traction of the bristles.
-
-    `tangential` (b, points) [N/m] towards the exit in braking; `radial` its load on the carcass
-    [N/m]; `onset_m` (b,) where sliding begins, NaN if nothing slides.
-    """
-
-    tangential: FloatArray
-    radial: FloatArray
-    onset_m: FloatArray
-
-
-def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Friction:
+def friction(
+    ring: Ring, effect: Planted, p: FloatArray, at: Instants
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The bristles' traction: adhesion up to f_s p, then sliding f_d p.
+
+    (traction (b, points) [N/m], towards the exit in braking; its load on the carcass, the same;
+    where sliding begins (b,) [m], NaN if nothing slides).
 
     Adhesion is tau = sigma C_x (xi + L) (P2 13, 17); other: no jump at the onset, and a tread that
     yields.
@@ -273,7 +259,7 @@ def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Fricti
     )
     if jump.any():
         radial += ring.point_load(np.nan_to_num(onset), effect["lever_m"] * jump)
-    return Friction(tangential, radial, onset)
+    return tangential, radial, onset
 
 
 def _traction(
@@ -284,7 +270,8 @@ def _traction(
     Under the pressure there; the jump is that at the onset of sliding.
     """
     length, slip = at.half_length[:, None], at.slip[:, None]
-    static, sliding = _grip(effect)
+    static = effect.parameters.get("static_friction", STATIC_FRICTION)
+    sliding = effect.parameters.get("sliding_friction", SLIDING_FRICTION)
     stiffness = 1.5 * static * at.load[:, None] / length**2
     stiffness = stiffness * effect.parameters.get("slip_stiffness_ratio", 1.0)
     position = np.maximum(borders_m + length, 0.0)
@@ -300,15 +287,6 @@ def _traction(
     slides = borders_m >= np.nan_to_num(onset, nan=np.inf)[:, None]
     tau = np.sign(slip) * np.where(slides, sliding * p, np.minimum(held, static * p))
     return tau, -(static - sliding) * pressed * np.sign(at.slip), onset
-
-
-def _grip(effect: Planted) -> tuple[float, float]:
-    """Friction that sticks and that slides on this scenario's road."""
-    own = effect.parameters
-    return (
-        own.get("static_friction", STATIC_FRICTION),
-        own.get("sliding_friction", SLIDING_FRICTION),
-    )
 
 
 def _onset(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.simulation.scenario.schema import PLANTABLE, Nuisances, Scenario, Sensor
-from tirelog.simulation.sensors.sampling import RIDING, longitudinal_force, passages, phase_shift
+from tirelog.simulation.sensors.sampling import RIDING, passages, phase_shift
 from tirelog.simulation.steady.waveforms import CHUNK, World
 from tirelog.version import __version__
 from tirelog.vocabulary.arrays import FloatArray
@@ -101,18 +101,15 @@ def planted_truth(scenario: Scenario) -> list[dict[str, Any]]:
 
 def _channel(scenario: Scenario, name: str, passed: Passages) -> dict[str, Any]:
     """The passages of one sensor, in its own stamps (a delay makes them later)."""
-    sensor, delay = scenario.channels[name], scenario.planted("telemetry_delay")
-    late = sensor.delay_s + (
-        delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0
-    )
-    out: dict[str, Any] = {
+    sensor = scenario.channels[name]
+    late = scenario.late_s(sensor)
+    return {
         "kind": sensor.kind,
         "angle_deg": sensor.angle_deg,
         "surface": sensor.surface,
         "delay_s": late,
+        "passages": {key: _list(value) for key, value in passed(name, late).items()},
     }
-    out["passages"] = {key: _list(value) for key, value in passed(name, late).items()}
-    return out
 
 
 def _steady_passages(world: World, name: str, late_s: float) -> dict[str, FloatArray]:
@@ -139,7 +136,7 @@ def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, Float
         "speed_m_s": at.speed,
         "acceleration_m_s2": at.acceleration,
         "load_N": at.load,
-        "longitudinal_force_N": longitudinal_force(world, time),
+        "longitudinal_force_N": world.longitudinal_force(time),
         "slip": at.slip,
         "contact_length_m": solution.exit_m - solution.entry_m,
         "entry_m": solution.entry_m,
