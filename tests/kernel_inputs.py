@@ -762,9 +762,6 @@ def _(rng: np.random.Generator) -> Arguments:
     drive = orders(9, speed=8.0, load=2000.0, torque=20.0, step=step)
     rider = strain_rider(made, 0.3)
 
-    def work() -> Any:
-        return kernel.StepRoom(*rng.normal(size=(8, size)), np.zeros(11))
-
     def room() -> Any:
         return np.zeros(1, kernel.CONTACT)[0]
 
@@ -789,9 +786,9 @@ def _(rng: np.random.Generator) -> Arguments:
             (x, hill.corner_m, hill.height_m, tires[1].constants)
             for x in (-1.0, 0.0, 0.01, 0.05, 0.055, 0.3)
         ],
-        "kick": [(*of(tires[1]), stiff, drive[0], step, 12.0, work())],
+        "kick": [(*of(tires[1]), stiff, drive[0], step, 12.0, rng.normal(size=size))],
         "belt_step": [
-            (*of(tires[1]), stiff, step, work()),
-            (*of(tires[0]), stiff, step, work()),
+            (*of(tires[1]), stiff, step, np.zeros(11)),
+            (*of(tires[0]), stiff, step, np.zeros(11)),
         ],
     }

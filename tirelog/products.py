@@ -25,7 +25,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from tirelog.data.recording import Channel, Recording, Scaled
+from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.process_pool import POSSIBLE, in_processes
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
@@ -291,19 +291,15 @@ def _by_channel(
     were `found` in.
     """
     stored = [channel for channel, _ in channels]
+    at_hand = all(channel.at_hand for channel in stored)  # processes can read it side by side
     enough = len(stored) > 1 or any(channel.size >= _LONG for channel in stored)
-    if not (processes and enough and workers > 1 and POSSIBLE and _at_hand(stored)):
+    if not (processes and enough and workers > 1 and POSSIBLE and at_hand):
         return _by_threads(making, channels, workers)
     for module in _OF_CHANNELS:  # loaded once, before the processes part
         import_module(module)
     if len(channels) == 1:
         return _by_stretches(making, *channels[0], workers)
     return _by_processes(making, channels, workers)
-
-
-def _at_hand(channels: Iterable[Channel]) -> bool:
-    """True if processes can read the channels side by side: no library holds their file's place."""
-    return all(isinstance(one.samples, Scaled) and one.samples.at_hand for one in channels)
 
 
 def _maker(

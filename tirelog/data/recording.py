@@ -141,14 +141,13 @@ class Scaled:
     raw x scale + offset, NaN if raw is `lost` (None: never).
 
     `raw(start, stop)` gives the stored numbers; counts of int32 take half of the memory of what
-    they become. `at_hand` if they are stored as they are, so that reading them again costs little.
+    they become.
     """
 
     raw: Callable[[int, int], NDArray[Any]]
     scale: float
     offset: float
     lost: int | None = None
-    at_hand: bool = False
 
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
@@ -174,7 +173,9 @@ class Channel:
     unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only), `resolution` the
     step of the source in SI (0 if unknown), `flags` (start, stop, word) sample ranges that reader
     or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...);
-    `mended`: bursts of bad samples are lost already (`runs.in_memory`).
+    `mended`: bursts of bad samples are lost already (`runs.in_memory`). `at_hand` if the samples
+    are stored so that reading them again costs little and no library holds their file's place;
+    `stored` reads them where they are stored, if they are held in memory.
     """
 
     name: str
@@ -187,6 +188,8 @@ class Channel:
     flags: tuple[Doubt, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     mended: bool = False
+    at_hand: bool = False
+    stored: Callable[[int, int], FloatArray] | None = None
 
     @property
     def size(self) -> int:

@@ -12,7 +12,7 @@ unpacked again: of an hour at 2.5 kHz they take 36 MB a channel.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,43 +32,26 @@ HELD_FLOATS = 6_300_000
 Read = Callable[[int, int], FloatArray]
 
 
-@dataclass(frozen=True)
-class _Held:
-    """The samples of a channel in `memory`, and where they were `stored`."""
-
-    memory: Read
-    stored: Read
-
-    def __call__(self, start: int, stop: int) -> FloatArray:
-        return self.memory(start, stop)
-
-
-@dataclass(frozen=True)
-class _Holed:
-    """Samples as they were `stored`, but lost in the ranges [first, stop), (n,) in order."""
-
-    stored: Read
-    first: IntArray
-    stop: IntArray
-
-    def __call__(self, start: int, stop: int) -> FloatArray:
-        values = self.stored(start, stop)
-        some = slice(np.searchsorted(self.stop, start, "right"), np.searchsorted(self.first, stop))
-        if some.start < some.stop:
-            values = values.copy()
-            for begin, end in zip(self.first[some], self.stop[some], strict=True):
-                values[max(begin - start, 0) : end - start] = np.nan
-        return values
-
-
-def with_holes(samples: Read, first: IntArray, stop: IntArray) -> Read:
-    """The `samples` of a channel, lost in the ranges [first, stop), (n,) in order.
+def with_holes(channel: Channel, first: IntArray, stop: IntArray) -> Channel:
+    """The channel, its samples lost in the ranges [first, stop), (n,) in order.
 
     They stay in memory if they are there.
     """
-    if isinstance(samples, _Held):
-        return _Held(_Holed(samples.memory, first, stop), _Holed(samples.stored, first, stop))
-    return _Holed(samples, first, stop)
+
+    def holed(read: Read) -> Read:
+        def samples(begin: int, end: int) -> FloatArray:
+            values = read(begin, end)
+            some = slice(np.searchsorted(stop, begin, "right"), np.searchsorted(first, end))
+            if some.start < some.stop:
+                values = values.copy()
+                for low, high in zip(first[some], stop[some], strict=True):
+                    values[max(low - begin, 0) : high - begin] = np.nan
+            return values
+
+        return samples
+
+    stored = channel.stored and holed(channel.stored)
+    return replace(channel, samples=holed(channel.samples), stored=stored)
 
 
 def in_memory(channel: Channel) -> Channel:
@@ -78,14 +61,15 @@ def in_memory(channel: Channel) -> Channel:
     275 MB in all, and 314 MB with two channels held, at the same cost (22 November 2026, two shared
     cores, Python 3.11; `tirelog tables` on 4 gratings).
     """
-    stored = channel.samples
-    most = HELD_FLOATS if _at_hand(channel) else HELD_SAMPLES
-    if channel.size > most or isinstance(stored, _Held):
+    most = HELD_FLOATS if channel.at_hand else HELD_SAMPLES
+    if channel.size > most or channel.stored is not None:
         return channel
-    if isinstance(stored, Scaled) and not stored.at_hand:
+    stored = channel.samples
+    if isinstance(stored, Scaled) and not channel.at_hand:
         raw = _whole(stored.raw, channel.size, stored.raw(0, 0).dtype)
-        return replace(channel, samples=_Held(replace(stored, raw=raw), stored))
-    return replace(channel, samples=_Held(_whole(stored, channel.size, np.dtype(float)), stored))
+        return replace(channel, samples=replace(stored, raw=raw), stored=stored)
+    held = _whole(stored, channel.size, np.dtype(float))
+    return replace(channel, samples=held, stored=stored)
 
 
 def readable_apart(channel: Channel) -> bool:
@@ -93,22 +77,13 @@ def readable_apart(channel: Channel) -> bool:
 
     It is in memory, or stored so that no library holds its file's place; its times are counted.
     """
-    readable = isinstance(channel.samples, _Held) or _at_hand(channel)
-    return readable and channel.axis.explicit is None
+    return (channel.stored is not None or channel.at_hand) and channel.axis.explicit is None
 
 
 def released(channel: Channel) -> Channel:
     """The channel without the memory that `in_memory` took."""
-    stored = channel.samples
-    return replace(channel, samples=stored.stored) if isinstance(stored, _Held) else channel
-
-
-def _at_hand(channel: Channel) -> bool:
-    """Whether reading the channel where it is stored costs little."""
-    stored = channel.samples
-    if isinstance(stored, _Holed):
-        stored = stored.stored
-    return isinstance(stored, Scaled) and stored.at_hand
+    stored = channel.stored
+    return replace(channel, samples=stored, stored=None) if stored is not None else channel
 
 
 def _whole(
@@ -179,11 +154,7 @@ def without_spikes(channel: Channel) -> Channel:
     if not first.size:
         return channel
     flags = [(int(a), int(b), Quality.SPIKE) for a, b in zip(first, stop, strict=True)]
-    return replace(
-        channel,
-        samples=with_holes(channel.samples, first, stop),
-        flags=(*channel.flags, *flags),
-    )
+    return replace(with_holes(channel, first, stop), flags=(*channel.flags, *flags))
 
 
 class _Cells:

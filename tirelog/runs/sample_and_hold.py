@@ -67,21 +67,20 @@ class SampleAndHold:
         )
 
 
-def repeats(channel: Channel) -> SampleAndHold | None:
-    """How the values of a channel are held; None if they are not.
+def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
+    """(the channel with each value that is held once, what is to be said of it; '' if none is).
 
-    Asked of channels in which a patch is found, and whose samples are `Scaled`.
+    Asked of channels in which a patch is found, and whose samples are `Scaled`. `quiet` is the same
+    channel, of whose losses nobody hears.
     """
-    stored = channel.samples
-    if channel.kind not in (*STRAIN_KINDS, *ACCELERATION_KINDS) or not isinstance(stored, Scaled):
-        return None
-    return sample_and_hold(stored, channel.axis)
-
-
-def without_repeats(channel: Channel, found: SampleAndHold) -> Channel:
-    """The channel, whose samples are `Scaled`, with each value that is held once."""
-    stored = channel.samples
-    assert isinstance(stored, Scaled)
+    stored, looked_at = channel.samples, quiet.samples
+    if channel.kind not in (*STRAIN_KINDS, *ACCELERATION_KINDS):
+        return channel, ""
+    if not isinstance(stored, Scaled) or not isinstance(looked_at, Scaled):
+        return channel, ""
+    found = sample_and_hold(looked_at, channel.axis)
+    if found is None:
+        return channel, ""
     at, raw = found.at, stored.raw
 
     def once(start: int, stop: int) -> NDArray[Any]:
@@ -90,7 +89,7 @@ def without_repeats(channel: Channel, found: SampleAndHold) -> Channel:
 
     samples = replace(stored, raw=once)
     flags = tuple(_moved(doubt, at) for doubt in channel.flags)
-    return replace(channel, samples=samples, axis=found.axis, flags=flags)
+    return replace(channel, samples=samples, axis=found.axis, flags=flags), found.remark
 
 
 def _moved(doubt: Doubt, at: IntArray) -> Doubt:

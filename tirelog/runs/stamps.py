@@ -244,7 +244,8 @@ class Stamps:
         stray = 6.0 * noise * np.sqrt(2.0) if rounding is None else _ROUNDED * rounding
         threshold = max((1.6 if self.bunched else 0.6) * period, stray)
         window = _FEW if noise < 0.05 * period else _MANY
-        whole = _Extent(self.spool.size, period, period * float(self.clock_index(self.spool.size)))
+        size = self.spool.size
+        whole = size, period, period * float(self.clock_index(size))
         found: list[Jump] = []
         passing: list[tuple[int, int]] = []
         at, residual, seen = np.zeros(0, np.int64), np.zeros(0), -1
@@ -370,15 +371,6 @@ def _midmean(values: FloatArray) -> float:
     return float(np.sort(values)[cut : values.size - cut].mean())
 
 
-@dataclass(frozen=True)
-class _Extent:
-    """A log's number of samples, its period and its length [s]."""
-
-    samples: int
-    period_s: float
-    length_s: float
-
-
 def _judge(
     at: IntArray,
     residual: FloatArray,
@@ -387,9 +379,11 @@ def _judge(
     window: int,
     threshold: float,
     rounded: bool,
-    whole: _Extent,
+    whole: tuple[int, float, float],
 ) -> tuple[Jump | None, tuple[int, int]]:
     """(the lasting jump of the steps at positions a to b, [start, stop) of samples off the clock).
+
+    `whole`: the log's number of samples, its period and its length [s].
 
     No jump if the residual comes back.  A few stamps at an end of the log are wrong, and no jump,
     if they fall, or leave the clock by more than the log is long, or are but `rounded`.
@@ -400,9 +394,10 @@ def _judge(
     between = int(at[a]), int(at[b])
     if abs(size) < 0.8 * threshold:
         return None, between
-    falls = size < -1.5 * whole.period_s  # by less a row is repeated
-    if min(before.size, after.size) < _FEW and (rounded or falls or size > whole.length_s):
-        return None, (0, between[1]) if before.size < after.size else (between[0], whole.samples)
+    samples, period_s, length_s = whole
+    falls = size < -1.5 * period_s  # by less a row is repeated
+    if min(before.size, after.size) < _FEW and (rounded or falls or size > length_s):
+        return None, (0, between[1]) if before.size < after.size else (between[0], samples)
     steps = np.diff(residual[a - 1 : b + 1]) * np.sign(size)
     return Jump(int(at[a + int(np.argmax(steps))]), size), between
 

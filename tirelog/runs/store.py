@@ -56,7 +56,7 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.runs.sample_and_hold import repeats, without_repeats
+from tirelog.runs.sample_and_hold import without_repeats
 from tirelog.runs.temporary import CHUNK, Run, Stored, check_open, scaled_to_si
 from tirelog.storage.whole import LARGEST_BYTES, json_of
 from tirelog.vocabulary.arrays import FloatArray
@@ -320,12 +320,11 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
                 file=log,
             )
         axis = run.axes[stored.group]
-        channels[name] = _channel(name, stored, used, axis, losses)
         # what is damaged is said when it is asked for
-        held_values = repeats(_channel(name, stored, used, axis, []))
-        if held_values is not None:
-            channels[name] = without_repeats(channels[name], held_values)
-            said.append(f"{name}: {held_values.remark}")
+        quiet = _channel(name, stored, used, axis, [])
+        whole = _channel(name, stored, used, axis, losses)
+        channels[name], remark = without_repeats(whole, quiet)
+        said += [f"{name}: {remark}"] if remark else []
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -381,7 +380,6 @@ def _channel(
         scale,
         offset,
         LOST_COUNT if counts else None,
-        at_hand=stored.at_hand,
     )
     more = {
         key: getattr(channel, key)
@@ -398,6 +396,7 @@ def _channel(
         abs(scale) if counts else 0.0,
         stored.flags,
         more,
+        at_hand=stored.at_hand,
     )
 
 
@@ -438,7 +437,7 @@ def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channe
         near = twin.read(low, int(at.max(initial=0.0)) + 2 + _TWIN_REACH)
         return plain(start, stop) - expansion_1_K * _bridged(near, at - low)
 
-    return replace(strain, samples=samples)
+    return replace(strain, samples=samples, at_hand=False)
 
 
 def _bridged(values: FloatArray, at: FloatArray) -> FloatArray:

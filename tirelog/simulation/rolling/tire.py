@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,33 +237,6 @@ def _wave(road: Road, radius_m: float, begin_m: float) -> TrueProfile:
 POINTS = 8
 
 
-@dataclass(frozen=True)
-class TireMotion:
-    """The tire's motion as columns over time (k,).
-
-    Wheel angle [rad], spin, height of the hub, road's force forward and upwards, contact's edges
-    behind the axle [m] (NaN in the air), sidewall's force on the hub forward and upwards; `read`
-    (k, rows) the riders' readings.
-    """
-
-    time_s: FloatArray
-    angle_rad: FloatArray
-    spin_rad_s: FloatArray
-    hub_z_m: FloatArray
-    force_x_N: FloatArray
-    force_z_N: FloatArray
-    entry_m: FloatArray
-    exit_m: FloatArray
-    spindle_x_N: FloatArray
-    spindle_z_N: FloatArray
-    read: FloatArray
-
-    @classmethod
-    def of(cls, time_s: FloatArray, moments: Records, read: FloatArray) -> TireMotion:
-        """What `RollingTire.run` gives, at the times `time_s` (k,)."""
-        return cls(time_s, read=read, **{name: moments[name] for name in MOMENT.names or ()})
-
-
 def longest_step_s(belt: Belt) -> float:
     """The longest step [s] that `RollingTire` takes.
 
@@ -279,19 +252,12 @@ def longest_step_s(belt: Belt) -> float:
     )
 
 
-@dataclass(frozen=True)
-class TireAtRest:
-    """A tire at rest on a level road at height 0.
-
-    Coefficients `v` (N,), height of the hub, contact length.
-    """
-
-    v: FloatArray
-    hub_z_m: float
-    contact_length_m: float
+#: a tire at rest on a level road at height 0: coefficients (N,), height of the hub [m], contact
+#: length [m]
+AtRest: TypeAlias = tuple[FloatArray, float, float]
 
 
-def tire_at_rest(belt: Belt, load_N: float) -> TireAtRest:
+def tire_at_rest(belt: Belt, load_N: float) -> AtRest:
     """The least of elastic energy, tread springs and load, by Newton's method.
 
     UsageError if the tire cannot carry the load.
@@ -342,7 +308,7 @@ def tire_at_rest(belt: Belt, load_N: float) -> TireAtRest:
             allowed="allowed is a load that the tire can carry",
             do="lower it, or give a stiffer tire",
         )
-    return TireAtRest(q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing))
+    return q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing)
 
 
 class RollingTire:
@@ -352,7 +318,7 @@ class RollingTire:
         self,
         belt: Belt,
         profile: TrueProfile,
-        start: TireAtRest,
+        start: AtRest,
         *,
         speed_m_s: float,
         distance_m: float,
@@ -367,10 +333,10 @@ class RollingTire:
             )
         self.belt, self.profile, self.step_s = belt, profile, step_s
         splines, tire, points = belt.splines, belt.tire, belt.splines.elements * POINTS
-        self.v = start.v.copy()
+        self.v = start[0].copy()
         # standing in space, the belt's material passes through the shape
         spin = speed_m_s / belt.radius_m
-        slope = belt.full(splines.gram(0, 1)) @ start.v
+        slope = belt.full(splines.gram(0, 1)) @ start[0]
         self.u: FloatArray = np.asarray(
             spin * np.linalg.solve(belt.full(splines.gram(0, 0)), slope), float
         )
@@ -384,7 +350,7 @@ class RollingTire:
             )
         )  # fmt: skip
         place = (np.arange(POINTS) + 0.5) / POINTS
-        self._basis = kernel.Basis(splines.local(place), splines.local(place, 1))
+        self._basis = splines.local(place), splines.local(place, 1)
         self._circle = _directions((np.arange(points) + 0.5) * (2.0 * np.pi / points))
         self._middles = _directions(splines.middle_rad)
         self._tread = np.zeros(points, kernel.POINT)
@@ -410,7 +376,7 @@ class RollingTire:
         }.items():
             self.constants[name] = value
         self.state = np.zeros(1, kernel.STATE)[0]
-        self.state["spin_rad_s"], self.state["hub_z_m"] = spin, start.hub_z_m
+        self.state["spin_rad_s"], self.state["hub_z_m"] = spin, start[1]
         self.state["hub_x_m"] = distance_m
         self.state["momentum_N_m_s"] = self._momentum()
 

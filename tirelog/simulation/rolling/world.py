@@ -15,24 +15,17 @@ log begins on a tire that has rolled for SETTLING_S under a damper that is then 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tirelog.errors import UsageError
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
-from tirelog.simulation.rolling.tire import (
-    RollingTire,
-    TireMotion,
-    begins,
-    profile_of,
-    tire_at_rest,
-)
+from tirelog.simulation.rolling.tire import RollingTire, begins, profile_of, tire_at_rest
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Fluctuation, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange
@@ -59,19 +52,6 @@ _MARGIN_S, _ANGLE_STEP_S = 0.01, 1e-3
 _GRIP = 0.95
 
 
-@dataclass(frozen=True)
-class RoadTrace:
-    """One sensor's belt over the motion's rows (k,).
-
-    `s_m`, `z_m` its place beside the hub, backwards and upwards; `strain` (zero if it has none),
-    both as they are, not as the instrument passes them on.
-    """
-
-    s_m: FloatArray
-    z_m: FloatArray
-    strain: FloatArray
-
-
 class RolledWorld(World):
     """One scenario with truth = "coupled_ring", rolled from begin to end.
 
@@ -89,8 +69,10 @@ class RolledWorld(World):
         self.profile = profile_of(scenario.road, radius, float(self.distance(drive.time_s[-1:])[0]))
         self.belt.check_speed(float(drive.speed_at(drive.time_s).max()))
         self.standing = tire_at_rest(self.belt, float(self.load(np.zeros(1))[0]))
-        self.motion, self.ridden = self._rolled()
-        time = self.motion.time_s
+        #: the motion (k,) of MOMENT at `time_s` (k,), and of each riding sensor's belt, over the
+        #: same times: its place beside the hub, backwards and upwards, and its strain, (3, k)
+        self.time_s, self.motion, self.ridden = self._rolled()
+        time = self.time_s
         grid = np.arange(time[0], time[-1], _ANGLE_STEP_S)
         self.drive = replace(drive, angle=CubicSpline(grid, self._at(grid, self.motion.angle_rad)))
 
@@ -139,23 +121,19 @@ class RolledWorld(World):
 
     # ---- the roll --------------------------------------------------------------------------------
 
-    def _rolled(self) -> tuple[TireMotion, dict[str, RoadTrace]]:
+    def _rolled(self) -> tuple[FloatArray, Any, dict[str, FloatArray]]:
         """The motion from just before the log to just behind it, and every riding sensor's."""
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
-        before = (
-            max((scenario.late_s(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0)
-            + _MARGIN_S
-        )
-        before = np.ceil(before / step) * step
+        early = max((scenario.late_s(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0)
+        before = np.ceil((early + _MARGIN_S) / step) * step
         behind = max((8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
         start = float(-before - SETTLING_S)
-        at_rest = self.standing
         speed = float(self._way.speed_at(np.array(start)))
         tire = RollingTire(
             self.belt,
             self.profile,
-            at_rest,
+            self.standing,
             speed_m_s=speed,
             distance_m=float(self.distance(np.array(start))),
             step_s=step,
@@ -176,11 +154,14 @@ class RolledWorld(World):
             moments[kept], read[kept] = tire.run(self._orders(moment), every=every, riders=riders)
         moments["angle_rad"] -= zero
         times = -before + step * every * np.arange(moments.size)
-        motion = TireMotion.of(times, moments, read)
-        return motion, {
-            name: self._place(motion, 3 * k, np.radians(s.angle_deg))
-            for k, (name, s) in enumerate(riding.items())
-        }
+        ridden = {}
+        for k, (name, s) in enumerate(riding.items()):
+            v, w, strain = read[:, 3 * k : 3 * k + 3].T
+            phi = moments["angle_rad"] - np.radians(s.angle_deg)
+            arm = self.belt.radius_m + w
+            back, up = arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi)
+            ridden[name] = np.stack([back, up, strain])
+        return times, moments.view(np.recarray), ridden
 
     def _settle(self, tire: RollingTire, start_s: float) -> None:
         """Rolls for SETTLING_S, belt and hub quieted.
@@ -188,7 +169,7 @@ class RolledWorld(World):
         The hub by a share of critical damping (its mass on the standing tire's spring).
         """
         scenario, step = self.scenario, self.scenario.step_s
-        spring = scenario.conditions.load_N / max(self.belt.radius_m - self.standing.hub_z_m, 1e-4)
+        spring = scenario.conditions.load_N / max(self.belt.radius_m - self.standing[1], 1e-4)
         tire.damp_hub(
             float(HELD * 2.0 * np.sqrt(spring * (scenario.tire.hub_mass_kg + self.belt.mass_kg)))
         )
@@ -216,14 +197,6 @@ class RolledWorld(World):
             ]
         )
 
-    def _place(self, motion: TireMotion, first: int, angle_rad: float) -> RoadTrace:
-        v, w, strain = motion.read[:, first : first + 3].T
-        phi = motion.angle_rad - angle_rad
-        arm = self.belt.radius_m + w
-        return RoadTrace(
-            arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi), strain
-        )
-
     # ---- what sensors read -----------------------------------------------------------------------
 
     def values(self, moments: Times) -> dict[str, FloatArray]:
@@ -231,23 +204,23 @@ class RolledWorld(World):
 
         Those that ride on it, and the hub's forces.
         """
-        out, motion = {}, self.motion
+        out = {}
         for name, time in moments.items():
             sensor = self.scenario.channels[name]
             if sensor.kind == "radial_acceleration":
                 out[name] = self._at(time, self._passed_on(self._outwards(name), sensor))
             elif sensor.kind in RIDING:
-                strain = self._at(time, self._passed_on(self.ridden[name].strain, sensor))
+                strain = self._at(time, self._passed_on(self.ridden[name][2], sensor))
                 out[name] = strain + self.baseline(time, sensor)
             elif sensor.kind == "vertical_load":
-                out[name] = np.interp(time, motion.time_s, motion.spindle_z_N)
+                out[name] = np.interp(time, self.time_s, self.motion.spindle_z_N)
             elif sensor.kind == "longitudinal_force":
-                out[name] = np.interp(time, motion.time_s, motion.spindle_x_N)
+                out[name] = np.interp(time, self.time_s, self.motion.spindle_x_N)
         return out
 
     def _at(self, time_s: FloatArray, series: FloatArray) -> FloatArray:
         """A series (k,) over the motion's rows at any times (n,), by the six rows around each."""
-        begin, step = self.motion.time_s[0], self.motion.time_s[1] - self.motion.time_s[0]
+        begin, step = self.time_s[0], self.time_s[1] - self.time_s[0]
         place = (np.asarray(time_s, float) - begin) / step
         row = np.clip(
             np.floor(place).astype(np.intp), ROW_POINTS // 2 - 1, series.size - ROW_POINTS // 2 - 1
@@ -262,17 +235,16 @@ class RolledWorld(World):
 
         By second differences of the place.
         """
-        motion, ridden = self.motion, self.ridden[name]
-        step = motion.time_s[1] - motion.time_s[0]
+        (back, up, _), step = self.ridden[name], self.time_s[1] - self.time_s[0]
 
         def bent(place: FloatArray) -> FloatArray:
             inside = (place[2:] - 2.0 * place[1:-1] + place[:-2]) / step**2
             return np.concatenate((inside[:1], inside, inside[-1:]))
 
-        forward = self._way.acceleration_at(motion.time_s)
-        phi = motion.angle_rad - np.radians(self.scenario.channels[name].angle_deg)
-        upwards = bent(ridden.z_m + motion.hub_z_m) + GRAVITY_M_S2
-        return np.asarray((bent(ridden.s_m) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
+        forward = self._way.acceleration_at(self.time_s)
+        phi = self.motion.angle_rad - np.radians(self.scenario.channels[name].angle_deg)
+        upwards = bent(up + self.motion.hub_z_m) + GRAVITY_M_S2
+        return np.asarray((bent(back) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
 
     def _passed_on(self, series: FloatArray, sensor: Sensor) -> FloatArray:
         """A series (k,) behind the instrument's first-order lag and within its bandwidth.
@@ -283,7 +255,7 @@ class RolledWorld(World):
         if lag is None and sensor.bandwidth_Hz is None:
             return series
         tau = 0.0 if lag is None else lag if isinstance(lag, float) else lag["lag_s"]
-        step = float(self.motion.time_s[1] - self.motion.time_s[0])
+        step = float(self.time_s[1] - self.time_s[0])
         size = 2 * series.size
         frequency = np.fft.rfftfreq(size, step)
         gain = 1.0 / (1.0 + 2j * np.pi * frequency * tau)
@@ -320,9 +292,12 @@ def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArra
 
     `time_s` in the channel's own stamps.
     """
-    sensor, motion, ridden = world.scenario.channels[name], world.motion, world.ridden[name]
-    row, share = _under_axle(ridden.s_m, ridden.z_m)
-    time = motion.time_s[row] + share * (motion.time_s[row + 1] - motion.time_s[row])
+    sensor, motion = world.scenario.channels[name], world.motion
+    back, up, _ = world.ridden[name]
+    # the place passes the axle from ahead to behind: the row before, and share of its step
+    row = np.flatnonzero((back[:-1] < 0.0) & (back[1:] >= 0.0) & (up[:-1] < 0.0))
+    share = -back[row] / (back[row + 1] - back[row])
+    time = world.time_s[row] + share * (world.time_s[row + 1] - world.time_s[row])
     inside = (time >= 0.0) & (time < world.scenario.duration_s - late)
     row, share, time = row[inside], share[inside], time[inside]
 
@@ -351,15 +326,6 @@ def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArra
     }
 
 
-def _under_axle(s_m: FloatArray, z_m: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-    """(row before each passage of the axle, share of that row's step to it).
-
-    The place passes the axle from ahead to behind.
-    """
-    row = np.flatnonzero((s_m[:-1] < 0.0) & (s_m[1:] >= 0.0) & (z_m[:-1] < 0.0))
-    return row, -s_m[row] / (s_m[row + 1] - s_m[row])
-
-
 def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArray:
     """int strain'^2 ds over the turn around each passage [1/m].
 
@@ -368,10 +334,10 @@ def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArra
     motion = world.motion
     if world.scenario.channels[name].kind == "radial_acceleration":
         return np.full(time_s.size, np.nan)
-    rate = np.gradient(world.ridden[name].strain, motion.time_s)
+    rate = np.gradient(world.ridden[name][2], world.time_s)
     way = np.maximum(motion.spin_rad_s, 1e-3) * world.belt.radius_m
-    total = np.concatenate(([0.0], np.cumsum(rate[:-1] ** 2 / way[:-1] * np.diff(motion.time_s))))
-    middle = np.interp(time_s, motion.time_s, motion.angle_rad)
+    total = np.concatenate(([0.0], np.cumsum(rate[:-1] ** 2 / way[:-1] * np.diff(world.time_s))))
+    middle = np.interp(time_s, world.time_s, motion.angle_rad)
     rising = np.maximum.accumulate(motion.angle_rad)
     ends = [
         np.interp(middle + turn, rising, total, left=np.nan, right=np.nan)
@@ -386,8 +352,8 @@ def moving(world: RolledWorld) -> dict[str, Any]:
     Forces are means over the log, `contact_length_m` its median.
     """
     motion, scenario = world.motion, world.scenario
-    logged = (motion.time_s >= 0.0) & (motion.time_s <= scenario.duration_s)
-    time = motion.time_s[logged]
+    logged = (world.time_s >= 0.0) & (world.time_s <= scenario.duration_s)
+    time = world.time_s[logged]
     turned = float(np.ptp(motion.angle_rad[logged]))
     way = float(world.distance(time[-1]) - world.distance(time[0]))
     load = world.load(time) * (1.0 + world.fluctuation(time))
@@ -404,7 +370,7 @@ def moving(world: RolledWorld) -> dict[str, Any]:
         "load_carried_N": float(motion.force_z_N[logged].mean()),
         "longitudinal_force_N": float(motion.force_x_N[logged].mean()),
         "contact_length_m": float(np.nanmedian(motion.exit_m[logged] - motion.entry_m[logged])),
-        "standing_contact_length_m": world.standing.contact_length_m,
+        "standing_contact_length_m": world.standing[2],
         "effective_rolling_radius_m": way / turned if turned > 2.0 * np.pi else None,
         "obstacles": _obstacles(world),
     }
@@ -459,16 +425,16 @@ def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
     motion, road = world.motion, world.scenario.road
     corner = world.profile.corner_m
     length = float((road.length_m or 0.0) if road.kind == "cleat" else corner[1] - corner[0])
-    way = world.distance(motion.time_s)
+    way = world.distance(world.time_s)
     met = (way - motion.entry_m > place_m) & (way - motion.exit_m < place_m + length)
     rows = np.flatnonzero(met)
     over = way[-1] > place_m > way[0]
     out: dict[str, float | None] = {
         "position_m": place_m,
-        "touched_s": float(motion.time_s[rows[0]]) if rows.size else None,
-        "under_axle_s": float(np.interp(place_m, way, motion.time_s)) if over else None,
-        "left_s": float(motion.time_s[rows[-1]])
-        if rows.size and rows[-1] < motion.time_s.size - 1
+        "touched_s": float(world.time_s[rows[0]]) if rows.size else None,
+        "under_axle_s": float(np.interp(place_m, way, world.time_s)) if over else None,
+        "left_s": float(world.time_s[rows[-1]])
+        if rows.size and rows[-1] < world.time_s.size - 1
         else None,
         "largest_force_N": float(motion.force_z_N[rows].max()) if rows.size else None,
     }
