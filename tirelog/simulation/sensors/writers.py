@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tirelog.data.recording import Channel, Recording, TimeAxis
+from tirelog.data.recording import Recording, TimeAxis
 from tirelog.data.setup import LogConditions, parse_setup
 from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor, TrueConditions
-from tirelog.simulation.sensors.sampling import PER_SI
 from tirelog.simulation.simulate import Simulated
 from tirelog.storage.whole import all_or_none, whole_file
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.kinds import KINDS, STRAIN_KINDS
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -130,57 +129,31 @@ def _channel_lines(sensor: Sensor, source: str) -> list[str]:
 
 
 def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
-    """The log as readers would give it.
+    """The log as a run of it would give it: nothing quantised by text.
 
-    Channels in SI, NaN if lost, on uniform axes; nothing quantised by text.
+    Channels in SI, NaN if lost, on uniform axes.
     """
-    scenario = simulated.scenario
+    from tirelog.runs.store import recording_of  # brings HDF5
+    from tirelog.runs.temporary import Run, Stored
+
+    scenario, axes, channels = simulated.scenario, {}, {}
     setup = parse_setup(setup_text(scenario, {name: name for name in scenario.channels}), log)
-    channels = {}
-    for name, sensor in scenario.channels.items():
-        values = _in_si(simulated, name)
-        stamp = simulated.stamp_s[name]
-        axis = TimeAxis.uniform(
-            values.size, sensor.sampling_rate_Hz, float(stamp[0]) if stamp.size else 0.0
-        )
-        own = setup.channels[name]
-        settings = {
-            key: getattr(own, key)
-            for key in ("steps", "gauge_length_m")
-            if getattr(own, key) is not None
-        }
-        channels[name] = Channel.of_array(
+    for name, known in setup.channels.items():
+        raw, stamp = simulated.channels[name], simulated.stamp_s[name]
+        rate, start = scenario.channels[name].sampling_rate_Hz, stamp[0] if stamp.size else 0.0
+        axes[name] = TimeAxis.uniform(raw.size, rate, float(start))
+        channels[name] = Stored(
             name,
-            sensor.kind,
-            values,
-            axis,
-            unit=KINDS[sensor.kind].unit,
-            surface=sensor.surface,
-            settings=settings,
+            known.kind,
+            known.source_unit,
+            raw.size,
+            raw.dtype,
+            -1,
+            lambda start, stop, losses, raw=raw: raw[start:stop],
+            (),
         )
-    return Recording(log, channels, setup, {"simulated_seed": scenario.seed})
-
-
-def _in_si(simulated: Simulated, name: str) -> FloatArray:
-    """One channel's values in SI.
-
-    Gratings by P1 (1), with the twin's temperature if the channel names one.
-    """
-    sensor, raw = simulated.scenario.channels[name], simulated.channels[name]
-    if sensor.kind == "fbg_temperature":
-        return (raw - sensor.reference_wavelength_nm) / sensor.temperature_sensitivity_nm_K
-    if sensor.kind == "fbg_strain":
-        strain = sensor.strain_gain * (raw / sensor.reference_wavelength_nm - 1.0)
-        if sensor.temperature_channel is not None:
-            warm = _in_si(simulated, sensor.temperature_channel)
-            stamps = simulated.stamp_s
-            known = np.isfinite(warm)
-            at = np.interp(stamps[name], stamps[sensor.temperature_channel][known], warm[known])
-            strain = strain - sensor.thermal_expansion_1_K * at
-        return strain
-    if sensor.kind == "temperature":
-        return raw + 273.15
-    return raw / PER_SI.get(sensor.kind, 1.0)
+    about = {"simulated_seed": scenario.seed, "losses": []}
+    return recording_of(Run(setup, axes, channels, about), log)
 
 
 SUFFIXES = (".csv", ".txt", ".mcap", ".h5", ".hdf5")
