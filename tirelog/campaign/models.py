@@ -25,8 +25,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tirelog.campaign.folder import json_table
-from tirelog.campaign.ledger import Ledger, read_pieces
+from tirelog.campaign.ledger import Ledger, json_table, read_pieces
 from tirelog.campaign.manifest import Campaign, CampaignModel
 from tirelog.campaign.runner import LogTask, pieces_name
 from tirelog.data.setup import parse_setup

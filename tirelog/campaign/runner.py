@@ -29,8 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.campaign.folder import HIDDEN, folder_at
-from tirelog.campaign.ledger import Entry, Ledger, key_of, log_of, pieces_bytes
+from tirelog.campaign.ledger import HIDDEN, Entry, Ledger, folder_at, key_of, log_of, pieces_bytes
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.data.recording import Recording
 from tirelog.data.setup import parse_setup

@@ -56,7 +56,7 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.runs.sample_and_hold import without_repeats
+from tirelog.runs.in_memory import without_repeats
 from tirelog.runs.temporary import CHUNK, Run, Stored, check_open, scaled_to_si
 from tirelog.storage.whole import LARGEST_BYTES, json_of
 from tirelog.vocabulary.arrays import FloatArray

@@ -29,7 +29,7 @@ from tirelog.simulation.rolling.tire import RollingTire, begins, profile_of, tir
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Fluctuation, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange
-from tirelog.simulation.steady.truth import steady_truth
+from tirelog.simulation.simulate import steady_truth
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray, Records
 

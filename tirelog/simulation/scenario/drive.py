@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -220,5 +220,6 @@ def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Genera
     values = lfilter([1 - share], [1.0, -share], lfilter([1 - share], [1.0, -share], white))[200:]
     # variance of a white sequence after two equal first-order filters
     variance = (1 - share) ** 4 * (1 + share**2) / (1 - share**2) ** 3
-    places, sizes = np.arange(values.size) * step, scenario.road.roughness * values
-    return partial(np.interp, xp=places, fp=sizes / np.sqrt(variance))
+    places = np.arange(values.size) * step
+    sizes = scenario.road.roughness * values / np.sqrt(variance)
+    return lambda distance_m: np.interp(distance_m, places, sizes)
