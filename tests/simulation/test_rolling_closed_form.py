@@ -153,7 +153,7 @@ def test_a_torque_in_the_air_winds_up_and_spins() -> None:
     tire = rolling(of, speed=5.0, load=0.0, start=(np.zeros(64), 1.0, 0.0))
     tire.run(orders(8000, speed=5.0, load=0.0, torque=30.0))
     whole = HUB_INERTIA + RING_MASS * RADIUS**2
-    assert tire.spin_rad_s == pytest.approx(5.0 / RADIUS + 30.0 * 0.2 / whole, rel=1e-3)
+    assert tire.state["spin_rad_s"] == pytest.approx(5.0 / RADIUS + 30.0 * 0.2 / whole, rel=1e-3)
     # the belt lags: its share of the torque over the wind-up stiffness
     lag = 30.0 * RING_MASS * RADIUS**2 / whole / (2 * np.pi * RADIUS**2 * K_V)
     assert tire.v.mean() == pytest.approx(-lag, rel=2e-2)

@@ -158,7 +158,8 @@ def wandering(seen: Ticks, resolution_s: float) -> tuple[Times, tuple[float, ...
         k = seen.stamps.clock_index(index) + before[np.searchsorted(behind, index, side="right")]
         found = np.interp(k, at, time)
         found = np.where(k < at[0], time[0] + slopes[0] * (k - at[0]), found)
-        return np.where(k > at[-1], time[-1] + slopes[-1] * (k - at[-1]), found)
+        found = np.where(k > at[-1], time[-1] + slopes[-1] * (k - at[-1]), found)
+        return np.asarray(found, np.float64)
 
     begin = time_of(np.zeros(1, np.int64))
     rates = np.percentile(np.diff(at) / np.diff(time), [5.0, 50.0, 95.0])

@@ -12,19 +12,17 @@ The hub's way forward is the drive's; its height and its spin are free.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.setup import road_points
 from tirelog.errors import UsageError
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt
 from tirelog.simulation.rolling.step_kernel import MOMENT
 from tirelog.simulation.scenario.schema import Road
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray, Records
 
 # ---- The road's profile under a tire in motion.
@@ -122,7 +120,15 @@ def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
                 allowed='allowed is file = "PATH" (distance and height, a point a line)',
                 do="name it",
             )
-        return _read(Path(road.file))
+        corner, height = road_points(road.file, UsageError)
+        grows = "allowed are two points or more, at growing distances"
+        for wrong, what in (
+            (corner.size < 2, "a road of fewer than two points"),
+            (np.any(np.diff(corner) <= 0.0), "distances of the road do not grow"),
+        ):
+            if wrong:
+                raise UsageError(what, allowed=grows, do="mend the rows", file=road.file)
+        return corner, height
     height = _needed(road, "height_m")[0]
     # ramp of a step or cleat that names none, as far as its length and the steepest slope allow [m]
     ramp = road.ramp_m or max(0.01, 1.01 * abs(height) / STEEPEST)
@@ -137,52 +143,6 @@ def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
             do="mend it",
         )
     return np.array([0.0, ramp, length - ramp, length]), np.array([0.0, height, height, 0.0])
-
-
-def _read(path: Path) -> tuple[FloatArray, FloatArray]:
-    """Two columns of text, distance and height [m], comma or blanks between, # begins a remark."""
-    try:
-        taken_as_input(path)
-        with open_input(path) as stream:
-            text = stream.read().decode()
-    except (OSError, UnicodeDecodeError) as problem:
-        raise UsageError(
-            f"the road's profile cannot be read ({problem})",
-            allowed="allowed is a text file",
-            do="mend the [road]'s file",
-            file=path,
-        ) from None
-    points = []
-    for number, line in enumerate(text.splitlines(), 1):
-        words = line.split("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        try:
-            distance, height = (float(word) for word in words)
-        except ValueError:
-            distance = height = np.nan
-        if not (np.isfinite(distance) and np.isfinite(height)):
-            advice = "allowed are a distance and a height in m; mend it"
-            raise UsageError(
-                f"{line.strip()!r} is no point of a road", do=f"{advice}", file=path, line=number
-            )
-        points.append((distance, height))
-    if len(points) < 2:
-        raise UsageError(
-            "a road of fewer than two points",
-            allowed="allowed are two or more",
-            do="add some",
-            file=path,
-        )
-    corner, height = np.array(points).T
-    if np.any(np.diff(corner) <= 0.0):
-        raise UsageError(
-            "distances of the road do not grow",
-            allowed="allowed are growing ones, one height each",
-            do="sort the rows",
-            file=path,
-        )
-    return corner, height
 
 
 def _check(corner: FloatArray, height: FloatArray, radius_m: float) -> None:
@@ -387,18 +347,6 @@ class RollingTire:
         own = self.u @ belt.full(belt.swirl) @ self.v
         mean = belt.radius_m * self.constants["mean_inertia_kg"] * self.u.sum()
         return float((self.constants["spin_inertia_kg_m2"] + pulled) * spin + own + mean)
-
-    @property
-    def angle_rad(self) -> float:
-        return float(self.state["angle_rad"])
-
-    @property
-    def distance_m(self) -> float:
-        return float(self.state["hub_x_m"])
-
-    @property
-    def spin_rad_s(self) -> float:
-        return float(self.state["spin_rad_s"])
 
     def damp_hub(self, damper_N_s_m: float) -> None:
         """A damper between the hub and something that stands still above it."""

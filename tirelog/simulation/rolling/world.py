@@ -139,7 +139,7 @@ class RolledWorld(World):
             step_s=step,
         )
         self._settle(tire, start)
-        zero = tire.angle_rad + before * tire.spin_rad_s
+        zero = float(tire.state["angle_rad"] + before * tire.state["spin_rad_s"])
         riders = tuple(self._rider(s, -zero - np.radians(s.angle_deg)) for s in riding.values())
         fastest = max(s.sampling_rate_Hz for s in scenario.channels.values())
         every = max(1, int(1.0 / (_ROWS * fastest * step)))
@@ -409,6 +409,7 @@ def travelling_waves(world: RolledWorld, speed_m_s: float) -> list[dict[str, flo
 
 
 def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
+    """Each cleat or step, as it was met."""
     road = world.scenario.road
     if road.kind not in ("step", "cleat"):
         return []
@@ -417,10 +418,9 @@ def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
 
 
 def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """One cleat or step, as it was met.
+    """When a cleat or step is first touched, when its begin is under the axle, when it is left.
 
-    When it is first touched, when its begin is under the axle, when it is left; the largest force
-    meanwhile.
+    And the largest force meanwhile.
     """
     motion, road = world.motion, world.scenario.road
     corner = world.profile.corner_m

@@ -11,7 +11,6 @@ import gzip
 import json
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,12 +20,7 @@ from tirelog.errors import UsageError
 from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor, TrueConditions
 from tirelog.simulation.simulate import Simulated
 from tirelog.storage.whole import all_or_none, whole_file
-from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
-
-if TYPE_CHECKING:
-    from mcap.writer import Writer
-
 
 # ---- The setup of a simulated log, and the log as a Recording in memory.
 #
@@ -104,28 +98,17 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
         ]
     several = sum(sensor.kind in STRAIN_KINDS for sensor in scenario.channels.values()) > 1
     for name, sensor in scenario.channels.items():
-        lines += ["", f"[channels.{name}]", *_channel_lines(sensor, sources[name])]
+        lines += ["", f"[channels.{name}]", f'kind = "{sensor.kind}"']
+        lines += [f'source = "{sources[name]}"', f'unit = "{SOURCE_UNITS[sensor.kind]}"']
+        known = {key: getattr(sensor, key) for key in _CHANNEL_KEYS.get(sensor.kind, ())}
+        known |= {"gauge_length_m": sensor.gauge_length_m or None}
+        lines += [f"{key} = {_toml(value)}" for key, value in known.items() if value is not None]
         if several and sensor.kind in STRAIN_KINDS:  # of one nobody asks where it stands
             lines.append(f"angle_deg = {sensor.angle_deg!r}")
     if time is not None:
         rate = next(iter(scenario.channels.values())).sampling_rate_Hz
         lines += ["", "[log]", f"sampling_rate_Hz = {rate!r}", f'time = "{time}"']
     return "\n".join(lines) + "\n"
-
-
-def _channel_lines(sensor: Sensor, source: str) -> list[str]:
-    lines = [
-        f'kind = "{sensor.kind}"',
-        f'source = "{source}"',
-        f'unit = "{SOURCE_UNITS[sensor.kind]}"',
-    ]
-    for key in _CHANNEL_KEYS.get(sensor.kind, ()):
-        value = getattr(sensor, key)
-        if value is not None:
-            lines.append(f"{key} = {_toml(value)}")
-    if sensor.gauge_length_m:
-        lines.append(f"gauge_length_m = {sensor.gauge_length_m!r}")
-    return lines
 
 
 def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
@@ -265,32 +248,27 @@ def _write_mcap(simulated: Simulated, path: Path, zipped: bool) -> str:
         for rate, names in groups.items():
             topic = "/tire" if len(groups) == 1 else f"/tire/{rate:g}_Hz"
             made.update({name: f"{topic}:{name}" for name in names})
-            _write_topic(simulated, writer, topic, names)
+            # a lost sample is null
+            fields = {name: {"type": ["number", "null"]} for name in names}
+            schema = writer.register_schema(
+                name=topic.strip("/"),
+                encoding="jsonschema",
+                data=json.dumps({"type": "object", "properties": fields}).encode(),
+            )
+            channel = writer.register_channel(
+                topic=topic, message_encoding="json", schema_id=schema
+            )
+            texts = []
+            for name in names:
+                digits = _digits(simulated.scenario.channels[name])
+                values = simulated.channels[name].tolist()
+                texts.append([f"{v:.{digits}f}" if v == v else "null" for v in values])
+            stamps = np.round(simulated.stamp_s[names[0]] * 1e9).astype(np.int64).tolist()
+            for number, (stamp, *row) in enumerate(zip(stamps, *texts, strict=True)):
+                body = ",".join(f'"{name}":{v}' for name, v in zip(names, row, strict=True))
+                writer.add_message(channel, stamp, f"{{{body}}}".encode(), stamp, number)
         writer.finish()
     return setup_text(simulated.scenario, {**_sources(simulated), **made})
-
-
-def _write_topic(simulated: Simulated, writer: Writer, topic: str, names: list[str]) -> None:
-    """The messages of one topic; a lost sample is null."""
-    fields = {name: {"type": ["number", "null"]} for name in names}
-    schema = writer.register_schema(
-        name=topic.strip("/"),
-        encoding="jsonschema",
-        data=json.dumps({"type": "object", "properties": fields}).encode(),
-    )
-    channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=schema)
-    digits = [_digits(simulated.scenario.channels[name]) for name in names]
-    texts = [
-        _json_numbers(simulated.channels[name], d) for name, d in zip(names, digits, strict=True)
-    ]
-    stamps = np.round(simulated.stamp_s[names[0]] * 1e9).astype(np.int64).tolist()
-    for number, (stamp, *values) in enumerate(zip(stamps, *texts, strict=True)):
-        body = ",".join(f'"{name}":{value}' for name, value in zip(names, values, strict=True))
-        writer.add_message(channel, stamp, f"{{{body}}}".encode(), stamp, number)
-
-
-def _json_numbers(values: FloatArray, digits: int) -> list[str]:
-    return [f"{v:.{digits}f}" if v == v else "null" for v in values.tolist()]
 
 
 def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:

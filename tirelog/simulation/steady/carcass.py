@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from tirelog.errors import UsageError
-from tirelog.simulation.scenario.schema import Planted, Scenario, Warming
+from tirelog.simulation.scenario.schema import Scenario, Warming
 from tirelog.simulation.steady.loads import ComplexArray, Instants, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -120,40 +120,26 @@ def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) 
     Force inwards per inward displacement.
     """
     mass = scenario.tire.line_mass_kg_m
-    one, d1, *_ = derivatives = _derivatives(ring, at)
+    one, d1, d2, d3, _ = _derivatives(ring, at)
     total = np.zeros((len(at), one.shape[-1]), complex)
     rate = 2.0 * mass * at.speed[:, None]
     if scenario.truth == "beam":
         total += rate * scenario.tire.damping_rate_1_s * d1
     for effect in scenario.effects:
-        total += _structural(effect, derivatives, ring.quarter_turn, at, stiffness, rate)
-        if effect.name == "thermal_drift" and effect["stiffness"]:
+        if effect.name == "viscous_damping":
+            # other: part of the loss in bending, where short waves weigh more
+            loss = 0.4 * d1 - 2.0 * DAMPED_LENGTH_M**2 * d3 if effect.other else d1
+            total += rate * effect["damping_rate_1_s"] * loss
+        elif effect.name == "hysteresis":
+            weight = 0.75 * one - 2.0 * DAMPED_LENGTH_M**2 * d2 if effect.other else one
+            total += stiffness * effect["loss_factor"] * ring.quarter_turn * weight
+        elif effect.name == "belt_tension":
+            tension = effect["tension_N"] + effect["tension_mass_kg_m"] * at.speed[:, None] ** 2
+            shear = 1.0 - SHEAR_LENGTH_M**2 * d2 if effect.other else one
+            total -= tension * d2 / shear
+        elif effect.name == "thermal_drift":
             total += stiffness * (effect["stiffness"] * at.warmed)[:, None] * one
     return total
-
-
-def _structural(
-    effect: Planted,
-    derivatives: Sequence[ComplexArray],
-    quarter_turn: ComplexArray,
-    at: Instants,
-    stiffness: FloatArray,
-    rate: FloatArray,
-) -> ComplexArray | float:
-    """One effect's operator, (b, m)."""
-    one, d1, d2, d3, _ = derivatives
-    if effect.name == "viscous_damping":
-        # other: part of the loss in bending, where short waves weigh more
-        loss = 0.4 * d1 - 2.0 * DAMPED_LENGTH_M**2 * d3 if effect.other else d1
-        return rate * effect["damping_rate_1_s"] * loss
-    if effect.name == "hysteresis":
-        weight = 0.75 * one - 2.0 * DAMPED_LENGTH_M**2 * d2 if effect.other else one
-        return stiffness * effect["loss_factor"] * quarter_turn * weight
-    if effect.name == "belt_tension":
-        tension = effect["tension_N"] + effect["tension_mass_kg_m"] * at.speed[:, None] ** 2
-        shear = 1.0 - SHEAR_LENGTH_M**2 * d2 if effect.other else one
-        return -tension * d2 / shear
-    return 0.0
 
 
 def _hardening(scenario: Scenario, stiffness: FloatArray) -> tuple[FloatArray, bool]:
