@@ -110,19 +110,6 @@ def swept(temporary: Path) -> None:
         raise output_error(temporary, problem) from problem
 
 
-def temporary_for(url: str) -> Path:
-    """The folder of this machine for a campaign's temporary runs.
-
-    For a campaign whose results are elsewhere. It is always the same one, so that the next run
-    sweeps what a kill left.
-    """
-    user = os.getuid() if hasattr(os, "getuid") else 0
-    return (
-        Path(tempfile.gettempdir())
-        / f"tirelog-campaign-{user}-{hashlib.sha256(url.encode()).hexdigest()[:16]}"
-    )
-
-
 def folder_at(place: str | Path) -> Folder:
     """The folder at a path or an address."""
     url = address(place)
@@ -228,7 +215,10 @@ class RemoteFolder:
     """A folder at the address `root`, with the same doors as `LocalFolder`."""
 
     def __init__(self, root: str) -> None:
-        self.root, self.temporary = root, temporary_for(root)
+        self.root, user = root, os.getuid() if hasattr(os, "getuid") else 0
+        own = f"tirelog-campaign-{user}-{hashlib.sha256(root.encode()).hexdigest()[:16]}"
+        #: always the same one, so that the next run sweeps what a kill left
+        self.temporary = Path(tempfile.gettempdir()) / own
 
     @contextmanager
     def held(self) -> Iterator[None]:

@@ -67,7 +67,7 @@ class CampaignLog:
     and does not stop the rest.
     """
 
-    path: str
+    log: str
     name: str
     setup: Setup | None
     tags: Mapping[str, str] = field(default_factory=dict)
@@ -164,7 +164,7 @@ def load_manifest(path: Path) -> Campaign:
             "add one",
         ),
     )
-    _refuse_twins("logs", ((log.name, log.path) for log in logs), "narrow the globs", place)
+    _refuse_twins("logs", ((log.name, log.log) for log in logs), "narrow the globs", place)
     files = ((model.file.stem, model.file) for model in models)
     _refuse_twins("models", files, "rename one", place)
     output = about.get("output", "results")

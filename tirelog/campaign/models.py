@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any
 from tirelog.campaign.ledger import Ledger, json_table, read_pieces
 from tirelog.campaign.manifest import Campaign, CampaignModel
 from tirelog.campaign.runner import LogTask, pieces_name
-from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.user_effects import own_effects
@@ -117,7 +116,11 @@ def _run(
     for name in model.commands:
         results[name] = commands[name](pieces, read)
         if name == "diagnose" and model.each:
-            some = partial(_pieces_of, measured, model.observable, ledger)
+
+            def some(names: Sequence[str]) -> Pieces:
+                chosen = [task for task in measured if task.name in names]
+                return _pieces(chosen, model.observable, ledger)[0]
+
             groups = _groups(measured, model.each)
             results[name] = _with_each(results[name], read, candidates, groups, some, model.each)
             said(results[name].notes[-1])
@@ -136,17 +139,10 @@ def _groups(tasks: list[LogTask], by: str) -> dict[str, list[str]]:
     """The names of the logs by their tire, as the setups call it, or each log by itself."""
     groups: dict[str, list[str]] = {}
     for task in tasks:
-        tire = parse_setup(task.setup_text, task.setup_file).tire.name if by == "tire" else ""
+        tire = task.setup.tire.name if task.setup is not None else ""
         name = task.name if by == "log" else tire or "the tire without a name"
         groups.setdefault(name, []).append(task.name)
     return groups
-
-
-def _pieces_of(
-    tasks: list[LogTask], observable: str, ledger: Ledger, names: Sequence[str]
-) -> Pieces:
-    """The pieces of the logs of these names."""
-    return _pieces([task for task in tasks if task.name in names], observable, ledger)[0]
 
 
 def _with_each(

@@ -382,7 +382,14 @@ def _write(
         flags[name] = clock.flags
         summary.repairs[name] = dict(clock.repairs)
         summary.remarks += clock.remarks
-    summary.remarks += _setup_remarks(writer.setup, set(lost))
+    alone = [
+        name
+        for name, channel in writer.setup.channels.items()
+        if name in lost and channel.kind == "fbg_strain" and channel.temperature_channel not in lost
+    ]
+    if alone:
+        said = f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"
+        summary.remarks.append(said)
     if whole:
         summary.sha256, summary.bytes = stream.finish(), stream.size
     return writer.finish(axes, flags, summary.provenance(writer.setup))
@@ -405,20 +412,6 @@ def clock_of(group: Group, setup: Setup) -> ClockFit:
         resolution_s=group.stamp_resolution_s,
         counted=group.counted,
         edges=group.edges,
-    )
-
-
-def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
-    """What the setup leaves open and a user should know once."""
-    alone = [
-        name
-        for name, channel in setup.channels.items()
-        if name in read and channel.kind == "fbg_strain" and channel.temperature_channel not in read
-    ]
-    return (
-        [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"]
-        if alone
-        else []
     )
 
 

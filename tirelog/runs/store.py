@@ -80,10 +80,9 @@ _FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "flet
 _WRITTEN = "what `tirelog ingest` writes"
 DIGEST = "contents_sha256"
 COLUMN_DIGEST = "sha256"
-#: bytes of the provenance's text: one line for each chunk of ten hours that is damaged takes less
-LARGEST_TEXT_BYTES = 1 << 24
-#: numbers of a small dataset: a segment or a flag each
-LARGEST_LIST = 1 << 24
+#: bytes of the provenance's text, of which one line for each chunk of ten hours that is damaged
+#: takes less; and numbers of a small dataset, a segment or a flag each
+LARGEST = 1 << 24
 #: objects in a run: ten thousand channels with their flags
 MOST_OBJECTS = 1 << 16
 #: seconds from a log's start: a clock that jumps from 1970 to today stays below
@@ -250,7 +249,10 @@ def _checked_run(file: h5py.File, log: str) -> Run:
             "its contents are not those that were written (sha256)",
             do="copy it again, or ingest the log again",
         )
-    provenance = provenance_at(file)
+    # ValueError: a part is not of the kind that the commands rely on
+    provenance = json_of(text_at(file, "provenance", LARGEST), _PROVENANCE)
+    for key in ("losses", "remarks"):
+        provenance[key] = [str(line) for line in provenance.get(key) or ()]
     setup = parse_setup(
         text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log)
     )
@@ -331,26 +333,22 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
             channels[name] = _compensated(
                 channels[name], channels[twin], used.thermal_expansion_1_K
             )
+    if run.foreign:
+        some = sorted(run.foreign)[:MOST_WORDS]
+        shown = ", ".join(printable(word[:MOST_LETTERS]) for word in some)
+        said.append(
+            f"the run has doubts that this version of tirelog does not know ({shown}); the rows "
+            f"about them are marked {Quality.FOREIGN_DOUBT.word}; read it with the version that "
+            "wrote it, or ingest the log again"
+        )
     order = dict.fromkeys([*setup.channels, *channels])
     return Recording(
         log,
         {name: channels[name] for name in order if name in channels},
         setup,
         run.provenance,
-        (*run.provenance.get("remarks", ()), *said, *_about_foreign(run.foreign)),
+        (*run.provenance.get("remarks", ()), *said),
         losses,
-    )
-
-
-def _about_foreign(words: set[str]) -> tuple[str, ...]:
-    """What is to be said of doubts whose words are not of the register."""
-    if not words:
-        return ()
-    some = ", ".join(printable(word[:MOST_LETTERS]) for word in sorted(words)[:MOST_WORDS])
-    return (
-        f"the run has doubts that this version of tirelog does not know ({some}); the rows about "
-        f"them are marked {Quality.FOREIGN_DOUBT.word}; read it with the version that wrote it, "
-        "or ingest the log again",
     )
 
 
@@ -556,13 +554,6 @@ def text_in(item: h5py.Group | h5py.Dataset, name: str) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else ""
 
 
-def provenance_at(file: h5py.File) -> dict[str, Any]:
-    """The provenance.  ValueError: a part is not of the kind that the commands rely on."""
-    told: dict[str, Any] = json_of(text_at(file, "provenance", LARGEST_TEXT_BYTES), _PROVENANCE)
-    lines = {key: [str(line) for line in told.get(key) or ()] for key in ("losses", "remarks")}
-    return {**told, **lines}
-
-
 def axis_at(file: h5py.File, name: str) -> TimeAxis:
     """The time axis of a group: finite, forwards, as long as it says."""
     path = f"groups/{name}"
@@ -576,7 +567,7 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
     parts = [dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items()]
     sizes = [part.size for part in parts]
-    wrong = len(set(sizes)) > 1 or not 0 < sizes[0] <= LARGEST_LIST
+    wrong = len(set(sizes)) > 1 or not 0 < sizes[0] <= LARGEST
     _refuse(path, (wrong, f"has segments of {sizes} parts", "one number each"))
     first, start, period = (part[:] for part in parts)
     apart = "has segments that do not follow each other"
@@ -626,7 +617,7 @@ def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[
         return ()
     kinds = {"start": "iu", "stop": "iu", "word": "S"}
     start, stop, words = (dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items())
-    same = start.size == stop.size == words.size <= LARGEST_LIST
+    same = start.size == stop.size == words.size <= LARGEST
     _refuse(path, (not same, "has flags of several sizes", "one size"))
     texts = [word.decode("utf-8") for word in words[:]]
     foreign |= {text for text in texts if flag_of(text) is None}

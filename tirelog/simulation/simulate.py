@@ -71,7 +71,9 @@ def simulate(scenario: Scenario) -> Simulated:
         np.random.default_rng(s)
         for s in np.random.SeedSequence(scenario.seed).spawn(4 + len(scenario.channels))
     ]
-    true = with_true_radius(scenario)
+    # the tire's own rolling radius at rest, not the setup's
+    radius = scenario.tire.rolling_radius_m * (1.0 + scenario.nuisances.rolling_radius.error)
+    true = replace(scenario, tire=replace(scenario.tire, rolling_radius_m=radius))
     drive = drive_of(true, streams[0])
     length = float(drive.distance_at(drive.time_s[-1]))
     roughness = roughness_of(true, length, streams[1])
@@ -93,15 +95,6 @@ def simulate(scenario: Scenario) -> Simulated:
         told = in_source_units(world, sensor, time, coupled(sensor, values))
         channels[name] = spoiled(sensor, told, flanks(world, sensor, time, told), random)
     return Simulated(scenario, channels, stamps, world, tables)
-
-
-def with_true_radius(scenario: Scenario) -> Scenario:
-    """The scenario with the tire's own rolling radius at rest instead of the setup's."""
-    error = scenario.nuisances.rolling_radius.error
-    tire = scenario.tire
-    return replace(
-        scenario, tire=replace(tire, rolling_radius_m=tire.rolling_radius_m * (1.0 + error))
-    )
 
 
 # ---- The truth of a simulated log, ready for JSON.

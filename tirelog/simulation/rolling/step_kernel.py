@@ -24,7 +24,7 @@ import numpy as np
 
 from tirelog.kernels import compiled
 from tirelog.simulation.rolling.belt import HALF, Factors, apply_circulant, factor, factors, solve
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import FloatArray, Record, Records
 
 #: functions that live on an element
 LIVING = 6
@@ -326,14 +326,14 @@ def belt_step(
 def run_steps(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
     basis: Basis, circle: Records, middles: Records, corner: FloatArray, height: FloatArray,
-    tread: Records, drive: Records, riders: FloatArray, ridden: IntArray, step: float, now: int,
-    every: int, result: Record, motion: Records, read: FloatArray,
+    tread: Records, drive: Records, riders: FloatArray, step: float, now: int, every: int,
+    result: Record, motion: Records, read: FloatArray,
 ) -> int:  # fmt: skip
     """Moves the tire on by drive.size steps of `step` [s]; FINE, TOO_WIDE or FLOWN.
 
     drive    (n,) of DRIVE
     motion   (n/every,) of MOMENT, of every `every`-th moment; read (n/every, k) what the riders
-             (k, w) read of w coefficients from ridden (k,) on
+             (k, N) read of the coefficients
     middles  (N,) of DIRECTION: the middles of the functions; `result`: room for one CONTACT
     The others as of `touch` and `kick`; the arrays of what moves hold the end when it returns.
     """
@@ -359,8 +359,8 @@ def run_steps(
             moment["entry_m"], moment["exit_m"] = result["entry_m"], result["exit_m"]
             for k in range(riders.shape[0]):
                 value = 0.0
-                for i in range(riders.shape[1]):
-                    value += riders[k, i] * v[(ridden[k] + i) % size]
+                for i in range(size):
+                    value += riders[k, i] * v[i]
                 read[row, k] = value
         back, up, spin = kick(
             v, u, state, constants, stencils, middles, mass, drive[index], step,

@@ -197,21 +197,6 @@ def _wave(road: Road, radius_m: float, begin_m: float) -> TrueProfile:
 POINTS = 8
 
 
-def longest_step_s(belt: Belt) -> float:
-    """The longest step [s] that `RollingTire` takes.
-
-    Half of what the tread's springs and bristles on the belt's mass allow.
-    """
-    tire = belt.tire
-    # share of the longest stable step that is allowed; slopes of the road stiffen the contact;
-    # twice as much is the limit itself
-    return float(
-        0.5
-        * 2.0
-        / np.sqrt((tire.tread_stiffness_N_m2 + tire.bristle_stiffness_N_m2) / tire.line_mass_kg_m)
-    )
-
-
 #: a tire at rest on a level road at height 0: coefficients (N,), height of the hub [m], contact
 #: length [m]
 AtRest: TypeAlias = tuple[FloatArray, float, float]
@@ -284,7 +269,9 @@ class RollingTire:
         distance_m: float,
         step_s: float,
     ) -> None:
-        longest = longest_step_s(belt)
+        # half of the longest stable step: slopes of the road stiffen the contact
+        stiffness = belt.tire.tread_stiffness_N_m2 + belt.tire.bristle_stiffness_N_m2
+        longest = 0.5 * 2.0 / np.sqrt(stiffness / belt.tire.line_mass_kg_m)
         if not 0.0 < step_s <= longest:
             raise UsageError(
                 f"step_s = {step_s:g} is unstable for this tread and line mass",
@@ -370,13 +357,12 @@ class RollingTire:
         displacements can say.
         """
         rows = np.concatenate(riders) if riders else np.zeros((0, self.v.size))
-        weights, begin = _packed(rows)
         moments = np.empty(-(-drive.size // every), MOMENT)
         read = np.empty((moments.size, rows.shape[0]))
         told = kernel.run_steps(
             self.v, self.u, self.state, self.constants, self._stencils, self._basis, self._circle,
             self._middles, self.profile.corner_m, self.profile.height_m, self._tread, drive,
-            weights, begin, self.step_s, self.now, every, np.empty(1, kernel.CONTACT)[0], moments,
+            rows, self.step_s, self.now, every, np.empty(1, kernel.CONTACT)[0], moments,
             read,
         )  # fmt: skip
         self.now += drive.size
@@ -399,22 +385,3 @@ def _directions(angle_rad: NDArray[np.floating[Any]]) -> Records:
     made = np.empty(angle_rad.size, kernel.DIRECTION)
     made["cos"], made["sin"] = np.cos(angle_rad), np.sin(angle_rad)
     return made
-
-
-def _packed(rows: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Rows (k, N) that read neighbours, as weights (k, w) and the first coefficient (k,)."""
-    if not rows.shape[0]:
-        return np.zeros((0, 1)), np.zeros(0, np.int64)
-    size = rows.shape[1]
-    begins, widths = [], []
-    for row in rows:
-        read = np.flatnonzero(row) if row.any() else np.zeros(1, int)
-        gaps = np.diff(np.append(read, read[0] + size))
-        widest = int(np.argmax(gaps))
-        begins.append(int(read[(widest + 1) % read.size]))
-        widths.append(int(size - gaps[widest] + 1))
-    begin = np.array(begins, np.int64)
-    index = (begin[:, None] + np.arange(max(widths))) % size
-    weights = np.take_along_axis(rows, index, axis=1)
-    weights[np.arange(max(widths)) >= np.array(widths)[:, None]] = 0.0
-    return weights, begin

@@ -26,12 +26,13 @@ from tirelog.errors import UsageError
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.rolling.tire import RollingTire, begins, profile_of, tire_at_rest
-from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Fluctuation, TrueDrive
+from tirelog.simulation.scenario.drive import Fluctuation, TrueDrive
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange
 from tirelog.simulation.simulate import steady_truth
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray, Records
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
 #: the tire rolls on the level so long before anything is kept [s], its hub held by so much of the
 #: critical damping
@@ -243,7 +244,7 @@ class RolledWorld(World):
 
         forward = self._way.acceleration_at(self.time_s)
         phi = self.motion.angle_rad - np.radians(self.scenario.channels[name].angle_deg)
-        upwards = bent(up + self.motion.hub_z_m) + GRAVITY_M_S2
+        upwards = bent(up + self.motion.hub_z_m) + STANDARD_GRAVITY_M_S2
         return np.asarray((bent(back) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
 
     def _passed_on(self, series: FloatArray, sensor: Sensor) -> FloatArray:

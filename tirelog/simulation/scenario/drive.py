@@ -26,7 +26,6 @@ from tirelog.vocabulary.arrays import FloatArray
 Fluctuation: TypeAlias = Callable[[FloatArray], FloatArray]
 #: step of the drive's own grid [s]
 STEP_S = 0.002
-GRAVITY_M_S2 = 9.80665
 #: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second
 #: (downwards) it is braking
 CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
@@ -62,18 +61,17 @@ def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Str
     for manoeuvre in scenario.manoeuvres:
         acceleration = (manoeuvre.speed_m_s - speed) / manoeuvre.duration_s
         factor = 1.0 + scenario.road.load_scatter * float(random.standard_normal())
-        regime = manoeuvre.regime or _regime(acceleration, manoeuvre.speed_m_s)
+        regime = manoeuvre.regime
+        if regime is None:
+            regime = "cruise" if manoeuvre.speed_m_s > 0 else "standstill"
+            if abs(acceleration) >= CRUISE_M_S2:
+                slower = "coast" if acceleration > BRAKE_M_S2 else "brake"
+                regime = "drive" if acceleration > 0 else slower
         out.append(
             Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor)
         )
         start, speed = start + manoeuvre.duration_s, manoeuvre.speed_m_s
     return out
-
-
-def _regime(acceleration: float, speed: float) -> str:
-    if abs(acceleration) < CRUISE_M_S2:
-        return "cruise" if speed > 0 else "standstill"
-    return "drive" if acceleration > 0 else "coast" if acceleration > BRAKE_M_S2 else "brake"
 
 
 def _rounded(values: FloatArray, width_s: float) -> FloatArray:
@@ -127,9 +125,6 @@ class TrueDrive:
         over = np.asarray(time_s) - inside
         speed = self.speed_at(inside)
         return np.asarray(self.angle(inside) + over * speed / self.radius_at(speed))
-
-    def load_factor_at(self, time_s: FloatArray) -> FloatArray:
-        return np.interp(time_s, self.time_s, self.load_factor)
 
     @cached_property
     def pitch_acceleration(self) -> FloatArray:

@@ -163,6 +163,8 @@ PLANTABLE: dict[str, Plantable] = {
 }
 
 
+#: EJ of a scenario that gives none, by its truth [N m^2]
+BENDING_N_M2 = {"beam": 4.0, "ring": 2.0}
 TRUTHS = ("beam", "ring", "coupled_ring")
 CONTACTS = ("flat_road", "parabola")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
@@ -567,8 +569,7 @@ class Scenario:
 LEAST_WHEN_WARM = 0.3
 #: a drive of so long [s], and so many samples of one channel, are simulated at most: a sample takes
 #: up to 140 bytes, so that 850 MB suffice (ten minutes at 10 kHz); twice as many would take 1.7 GB
-LONGEST_S = 7200.0
-MOST_SAMPLES = 6_000_000
+LONGEST_S, MOST_SAMPLES = 7200.0, 6_000_000
 
 
 def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:

@@ -16,13 +16,13 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from tirelog.simulation.scenario.drive import GRAVITY_M_S2
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.steady import waveforms
 from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S
 from tirelog.simulation.steady.waveforms import LOAD_STEP, World, chunks
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
 # ---- The wheel as a body: longitudinal force, wind-up, passages of a sensor, and the encoder's
 # teeth.
@@ -136,7 +136,7 @@ Times: TypeAlias = Mapping[str, FloatArray]
 #: kinds that ride on the tread and read a waveform
 RIDING = (*STRAIN_KINDS, *ACCELERATION_KINDS)
 #: values of the unit in the file per SI unit, if they are not one
-PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / GRAVITY_M_S2}
+PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / STANDARD_GRAVITY_M_S2}
 #: points around the sample in the angle's interpolation
 ANGLE_POINTS, TIME_POINTS = 6, 4
 #: share of the steepest strain from which on a grating's peak counts as on a flank of the patch,
@@ -262,11 +262,11 @@ def _slow(world: World, sensor: Sensor, time_s: FloatArray, turns: FloatArray) -
     # an accelerometer feels acceleration minus gravity; outwards is down at the patch, and
     # backwards towards the exit
     forwards = world.drive.acceleration_at(time_s)
-    outwards = -GRAVITY_M_S2 * np.cos(angle) - forwards * np.sin(angle)
+    outwards = -STANDARD_GRAVITY_M_S2 * np.cos(angle) - forwards * np.sin(angle)
     tilt = world.tilt(world.drive.speed_at(time_s))
     if tilt is None:
         return outwards
-    return outwards + tilt * (GRAVITY_M_S2 * np.sin(angle) - forwards * np.cos(angle))
+    return outwards + tilt * (STANDARD_GRAVITY_M_S2 * np.sin(angle) - forwards * np.cos(angle))
 
 
 def vehicle_values(

@@ -19,12 +19,10 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from tirelog.errors import UsageError
-from tirelog.simulation.scenario.schema import Scenario, Warming
+from tirelog.simulation.scenario.schema import BENDING_N_M2, Scenario, Warming
 from tirelog.simulation.steady.loads import ComplexArray, Instants, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
-#: EJ of a scenario that gives none, by its truth [N m^2]
-BENDING_N_M2 = {"beam": 4.0, "ring": 2.0}
 #: lengths over which the other forms of damping and tension act [m]
 DAMPED_LENGTH_M, SHEAR_LENGTH_M = 0.02, 0.02
 #: iterations for the hardening foundation, and the change at which they end, over the largest

@@ -16,14 +16,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tirelog.simulation.scenario.drive import (
-    GRAVITY_M_S2,
     Fluctuation,
     TrueDrive,
     stretch_of,
 )
-from tirelog.simulation.scenario.schema import Planted, Ramp, Scenario, Sensor
+from tirelog.simulation.scenario.schema import BENDING_N_M2, Planted, Ramp, Scenario, Sensor
 from tirelog.simulation.steady.carcass import (
-    BENDING_N_M2,
     FlatRoadContact,
     carcass,
     curvature_operator,
@@ -41,6 +39,7 @@ from tirelog.simulation.steady.loads import (
 )
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
 # ---- A static test: the tire at rest is inflated (P2 4.1, Fig. 15).
 #
@@ -125,7 +124,7 @@ class World:
         Scatter of the manoeuvres, wandering, load transfer, air.
         """
         drive, scenario = self.drive, self.scenario
-        load = scenario.conditions.load_N * drive.load_factor_at(time_s)
+        load = scenario.conditions.load_N * np.interp(time_s, drive.time_s, drive.load_factor)
         load = load * (1.0 + self.wander(time_s))
         transfer, air = scenario.planted("load_transfer"), scenario.planted("aero_load")
         if transfer is not None:
@@ -185,7 +184,7 @@ class World:
         speed = drive.speed_at(time_s)
         moving = np.clip(speed / 0.5, 0.0, 1.0)
         drag = (
-            vehicle.rolling_drag * vehicle.mass_kg * GRAVITY_M_S2 * moving
+            vehicle.rolling_drag * vehicle.mass_kg * STANDARD_GRAVITY_M_S2 * moving
             + vehicle.air_drag_kg_m * speed**2
         )
         demand = vehicle.mass_kg * drive.acceleration_at(time_s) + drag
@@ -240,10 +239,8 @@ class World:
 
     def pressure(self, time_s: FloatArray) -> FloatArray:
         """Inflation pressure [Pa]; the tire's warmth raises it."""
-        per_K, cold = (
-            self.scenario.nuisances.warming.pressure_per_K,
-            self.scenario.conditions.inflation_pressure_Pa,
-        )
+        per_K = self.scenario.nuisances.warming.pressure_per_K
+        cold = self.scenario.conditions.inflation_pressure_Pa
         return cold * (1.0 + per_K * self.temperature(time_s))
 
     def _crept_pressure(self, time_s: FloatArray) -> FloatArray:
@@ -357,14 +354,12 @@ class World:
         lever = self.lever(sensor)
         blocks = self.scenario.planted("tread_pitch")
         if solution.between is not None and blocks is not None:
-            bent = bent + self._block_share(blocks) / lever * self.ring.transform(solution.between)
+            # a y of a pressure a p cos(2 pi s / P), by the strain per line load that it makes [m]
+            bending = self.scenario.tire.flexural_stiffness_N_m2
+            bending = bending or BENDING_N_M2[self.scenario.truth]
+            share = blocks["strain_m_N"] * bending * (2.0 * np.pi / PITCH_M) ** 2
+            bent = bent + share / lever * self.ring.transform(solution.between)
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
-
-    def _block_share(self, blocks: Planted) -> float:
-        """a y of a pressure a p cos(2 pi s / P) by the strain per line load that it makes [m]."""
-        tire, wave = self.scenario.tire, 2.0 * np.pi / PITCH_M
-        bending = tire.flexural_stiffness_N_m2 or BENDING_N_M2[self.scenario.truth]
-        return blocks["strain_m_N"] * bending * wave**2
 
     def behind_first(self, sensor: Sensor) -> float:
         """Angle [rad] on the tire by which a sensor stands behind the first.
