@@ -110,9 +110,6 @@ class IngestSummary:
     remarks: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
 
-    def provenance(self, setup: Setup) -> dict[str, Any]:
-        return {**self.__dict__, "version": __version__, "setup_file": setup.file}
-
 
 def _setup_for(log: str, setup: Setup | None) -> Setup:
     """The setup given, or the one beside the log.
@@ -127,13 +124,9 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
             from tirelog.readers.hdf5.reader import refuse_damaged
 
             refuse_damaged(Path(log), log)
-        what = (
-            "standard input has no setup beside it"
-            if log == "-"
-            else "no setup file beside the log"
-        )
+        where = "standard input has no setup beside it"
         raise SetupError(
-            f"{what}",
+            where if log == "-" else "no setup file beside the log",
             allowed="a setup says what the channels are",
             do="give one with --setup FILE",
             file=log,
@@ -361,15 +354,16 @@ def _write(
             do="record it again",
             file=summary.log,
         )
-    lost = {name: n for name, n in writer.lost.items() if _size(reader.groups, summary, name)}
+    read = summary.samples
+    sizes = {name: read.get(group.name, 0) for group in reader.groups for name in group.channels}
+    lost = {name: n for name, n in writer.lost.items() if sizes[name]}
     report = reader.report
     summary.format, summary.start = report.format, report.start
-    lost_samples = {f"lost_samples {name}": n for name, n in lost.items()}
-    summary.counts = {**report.counts, **lost_samples}
+    summary.counts = report.counts | {f"lost_samples {name}": n for name, n in lost.items()}
     summary.losses += report.losses
     summary.remarks += report.remarks
     for name, n in lost.items():
-        if n == _size(reader.groups, summary, name):
+        if n == sizes[name]:
             summary.remarks.append(f"channel {name} has no reading at all")
     axes, flags = {}, {}
     for name, clock in clocks.items():
@@ -392,11 +386,8 @@ def _write(
         summary.remarks.append(said)
     if whole:
         summary.sha256, summary.bytes = stream.finish(), stream.size
-    return writer.finish(axes, flags, summary.provenance(writer.setup))
-
-
-def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
-    return next(summary.samples.get(group.name, 0) for group in groups if name in group.channels)
+    provenance = {**vars(summary), "version": __version__, "setup_file": writer.setup.file}
+    return writer.finish(axes, flags, provenance)
 
 
 def clock_of(group: Group, setup: Setup) -> ClockFit:

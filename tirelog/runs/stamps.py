@@ -166,13 +166,10 @@ class Stamps:
 
     def ends(self) -> tuple[tuple[int, float], tuple[int, float]] | None:
         """(index, stamp) of the first and of the last known stamp; None below two."""
-        first = next(((int(index[0]), float(stamps[0])) for index, stamps in self.known()), None)
-        last = None
-        for start in range((max(self.spool.size - 1, 0) // _CHUNK) * _CHUNK, -1, -_CHUNK):
-            index = np.flatnonzero(~np.isnan(tail := self.spool.read(start, start + _CHUNK)))
-            if index.size:
-                last = (start + int(index[-1]), float(tail[index[-1]]))
-                break
+        first = last = None
+        for index, stamps in self.known():
+            first = first or (int(index[0]), float(stamps[0]))
+            last = int(index[-1]), float(stamps[-1])
         return (first, last) if first and last and first[0] != last[0] else None
 
     def range(self, period: float, most: float = np.inf) -> tuple[float, float]:
