@@ -749,7 +749,7 @@ def _(rng: np.random.Generator) -> Arguments:
 def _(rng: np.random.Generator) -> Arguments:
     from tests.simulation.rolls import LEVEL, belt, orders, rolling, strain_rider
     from tirelog.simulation.rolling import step_kernel as kernel
-    from tirelog.simulation.rolling.tire import TrueProfile
+    from tirelog.simulation.rolling.world import TrueProfile
 
     made = belt(32, bristle_stiffness_N_m2=3e7, radial_damping_N_s_m2=300.0)
     hill = TrueProfile(

@@ -10,7 +10,7 @@ import numpy as np
 
 from tirelog.simulation.rolling.belt import HALF, Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
-from tirelog.simulation.rolling.tire import POINTS, AtRest, RollingTire, TrueProfile, tire_at_rest
+from tirelog.simulation.rolling.world import POINTS, AtRest, RollingTire, TrueProfile, tire_at_rest
 from tirelog.simulation.scenario.schema import TrueTire
 from tirelog.vocabulary.arrays import FloatArray
 

@@ -17,7 +17,7 @@ from scipy.linalg import circulant as dense_circulant
 from tirelog.simulation.rolling import belt as banded
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Splines, circulant
-from tirelog.simulation.rolling.tire import TrueProfile, tire_at_rest
+from tirelog.simulation.rolling.world import TrueProfile, tire_at_rest
 
 from .rolls import EI, K_V, K_W, LINE_MASS, PB, RADIUS, belt, moved, orders, rolling, strain_rider
 

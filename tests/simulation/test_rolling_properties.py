@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tirelog.simulation.rolling.tire import TrueProfile, tire_at_rest
+from tirelog.simulation.rolling.world import TrueProfile, tire_at_rest
 from tirelog.simulation.scenario.schema import Sensor
 
 from .rolls import (
