@@ -46,7 +46,7 @@ from tirelog.storage.schema import (
     Document,
     Entries,
     FilePlace,
-    SomeOf,
+    OneOf,
     Table,
     words,
 )
@@ -109,6 +109,7 @@ _TABLES = {
 }
 _GLOB = replace(LINE, words='a pattern relative to the manifest, such as "logs/*.csv"')
 _MODEL = replace(LINE, words='the path of a model file, such as "beam.toml"')
+_COMMANDS = OneOf(MODEL_COMMANDS, several=True)
 _MANIFEST = Table(
     {
         "campaign": Table({"name": LINE, "output": LINE}),
@@ -118,7 +119,7 @@ _MANIFEST = Table(
         "tables": Table(_TABLES),
         "models": Entries(
             Table(
-                {"file": _MODEL, "commands": SomeOf(MODEL_COMMANDS), "each": words(*EACH)},
+                {"file": _MODEL, "commands": _COMMANDS, "each": words(*EACH)},
                 needed=("file",),
             )
         ),

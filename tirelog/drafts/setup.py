@@ -429,8 +429,6 @@ def likely_surface(channel: Channel) -> str:
 
 #: the word that marks a guess, which `tirelog setup check` looks for
 MARK = "guessed"
-#: column at which comments begin
-_COMMENT = 44
 #: series without a likely kind that are listed as comments
 _MOST_UNKNOWN = 60
 
@@ -594,7 +592,7 @@ def _range(one: FoundSeries) -> str:
 
 def _line(key: str, value: str, comment: str) -> str:
     text = f"{key} = {value}"
-    return f"{text:{_COMMENT}s} # {_shown(comment)}" if comment else text
+    return f"{text:44s} # {_shown(comment)}" if comment else text  # comments stand in a column
 
 
 def _shown(text: str) -> str:

@@ -85,10 +85,9 @@ COLUMN_DIGEST = "sha256"
 LARGEST = 1 << 24
 #: objects in a run: ten thousand channels with their flags
 MOST_OBJECTS = 1 << 16
-#: seconds from a log's start: a clock that jumps from 1970 to today stays below
-LATEST_S = 1e11
-#: largest rate that a run may state [Hz]
-FASTEST_HZ = 1e9
+#: largest time [s] from a log's start, below which a clock stays that jumps from 1970 to today, and
+#: largest rate [Hz] that a run may state
+LATEST_S, FASTEST_HZ = 1e11, 1e9
 #: what a provenance is made of, as far as commands rely on it
 _PROVENANCE = {
     "losses?": [object],
@@ -563,7 +562,24 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     wrong = size != int(size) or size < 0 or not 0.0 < rate <= FASTEST_HZ
     _refuse(path, (wrong, f"has {size:g} samples at {rate:g} Hz", "a whole number and a rate"))
     if "time_s" in place:
-        return _explicit(file, f"{path}/time_s", int(size), rate)
+        # all are looked at: a damaged one has no time to lose it at
+        path, count = f"{path}/time_s", int(size)
+        times = dataset_at(file, path, "f", chunk=max(min(CHUNK, count), 1))
+        other = f"has {times.size} times for {count} samples"
+        _refuse(path, (times.size != count, other, "one each"))
+        last = -LATEST_S
+        for begin in range(0, count, CHUNK):
+            part = times[begin : begin + CHUNK]
+            falls, what = not _rises(part, last), "has times that do not follow each other"
+            _refuse(path, (falls, what, "times that grow"))
+            last = part[-1]
+
+        def explicit(first: int, stop: int) -> np.ndarray:
+            check_open(bool(times))
+            stored: np.ndarray = times[first:stop].astype(np.float64)
+            return stored
+
+        return TimeAxis.read_by(explicit, count, rate)
     kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
     parts = [dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items()]
     sizes = [part.size for part in parts]
@@ -583,28 +599,6 @@ def _rises(times_s: np.ndarray, last_s: float = -LATEST_S) -> bool:
     """Whether times [s], shape (n,), are finite and none is before another or `last_s`."""
     steps = np.diff(times_s, prepend=last_s)
     return bool((steps >= 0.0).all() and (np.abs(times_s) <= LATEST_S).all())
-
-
-def _explicit(file: h5py.File, path: str, size: int, rate: float) -> TimeAxis:
-    """An axis of one time for each sample.
-
-    All are looked at: a damaged one has no time to lose it at.
-    """
-    times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1))
-    _refuse(path, (times.size != size, f"has {times.size} times for {size} samples", "one each"))
-    last = -LATEST_S
-    for start in range(0, size, CHUNK):
-        part = times[start : start + CHUNK]
-        falls = not _rises(part, last)
-        _refuse(path, (falls, "has times that do not follow each other", "times that grow"))
-        last = part[-1]
-
-    def explicit(start: int, stop: int) -> np.ndarray:
-        check_open(bool(times))
-        stored: np.ndarray = times[start:stop].astype(np.float64)
-        return stored
-
-    return TimeAxis.read_by(explicit, size, rate)
 
 
 def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[Doubt, ...]:

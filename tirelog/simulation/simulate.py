@@ -16,7 +16,7 @@ import gzip
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -218,11 +218,15 @@ def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
             raw.size,
             raw.dtype,
             -1,
-            lambda start, stop, losses, raw=raw: raw[start:stop],
+            partial(_part, raw),
             (),
         )
     about = {"simulated_seed": scenario.seed, "losses": []}
     return recording_of(Run(setup, axes, channels, about), log)
+
+
+def _part(raw: FloatArray, start: int, stop: int, losses: list[str]) -> FloatArray:
+    return raw[start:stop]
 
 
 SUFFIXES = (".csv", ".txt", ".mcap", ".h5", ".hdf5")

@@ -172,9 +172,10 @@ class ValueKind:
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of a few words."""
+    """One of a few words; if `several`, a list of some of them, and a tuple of these."""
 
     choices: tuple[str, ...]
+    several: bool = False
 
     @property
     def allowed(self) -> str:
@@ -182,20 +183,14 @@ class OneOf:
         return f"allowed are {', '.join(word if plain else repr(word) for word in self.choices)}"
 
     def read(self, value: Any, place: FilePlace) -> Any:
+        if self.several:
+            if not isinstance(value, list) or not value:
+                raise place.wrong(value, f"{self.allowed}, in a list")
+            return tuple(OneOf(self.choices).read(one, place) for one in value)
         if not isinstance(value, str) or value not in self.choices:
             near = nearest(str(value)[:80], self.choices)
             raise place.wrong(value, self.allowed, near, "choose one")
         return value
-
-
-@dataclass(frozen=True)
-class SomeOf(OneOf):
-    """A list of some of a few words; a tuple of them."""
-
-    def read(self, value: Any, place: FilePlace) -> Any:
-        if not isinstance(value, list) or not value:
-            raise place.wrong(value, f"{self.allowed}, in a list")
-        return tuple(super(SomeOf, self).read(one, place) for one in value)
 
 
 @dataclass(frozen=True)

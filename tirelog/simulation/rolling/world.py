@@ -1,7 +1,6 @@
 """The world of a tire in motion.
 
-The drive as impulses on the hub, the belt stepped through the whole log, and what sensors read of
-it.
+The drive as impulses on the hub, the belt stepped through the log, and what sensors read of it.
 
     Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step
         --RollingTire--> Motion on its own clock
@@ -17,8 +16,6 @@ drive:
     Belt, Profile --tire_at_rest--> v, hub height at rest under the load
                   --rolling---> RollingTire
                       --run(distance, acceleration, load, torque)--> Motion, a row every few steps
-
-The hub's way forward is the drive's; its height and its spin are free.
 """
 
 from __future__ import annotations
@@ -75,10 +72,6 @@ class TrueProfile:
     amplitude_m: float = 0.0
     wavelength_m: float = 1.0
 
-    @property
-    def top_m(self) -> float:
-        return float(self.height_m.max()) + 2.0 * max(self.amplitude_m, 0.0)
-
 
 def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
     """The scenario's profile over `distance_m` of driving.
@@ -87,13 +80,11 @@ def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
     """
     if road.kind == "flat":
         return TrueProfile(np.array([0.0, 1.0]), np.zeros(2))
-    begin = (
-        _needed(road, "position_m")[0] if road.kind in ("step", "cleat") else road.position_m or 0.0
-    )
+    if road.kind in ("step", "cleat"):
+        _needed(road, "position_m")
     if road.kind == "sine":
-        return _wave(road, radius_m, begin)
+        return _wave(road, radius_m, road.position_m or 0.0)
     corner, height = _obstacle(road)
-    _check(corner, height, radius_m)
     starts = begins(road, distance_m)
     corner, height = (starts[:, None] + corner).ravel(), np.tile(height, starts.size)
     if np.any(np.diff(corner) <= 0.0):
@@ -108,12 +99,11 @@ def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
 
 def begins(road: Road, distance_m: float) -> FloatArray:
     """Where the obstacle begins, each time that it comes within `distance_m`; at least once."""
-    first, again = (
-        road.position_m or 0.0,
-        road.spacing_m if road.kind in ("cleat", "profile") else None,
-    )
+    first, again = road.position_m or 0.0, 0.0
+    if road.kind in ("cleat", "profile"):
+        again = road.spacing_m or 0.0
     count = 1 + int(max(distance_m - first, 0.0) / again) if again else 1
-    return np.asarray(first + (again or 0.0) * np.arange(count), float)
+    return np.asarray(first + again * np.arange(count), float)
 
 
 def _needed(road: Road, *names: str) -> tuple[float, ...]:
@@ -171,16 +161,11 @@ def _check(corner: FloatArray, height: FloatArray, radius_m: float) -> None:
             do="give it a longer ramp",
         )
     # the highest rise within a window stands in one that begins or ends at a corner
-    for begin in (corner, corner - 2.0 * radius_m):
-        first, end = (
-            np.searchsorted(corner, x, side="left") for x in (begin, begin + 2.0 * radius_m)
-        )
-        edges = np.stack(
-            [np.interp(begin, corner, height), np.interp(begin + 2.0 * radius_m, corner, height)],
-            axis=1,
-        )
-        for i, j, edge in zip(first, end, edges, strict=True):
-            _check_rise(float(np.ptp(np.append(edge, height[i:j]))), radius_m)
+    wide = 2.0 * radius_m
+    for begin in (*corner, *(corner - wide)):
+        first, stop = np.searchsorted(corner, [begin, begin + wide])
+        ends = np.interp([begin, begin + wide], corner, height)
+        _check_rise(float(np.ptp([*ends, *height[first:stop]])), radius_m)
 
 
 def _check_rise(rise_m: float, radius_m: float) -> None:
@@ -334,7 +319,7 @@ class RollingTire:
             "spring_N_m": spring,
             "damper_N_s_m": damper,
             "mean_inertia_kg": tire.line_mass_kg_m * belt.radius_m * splines.step_rad,
-            "top_m": profile.top_m,
+            "top_m": profile.height_m.max() + 2.0 * max(profile.amplitude_m, 0.0),
             "amplitude_m": profile.amplitude_m,
             "wave_1_m": 2.0 * np.pi / profile.wavelength_m,
         }.items():
