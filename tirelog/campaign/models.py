@@ -124,7 +124,10 @@ def _run(
             groups = _groups(measured, model.each)
             results[name] = _with_each(results[name], read, candidates, groups, some, model.each)
             said(results[name].notes[-1])
-        said(f"{ledger.folder.root}/{folder}/{name}.json{_outcome(results[name])}")
+        found = [getattr(results[name], "verdict", ""), *getattr(results[name], "selected", ())]
+        outcome = f": {found[0]}" if found[0] else ""
+        outcome += f", {' '.join(found[1:])}" if found[1:] else ""
+        said(f"{ledger.folder.root}/{folder}/{name}.json{outcome}")
     ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
     for (
         name,
@@ -162,12 +165,6 @@ def _with_each(
     each = diagnosing.each_alone(groups, some, model, by=by, effects=effects)
     stability = diagnosing.leave_one_out(groups, some, model, found, by=by, effects=effects)
     return diagnosing.with_stability(found, stability, each)
-
-
-def _outcome(result: Any) -> str:
-    verdict = getattr(result, "verdict", "")
-    names = " ".join(getattr(result, "selected", ()))
-    return (f": {verdict}" if verdict else "") + (f", {names}" if names else "")
 
 
 def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:

@@ -310,15 +310,6 @@ class SampleAndHold:
     least: int
     most: int
 
-    @property
-    def remark(self) -> str:
-        """What is said of it, after the channel's name."""
-        often = f"{self.least}" if self.least == self.most else f"{self.least} to {self.most}"
-        return (
-            f"the log repeats each value {often} times: it was taken once, at its first time, "
-            f"{self.axis.rate_Hz:.4g} values per second"
-        )
-
 
 def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
     """(the channel with each value that is held once, what is to be said of it; '' if none is).
@@ -342,7 +333,12 @@ def without_repeats(channel: Channel, quiet: Channel) -> tuple[Channel, str]:
 
     samples = replace(stored, raw=once)
     flags = tuple(_moved(doubt, at) for doubt in channel.flags)
-    return replace(channel, samples=samples, axis=found.axis, flags=flags), found.remark
+    often = f"{found.least}" if found.least == found.most else f"{found.least} to {found.most}"
+    return (
+        replace(channel, samples=samples, axis=found.axis, flags=flags),
+        f"the log repeats each value {often} times: it was taken once, at its first time, "
+        f"{found.axis.rate_Hz:.4g} values per second",
+    )
 
 
 def _moved(doubt: Doubt, at: IntArray) -> Doubt:

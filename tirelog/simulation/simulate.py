@@ -291,12 +291,6 @@ def _digits(sensor: Sensor) -> int:
     return _DIGITS.get(sensor.kind, 6)
 
 
-def _stamp_digits(rate_Hz: float) -> int:
-    """Digits behind the point that hold a sample's step to the last, at most nine."""
-    step = 1.0 / rate_Hz
-    return next((d for d in range(1, 9) if abs(round(step, d) - step) < 1e-9 * step), 9)
-
-
 def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
     """Comma-separated with a short preamble; every channel at one rate."""
     import pandas as pd
@@ -311,7 +305,10 @@ def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
         )
     sources = _sources(simulated)
     stamp = next(iter(simulated.stamp_s.values()))
-    columns = {"time_s": pd.Series(stamp).map(f"{{:.{_stamp_digits(next(iter(rates)))}f}}".format)}
+    step = 1.0 / next(iter(rates))
+    # digits behind the point that hold a sample's step to the last, at most nine
+    digits = next((d for d in range(1, 9) if abs(round(step, d) - step) < 1e-9 * step), 9)
+    columns = {"time_s": pd.Series(stamp).map(f"{{:.{digits}f}}".format)}
     for name, sensor in scenario.channels.items():
         shape = f"{{:.{_digits(sensor)}f}}".format
         columns[sources[name]] = (

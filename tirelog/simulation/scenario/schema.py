@@ -572,21 +572,21 @@ LEAST_WHEN_WARM = 0.3
 LONGEST_S, MOST_SAMPLES = 7200.0, 6_000_000
 
 
-def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
-    """The scenario in TOML tables `data`.  UsageError for anything that is not allowed."""
-    return _scenario(Document("", UsageError, "a scenario", file), data)
-
-
 def load_scenario(path: Path | str) -> Scenario:
     """The scenario file at `path`."""
     text = toml_text(path, UsageError, what="a scenario", advice="give another")
-    document = Document(text, UsageError, "a scenario", str(path))
-    return _scenario(document, document.tables)
+    return scenario_of(None, str(path), text)
 
 
-def _scenario(document: Document, data: Mapping[str, Any]) -> Scenario:
-    """The scenario of the document's tables."""
-    place = FilePlace(document)
+def scenario_of(
+    tables: Mapping[str, Any] | None, file: str | None = None, text: str = ""
+) -> Scenario:
+    """The scenario in TOML `tables`, or in a file's `text`.
+
+    UsageError for anything that is not allowed.
+    """
+    document = Document(text, UsageError, "a scenario", file)
+    data, place = document.tables if tables is None else tables, FilePlace(document)
     scenario: Scenario = table_of(Scenario).read(data, place)
     place.refuse(
         (

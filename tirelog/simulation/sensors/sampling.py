@@ -82,22 +82,25 @@ def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
     return time
 
 
-def pitch_table(world: World, sensor: Sensor) -> FloatArray:
-    """How far each tooth stands from its place [rad], shape (steps,).
+def pitch_tables(world: World) -> dict[str, FloatArray]:
+    """How far each tooth of every encoder stands from its place [rad], shape (steps,) each.
 
     Run-out and single teeth, zero mean, at most the given error. The tone wheel's own seed draws
     it, so that several logs share one wheel.
     """
-    random = np.random.default_rng(sensor.pitch_seed)
-    effect = world.scenario.planted("tooth_pitch")
-    largest = np.radians(effect["error_deg"] if effect is not None else sensor.pitch_error_deg)
-    place = 2 * np.pi * np.arange(sensor.steps) / sensor.steps
-    error = np.cos(place + random.uniform(0, 2 * np.pi)) + 0.4 * np.cos(
-        2 * place + random.uniform(0, 2 * np.pi)
-    )
-    error = error + 0.35 * random.standard_normal(sensor.steps)
-    error -= error.mean()
-    return np.asarray(error * (largest / max(np.abs(error).max(), 1e-12)))
+    tables, effect = {}, world.scenario.planted("tooth_pitch")
+    for name, sensor in world.scenario.channels.items():
+        if sensor.kind == "wheel_encoder":
+            random = np.random.default_rng(sensor.pitch_seed)
+            largest = np.radians(effect["error_deg"] if effect else sensor.pitch_error_deg)
+            place = 2 * np.pi * np.arange(sensor.steps) / sensor.steps
+            error = np.cos(place + random.uniform(0, 2 * np.pi)) + 0.4 * np.cos(
+                2 * place + random.uniform(0, 2 * np.pi)
+            )
+            error = error + 0.35 * random.standard_normal(sensor.steps)
+            error -= error.mean()
+            tables[name] = np.asarray(error * (largest / max(np.abs(error).max(), 1e-12)))
+    return tables
 
 
 def encoder_signal(
@@ -231,25 +234,18 @@ def riding_values(world: World, moments: Times) -> dict[str, FloatArray]:
             alike = ("kind", "surface", "gauge_length_m", "lag_s", "bandwidth_Hz")
             key = (*(getattr(sensor, of) for of in alike), world.behind_first(sensor))
             if key not in tables:
-                tables[key] = _parabola([world.waveform(one, sensor) for one in solutions])
+                tables[key] = waves = [world.waveform(one, sensor) for one in solutions]
+                if len(waves) == 3:  # a parabola through them, in the load's fluctuation
+                    middle, more, less = waves
+                    slope = (more - less) / (2 * LOAD_STEP)
+                    bend = (more + less - 2 * middle) / (2 * LOAD_STEP**2)
+                    tables[key] = [middle, slope, bend]
             after = (time[here] - begin) / ((end - begin) / steps) + 1.0
             varies = world.fluctuation(time[here])
             values[name][here] = read_tables(tables[key], after, turns[name][here], varies)
     for name, time in riding.items():
         values[name] += _slow(world, channels[name], time, turns[name])
     return values
-
-
-def _parabola(waves: list[FloatArray]) -> list[FloatArray]:
-    """Coefficients of the parabola through three waveforms, in the load's relative fluctuation."""
-    if len(waves) == 1:
-        return waves
-    middle, more, less = waves
-    return [
-        middle,
-        (more - less) / (2 * LOAD_STEP),
-        (more + less - 2 * middle) / (2 * LOAD_STEP**2),
-    ]
 
 
 def _slow(world: World, sensor: Sensor, time_s: FloatArray, turns: FloatArray) -> FloatArray:
@@ -385,12 +381,6 @@ def spoiled(
             flank & (random.random(values.size) < sensor.lost_at_flanks), np.nan, values
         )
     return values
-
-
-def pitch_tables(world: World) -> dict[str, FloatArray]:
-    """The tone wheel's pitch table of every encoder."""
-    encoders = {n: s for n, s in world.scenario.channels.items() if s.kind == "wheel_encoder"}
-    return {name: pitch_table(world, sensor) for name, sensor in encoders.items()}
 
 
 # ---- The truth of a simulated log, ready for JSON.
