@@ -310,8 +310,8 @@ class LogConditions(Record):
 
     keys: ClassVar = {
         **{
-            name: (number(key.low, key.high, above=not key.from_low), None)
-            for name, key in SETUP_KEYS.items()
+            name: (number(low, high, above=not from_low), None)
+            for name, (low, high, from_low) in SETUP_KEYS.items()
         },
         "driven": (FLAG, None),
     }

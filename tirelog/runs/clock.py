@@ -390,7 +390,7 @@ class ClockFit:
             self.remarks.append(f"the stamps say that {wanders}; {followed}")
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
-        jumps: list[Jump] = [Jump(index, n * rough) for index, n in seen.gaps] if seen else []
+        jumps: list[Jump] = [(index, n * rough) for index, n in seen.gaps] if seen else []
         passing = list(seen.wrong) if seen else []
         rounding = self.resolution_s if rounded and not stamps.bunched else None
         if not seen:

@@ -18,7 +18,7 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, pairwise
-from typing import IO
+from typing import IO, TypeAlias
 
 import numpy as np
 
@@ -91,15 +91,9 @@ _ROUNDED, _JUMPING = 1.1, 0.005
 _PAUSE = 10.0
 
 
-@dataclass(frozen=True)
-class Jump:
-    """A lasting change of level.
-
-    Sample `index` is the first behind it, whose stamps are `size_s` later than the clock says.
-    """
-
-    index: int
-    size_s: float
+#: a lasting change of level: its first sample behind, and by how much later stamps are from there
+#: on than the clock says [s]
+Jump: TypeAlias = tuple[int, float]
 
 
 @dataclass(frozen=True)
@@ -316,7 +310,7 @@ class Stamps:
         By least squares with one T; the scatter is a standard deviation. Sums are kept about their
         means and merged, so that no digits cancel in long logs.
         """
-        edges = np.array([jump.index for jump in jumps], np.int64)
+        edges = np.array([index for index, _ in jumps], np.int64)
         sums = np.zeros((edges.size + 1, 6))  # points, mean k, mean r, S_kk, S_kr, S_rr
         starts, stops = (np.array([span[end] for span in passing], np.int64) for end in (0, 1))
         for index, k, stamps in self.points(period):
@@ -432,7 +426,7 @@ def _judge(
     if min(before.size, after.size) < _FEW and (rounded or falls or size > length_s):
         return None, (0, between[1]) if before.size < after.size else (between[0], samples)
     steps = np.diff(residual[a - 1 : b + 1]) * np.sign(size)
-    return Jump(int(at[a + int(np.argmax(steps))]), size), between
+    return (int(at[a + int(np.argmax(steps))]), size), between
 
 
 def _unpaired(
@@ -445,8 +439,8 @@ def _unpaired(
     """
     kept: list[Jump] = []
     for jump in jumps:
-        if kept and abs(kept[-1].size_s + jump.size_s) < threshold:
-            passing.append((kept.pop().index, jump.index))
+        if kept and abs(kept[-1][1] + jump[1]) < threshold:
+            passing.append((kept.pop()[0], jump[0]))
         else:
             kept.append(jump)
     return kept, sorted(passing)

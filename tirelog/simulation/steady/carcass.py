@@ -12,7 +12,6 @@ c d/dxi (errata). Arrays of transforms are (b, points/2 + 1); b instants.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -232,10 +231,6 @@ SECTORS_RAD = (0.3, 0.6)
 KEPT = 128
 
 
-class _TooNarrow(Exception):
-    """The contact reaches the end of the sector."""
-
-
 class FlatRoadContact:
     """The contact problem of one scenario's ring.
 
@@ -277,8 +272,8 @@ class FlatRoadContact:
         for angle_rad in SECTORS_RAD:
             if angle_rad > self.angle_rad:
                 self._look_within(angle_rad)
-            with suppress(_TooNarrow):
-                return self._touch(at)
+            if (found := self._touch(at)) is not None:
+                return found
         raise UsageError(
             f"at {at.load.max():.0f} N the contact is wider than +-"
             f"{np.degrees(self.angle_rad):.0f} degrees",
@@ -286,14 +281,16 @@ class FlatRoadContact:
             do="lower it, or give a stiffer ring",
         )
 
-    def _touch(self, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _touch(self, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """As `touch`; None if a contact reaches the end of the sector."""
         pressure = np.zeros((len(at), self.ring.points))
         entry, exit_ = np.zeros(len(at)), np.zeros(len(at))
         for i in range(len(at)):
-            force, depth = self._solve(
-                self._response(at.take(slice(i, i + 1))), float(at.load[i]), float(at.stretch[i])
-            )
-            pressure[i, self.sector] = force
+            response = self._response(at.take(slice(i, i + 1)))
+            found = self._solve(response, float(at.load[i]), float(at.stretch[i]))
+            if found is None:
+                return None
+            pressure[i, self.sector], depth = found
             entry[i], exit_[i] = self._edges(depth)
         return pressure, entry, exit_
 
@@ -336,8 +333,8 @@ class FlatRoadContact:
 
     def _solve(
         self, compliance: FloatArray, load: float, stretch: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Line force (n,) and pressed depth of the springs (n,).
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Line force (n,) and pressed depth of the springs (n,); None beyond the sector.
 
         The depth is negative where the tread is clear of the road.
         """
@@ -364,7 +361,7 @@ class FlatRoadContact:
             pressed = np.where(active, force / stiffness, depth)
             again = pressed > 0
             if again[0] or again[-1] or not again.any():
-                raise _TooNarrow
+                return None
             if (again == active).all():
                 self._active = active
                 return force, pressed
