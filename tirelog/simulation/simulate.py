@@ -41,7 +41,7 @@ from tirelog.simulation.sensors.sampling import (
 from tirelog.simulation.steady.waveforms import World
 from tirelog.storage.whole import all_or_none, whole_file
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.kinds import STRAIN_KINDS, WAVELENGTH_KINDS
 
 
 @dataclass(frozen=True)
@@ -230,9 +230,6 @@ def _part(raw: FloatArray, start: int, stop: int, losses: list[str]) -> FloatArr
 
 
 SUFFIXES = (".csv", ".txt", ".mcap", ".h5", ".hdf5")
-#: digits behind the point by kind, in the file's unit; gratings are written to 0.01 pm
-_DIGITS = {"fbg_strain": 5, "fbg_temperature": 5}
-_BLOCK = 1 << 15
 
 
 def suffix_of(path: Path) -> str:
@@ -282,13 +279,11 @@ def _sources(simulated: Simulated) -> dict[str, str]:
 
 
 def _digits(sensor: Sensor) -> int:
+    """Digits behind the point in the file's unit; gratings are written to 0.01 pm."""
     if sensor.quantisation:
-        return max(
-            0,
-            int(np.ceil(-np.log10(sensor.quantisation) - 1e-9))
-            + (0 if np.log10(sensor.quantisation) % 1 == 0 else 1),
-        )
-    return _DIGITS.get(sensor.kind, 6)
+        power = np.log10(sensor.quantisation)
+        return max(0, int(np.ceil(-power - 1e-9)) + int(power % 1 != 0))
+    return 5 if sensor.kind in WAVELENGTH_KINDS else 6
 
 
 def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
@@ -384,7 +379,7 @@ def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
             data = file.create_dataset(
                 sources[name],
                 data=values,
-                chunks=(min(_BLOCK, max(values.size, 1)),),
+                chunks=(min(1 << 15, max(values.size, 1)),),
                 compression=9,
                 shuffle=True,
             )

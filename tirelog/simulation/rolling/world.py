@@ -52,11 +52,10 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 # steep or too high for small displacements of the belt is refused.
 
 
-#: steepest slope of a road [m/m]; twice as steep asks for tread points half as far apart
-STEEPEST = 3.0
-#: highest rise within one diameter of the tire, over its radius; twice as much would double the
-#: strain that a linear belt takes for small
-HIGHEST = 0.2
+#: steepest slope of a road [m/m], twice which asks for tread points half as far apart; highest rise
+#: within one diameter of the tire, over its radius, twice which would double the strain that a
+#: linear belt takes for small
+STEEPEST, HIGHEST = 3.0, 0.2
 
 
 @dataclass(frozen=True)

@@ -325,12 +325,11 @@ def _onset(
 
 ComplexArray = NDArray[np.complex128]
 
-#: points on either side of the central stencils: order eight up to the fourth derivative
-HALF_WIDTH = 5
 
-
-def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray:
+def central_weights(derivative: int, half_width: int = 5) -> FloatArray:
     """Weights of the central difference of unit step, shape (2 half_width + 1,).
+
+    With 5 points on either side it is of order eight up to the fourth derivative.
 
     From the moment conditions sum_j w_j j^m = m! [m = derivative].
     """
@@ -446,8 +445,6 @@ class Ring:
 #: slower than this, time behind the patch counts as at this speed [m/s] (a ring-down at standstill
 #: has no meaning)
 SLOWEST_M_S = 0.2
-#: absolute temperature at which a log begins [K]: the speed of sound goes with its root
-ROOM_K = 293.0
 #: diameter of a fibre [m], and the strain with which it is drawn when it is glued at its ends
 _FIBRE_M, _DRAWN = 1.25e-4, 6.0e-4
 
@@ -513,7 +510,8 @@ def _cavity(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> Fl
     entry_m = exit_m - 2.0 * at.half_length
     speed = np.maximum(at.speed / at.stretch, SLOWEST_M_S)
     late = (ring.xi_m - entry_m[:, None]) % ring.circumference_m / speed[:, None]
-    warm = np.sqrt(1.0 + at.temperature_K / ROOM_K)[:, None]
+    # the speed of sound goes with the root of the temperature, which begins at 293 K
+    warm = np.sqrt(1.0 + at.temperature_K / 293.0)[:, None]
     swing = np.exp(-late / effect["decay_s"]) * np.sin(
         2.0 * np.pi * effect["frequency_Hz"] * warm * late
     )
@@ -537,8 +535,6 @@ def _even_bulge(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -
     return (u**2 * np.exp(1.0 - u**2))[None, :]
 
 
-#: power of the speed of what has none among its parameters
-_POWERS = {"cavity_resonance": 1.0}
 #: what is fixed to the tire, so that each sensor sees it from its own place
 _OF_TIRE = "splice"
 _EXTRA = {
@@ -561,7 +557,9 @@ def extra_strain(
     total: FloatArray | None = None
     for effect in scenario.effects:
         if effect.name in _EXTRA or effect.name == _OF_TIRE:
-            power = effect.parameters.get("speed_exponent", _POWERS.get(effect.name, 0.0))
+            # of what has none among its parameters, the cavity's grows with the speed
+            usual = 1.0 if effect.name == "cavity_resonance" else 0.0
+            power = effect.parameters.get("speed_exponent", usual)
             size = (
                 effect.parameters[next(iter(effect.parameters))]
                 * (np.maximum(at.speed, 1e-6) / REFERENCE_SPEED_M_S) ** power

@@ -75,8 +75,6 @@ def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:
 
 #: the gravity in the catalogue's forms of load transfer and slip
 CATALOGUE_GRAVITY_M_S2 = 9.81
-#: the reference pressure of the planted effect `inflation` [Pa]
-REFERENCE_PRESSURE_PA = 2.0e5
 #: of the forms "apart": pitch of the tread's blocks [m], speed at which a wheel out of balance hops
 #: (13 Hz) [m/s], warming in which a soft adhesive grows e times softer [K], time in which a belt's
 #: textile cords creep [s]
@@ -268,10 +266,8 @@ class World:
         if per_K:
             length = length * (1.0 + per_K * self.temperature(np.asarray(time_s)))
         if inflation is not None:
-            ratio, power = (
-                self.pressure(np.asarray(time_s)) / REFERENCE_PRESSURE_PA,
-                inflation["exponent"],
-            )
+            # over the reference pressure of the planted effect [Pa]
+            ratio, power = self.pressure(np.asarray(time_s)) / 2.0e5, inflation["exponent"]
             length = length * (
                 1.0 - 1.3 * power * (ratio - 1.0) if inflation.other else ratio**-power
             )
