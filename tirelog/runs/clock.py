@@ -34,7 +34,7 @@ beyond a fifth the setup is refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TypeAlias
@@ -320,7 +320,16 @@ class ClockFit:
             return self._by_rate(declared)
         (first, start), (last, end) = ends
         if end < start and stamps.rough_period() <= 0.0:
-            return self._backwards(declared)
+            what, do = (
+                "the rows run backwards in time",
+                "sort them by their stamps, the oldest first",
+            )
+            if not declared:
+                allowed = "allowed are rising ones"
+                raise ReadError(f"the stamps fall: {what}", allowed=allowed, do=do)
+            used = "the declared rate was used for the time axis"
+            self.remarks.append(f"the stamps fall; {used}; if {what}, {do}")
+            return self._by_rate(declared)
         if self.edges:
             return self._explicit(stamps)
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
@@ -355,16 +364,6 @@ class ClockFit:
             )
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
 
-    def _backwards(self, declared: float | None) -> TimeAxis:
-        """The axis if the stamps fall, by a declared rate.  ReadError: there is none."""
-        what, do = "the rows run backwards in time", "sort them by their stamps, the oldest first"
-        if not declared:
-            raise ReadError(f"the stamps fall: {what}", allowed="allowed are rising ones", do=do)
-        self.remarks.append(
-            f"the stamps fall; the declared rate was used for the time axis; if {what}, {do}"
-        )
-        return self._by_rate(declared)
-
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps that are no exact line; `few` a period for want of a better."""
         rough = stamps.rough_period() or few
@@ -380,7 +379,7 @@ class ClockFit:
             times, (low, middle, high) = found
             wanders = f"the sampling rate wanders between {low:.4g} and {high:.4g} Hz"
             if not self.setup_rate_Hz:
-                self._repaired(seen.wrong)
+                self._count("stamps_repaired", sum(b - a for a, b in seen.wrong))
                 step = f"{self.resolution_s:g} s"
                 self.remarks.append(f"{wanders}; times follow the stamps, whose step is {step}")
                 for index, samples in seen.gaps:
@@ -406,7 +405,7 @@ class ClockFit:
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
         tolerance = max(4.0 * error, hidden / ticks)
         period = self._settled(period, tolerance)
-        self._repaired(passing)
+        self._count("stamps_repaired", sum(stop - start for start, stop in passing))
         if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
             shift = pieces[0].level(
                 period
@@ -416,18 +415,15 @@ class ClockFit:
         if coarse:
             self._count_against_stamps(stamps, period)
         elif rounding and period < _HIDES * rounding:
-            self._say_leaps(stamps, rough, rounding)
+            # a sample may lack that stamps of so few digits cannot tell from a drift
+            up, down, first = stamps.leaps(rough, rounding)
+            if up > down and up + down <= _SELDOM * self.size:
+                self.remarks.append(
+                    f"the stamps leap by a last digit of {rounding:g} s before {up - down} of the "
+                    f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
+                    "was made of it, and times may be off by as many samples"
+                )
         return axis
-
-    def _say_leaps(self, stamps: Stamps, period: float, digit: float) -> None:
-        """Says where a sample may lack that stamps of so few digits cannot tell from a drift."""
-        up, down, first = stamps.leaps(period, digit)
-        if up > down and up + down <= _SELDOM * self.size:
-            self.remarks.append(
-                f"the stamps leap by a last digit of {digit:g} s before {up - down} of the samples "
-                f"(first: {first}): one was lost at each, or a clock drifts; no gap was made of "
-                "it, and times may be off by as many samples"
-            )
 
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.
@@ -571,9 +567,6 @@ class ClockFit:
         for index in far:
             self._gap(index, 0)
         return TimeAxis.read_by(times.read, self.size, 1.0 / step)
-
-    def _repaired(self, spans: Iterable[tuple[int, int]]) -> None:
-        self._count("stamps_repaired", sum(stop - start for start, stop in spans))
 
     def _count(self, what: str, number: int) -> None:
         if number:

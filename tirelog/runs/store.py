@@ -105,7 +105,13 @@ def write_file(run: Run, path: Path) -> None:
             _write_axis(file.create_group(f"groups/{name}"), axis)
         for name, stored in run.channels.items():
             _write_channel(file, name, stored, run.setup.channels[name])
-            _write_flags(file, name, stored.flags)
+            if stored.flags:
+                flags = file.create_group(f"flags/{name}")
+                starts, stops, words = zip(*stored.flags, strict=True)
+                columns = {"start": np.array(starts, np.int64), "stop": np.array(stops, np.int64)}
+                columns |= {"word": np.array([flag.word.encode() for flag in words])}
+                for key, values in columns.items():
+                    flags.create_dataset(key, data=values, chunks=True, fletcher32=True)
         _write_text(file, "setup", run.setup.text)
         _write_text(file, "provenance", json.dumps(run.provenance, default=str))
         file.attrs[DIGEST] = np.bytes_(contents_digest(file))
@@ -164,16 +170,6 @@ def _write_channel(file: h5py.File, name: str, stored: Stored, channel: ChannelS
     dataset.attrs.update(scale_factor=scale, add_offset=offset, decimals=stored.decimals)
     if stored.dtype.kind == "i":
         dataset.attrs["_FillValue"] = np.int32(LOST_COUNT)
-
-
-def _write_flags(file: h5py.File, name: str, flags: tuple[Doubt, ...]) -> None:
-    if not flags:
-        return
-    place = file.create_group(f"flags/{name}")
-    for key, values in (("start", [f[0] for f in flags]), ("stop", [f[1] for f in flags])):
-        place.create_dataset(key, data=np.array(values, np.int64), chunks=True, fletcher32=True)
-    words = np.array([flag.word.encode() for _, _, flag in flags])
-    place.create_dataset("word", data=words, chunks=True, fletcher32=True)
 
 
 def is_run(path: Path | str) -> bool:
