@@ -97,11 +97,8 @@ class TimeAxis:
         segment = np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)
         last = np.append(self.first[1:], self.size)[segment] - 1
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            found: FloatArray = np.minimum(
-                self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment],
-                last,
-            )
-            return found
+            steps = (time_s - self.start_s[segment]) / self.period_s[segment]
+            return np.asarray(np.minimum(self.first[segment] + steps, last), np.float64)
 
     @property
     def duration_s(self) -> float:
@@ -123,15 +120,13 @@ class TimeAxis:
     def missing_before(self, index: FloatArray | float) -> FloatArray:
         """Samples that are missing before a fractional sample index; in a gap: all of it."""
         behind = np.searchsorted(self.first[1:], index, side="right")
-        total: FloatArray = np.append(0.0, np.cumsum(self.missing[1:]))[behind]
-        return total
+        return np.asarray(np.append(0.0, np.cumsum(self.missing[1:]))[behind], np.float64)
 
     @property
     def _jumps_s(self) -> FloatArray:
         """Time [s] from the last sample of each segment to the next one's first, (k - 1,)."""
         ends = self.start_s[:-1] + (self.first[1:] - 1 - self.first[:-1]) * self.period_s[:-1]
-        jumps: FloatArray = self.start_s[1:] - ends
-        return jumps
+        return np.asarray(self.start_s[1:] - ends, np.float64)
 
 
 @dataclass(frozen=True)

@@ -396,8 +396,7 @@ def _channel(
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
     """Stored numbers [start, stop); a chunk that fails its checksum is lost, and said once."""
     try:
-        stored: np.ndarray = dataset[start:stop]
-        return stored
+        return np.asarray(dataset[start:stop])
     except LIBRARY_ERRORS:
         missing = LOST_COUNT if dataset.dtype.kind == "i" else np.nan
         out = np.full(max(stop - start, 0), missing, dataset.dtype)
@@ -572,8 +571,7 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
 
         def explicit(first: int, stop: int) -> np.ndarray:
             check_open(bool(times))
-            stored: np.ndarray = times[first:stop].astype(np.float64)
-            return stored
+            return np.asarray(times[first:stop], np.float64)
 
         return TimeAxis.read_by(explicit, count, rate)
     kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
