@@ -131,7 +131,7 @@ def conditions_page() -> str:
     rows = []
     for condition in CONDITIONS.values():
         key = condition.setup
-        given = "" if key is None else f"{'from' if key.from_low else 'above'} {key.low:g}"
+        given = "" if key is None else f"{'from' if key[2] else 'above'} {key[0]:g}"
         followers = [
             effect.id
             for effect in CATALOGUE
@@ -144,7 +144,7 @@ def conditions_page() -> str:
                 unit_of(condition.unit),
                 f"`{condition.symbol}`" if condition.in_expressions else "",
                 words(condition.kinds),
-                "" if key is None else f"{given} to {key.high:g}",
+                "" if key is None else f"{given} to {key[1]:g}",
                 words(followers),
             )
         )

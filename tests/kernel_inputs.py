@@ -621,7 +621,7 @@ def _(rng: np.random.Generator) -> Arguments:
 def _(rng: np.random.Generator) -> Arguments:
     from tests.simulation.rolls import LEVEL, belt, orders, rolling, strain_rider
     from tirelog.simulation.rolling import step_kernel as kernel
-    from tirelog.simulation.rolling.tire import TrueProfile
+    from tirelog.simulation.rolling.world import TrueProfile
 
     made = belt(32, bristle_stiffness_N_m2=3e7, radial_damping_N_s_m2=300.0)
     hill = TrueProfile(
@@ -633,9 +633,6 @@ def _(rng: np.random.Generator) -> Arguments:
         tire.u += 1e-3 * rng.normal(size=size)
     drive = orders(9, speed=8.0, load=2000.0, torque=20.0, step=step)
     rider = strain_rider(made, 0.3)
-
-    def work() -> Any:
-        return kernel.StepRoom(*rng.normal(size=(8, size)), np.zeros(11))
 
     def room() -> Any:
         return np.zeros(1, kernel.CONTACT)[0]
@@ -661,9 +658,9 @@ def _(rng: np.random.Generator) -> Arguments:
             (x, hill.corner_m, hill.height_m, tires[1].constants)
             for x in (-1.0, 0.0, 0.01, 0.05, 0.055, 0.3)
         ],
-        "kick": [(*of(tires[1]), stiff, drive[0], step, 12.0, work())],
+        "kick": [(*of(tires[1]), stiff, drive[0], step, 12.0, rng.normal(size=size))],
         "belt_step": [
-            (*of(tires[1]), stiff, step, work()),
-            (*of(tires[0]), stiff, step, work()),
+            (*of(tires[1]), stiff, step, np.zeros(11)),
+            (*of(tires[0]), stiff, step, np.zeros(11)),
         ],
     }

@@ -25,7 +25,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from tirelog.data.recording import Channel, Recording, Scaled
+from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, refuse_unknown
 from tirelog.process_pool import POSSIBLE, in_processes
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
@@ -117,20 +117,17 @@ def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
     UsageError: no such table, no such option, or a value that none of its tables can be made with.
     """
     for name, options in wanted.items():
-        _one_of("table", name, MAKERS)
+        refuse_unknown(name, MAKERS, f"no table is called {name!r}", do="choose among them")
         maker = MAKERS[name]
         known = {option.name: option for option in (*maker.table.options, *maker.table.views)}
         for option, value in options.items():
-            _one_of(f"option of {name}", option, (*known, *maker.inner))
+            what, all_of_it = f"no option of {name} is called {option!r}", (*known, *maker.inner)
+            refuse_unknown(option, all_of_it, what, do="choose among them")
             if option in known and not known[option].fits(value):
                 what = f"{name}: {option} = {str(value)[:40]!r}"
                 raise UsageError(what, allowed=known[option].allowed, do="mend it")
         maker.check(options)
     return wanted
-
-
-def _one_of(what: str, name: str, allowed: Collection[str]) -> None:
-    refuse_unknown(name, allowed, f"no {what} is called {name!r}", do="choose among them")
 
 
 def with_channels(
@@ -206,7 +203,13 @@ def _channel_tables(
     stored = speed_channels(recording) if only_speed else strain_channels(recording)
     found: list[Passages | None] = [None] * len(stored)
     if refused_first:
-        stored, found = _all_passages(recording, stored, workers, keep=not only_speed)
+        from tirelog.runs.in_memory import without_spikes
+        from tirelog.strain.passages.find import passages_of
+
+        if not only_speed and len(stored) == 1:
+            stored = [without_spikes(stored[0])]  # gone through once more
+        with ThreadPoolExecutor(workers) as pool:
+            found = list(pool.map(partial(passages_of, recording), stored))
         if not only_speed and not any(len(passages) for passages in found if passages is not None):
             raise not_turning(recording)
     turned = False
@@ -226,19 +229,6 @@ def _channel_tables(
                 yield replace(part, remarks=tuple(remarks))
     if not turned and not only_speed:
         raise not_turning(recording)
-
-
-def _all_passages(
-    recording: Recording, channels: list[Channel], workers: int, keep: bool
-) -> tuple[list[Channel], list[Passages | None]]:
-    """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
-    from tirelog.runs.in_memory import without_spikes
-    from tirelog.strain.passages.find import passages_of
-
-    if keep and len(channels) == 1:
-        channels = [without_spikes(channels[0])]  # gone through once more by whoever takes it
-    with ThreadPoolExecutor(workers) as pool:
-        return channels, list(pool.map(partial(passages_of, recording), channels))
 
 
 # ---- channels, several at work at a time
@@ -288,22 +278,33 @@ def _by_channel(
     """(tables, whether it has passages) of each channel, in order; with passages, if known.
 
     With `processes` the workers are processes where they can be, and parts come without what they
-    were `found` in.
+    were `found` in, which no pipe carries.
     """
     stored = [channel for channel, _ in channels]
+    at_hand = all(channel.at_hand for channel in stored)  # processes can read it side by side
     enough = len(stored) > 1 or any(channel.size >= _LONG for channel in stored)
-    if not (processes and enough and workers > 1 and POSSIBLE and _at_hand(stored)):
-        return _by_threads(making, channels, workers)
+    if not (processes and enough and workers > 1 and POSSIBLE and at_hand):
+        make, left = _maker(making, channels), deque(range(len(channels)))
+        ahead: deque[Future[tuple[list[Part], bool]]] = deque()
+        with ThreadPoolExecutor(workers) as pool:
+            while left or ahead:
+                # one more than are at work, so that nobody waits while rows are written
+                while left and len(ahead) <= workers:
+                    ahead.append(pool.submit(make, left.popleft()))
+                yield ahead.popleft().result()
+        return
     for module in _OF_CHANNELS:  # loaded once, before the processes part
         import_module(module)
     if len(channels) == 1:
-        return _by_stretches(making, *channels[0], workers)
-    return _by_processes(making, channels, workers)
+        yield from _by_stretches(making, *channels[0], workers)
+        return
+    make = _maker(making, channels)
 
+    def bare(number: int) -> tuple[list[Part], bool]:
+        parts, turns = make(number)
+        return [replace(part, found=None) for part in parts], turns
 
-def _at_hand(channels: Iterable[Channel]) -> bool:
-    """True if processes can read the channels side by side: no library holds their file's place."""
-    return all(isinstance(one.samples, Scaled) and one.samples.at_hand for one in channels)
+    yield from in_processes(len(channels), workers, bare)
 
 
 def _maker(
@@ -329,33 +330,6 @@ def _maker(
         return [*making.parts(work, making.wanted).values()], len(work.passages) > 0
 
     return make
-
-
-def _by_threads(
-    making: ChannelTables, channels: Sequence[tuple[Channel, Passages | None]], workers: int
-) -> Generator[tuple[list[Part], bool]]:
-    """The tables of each channel, in their order, several at a time."""
-    make, left = _maker(making, channels), deque(range(len(channels)))
-    ahead: deque[Future[tuple[list[Part], bool]]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
-        while left or ahead:
-            # one more than are at work, so that nobody waits while rows are written
-            while left and len(ahead) <= workers:
-                ahead.append(pool.submit(make, left.popleft()))
-            yield ahead.popleft().result()
-
-
-def _by_processes(
-    making: ChannelTables, channels: Sequence[tuple[Channel, Passages | None]], workers: int
-) -> Generator[tuple[list[Part], bool]]:
-    """As `_by_threads`, without what the rows were found in, which no pipe carries."""
-    make = _maker(making, channels)
-
-    def bare(number: int) -> tuple[list[Part], bool]:
-        parts, turns = make(number)
-        return [replace(part, found=None) for part in parts], turns
-
-    return in_processes(len(channels), workers, bare)
 
 
 def _by_stretches(
@@ -425,12 +399,11 @@ def _speed_by_channel(recording: Recording, options: Options) -> bool:
 def _speed_of_log(recording: Recording, options: Options) -> Iterator[Part]:
     from tirelog.strain.speed import calibrated_speed, speed_by_encoder, speed_channels
 
-    calibrate = bool(options.get("calibrate_radius", False))
-    made = (
-        calibrated_speed(recording)
-        if speed_channels(recording)
-        else iter([speed_by_encoder(recording, calibrate=calibrate)])
-    )
+    if speed_channels(recording):
+        made = calibrated_speed(recording)
+    else:
+        calibrate = bool(options.get("calibrate_radius", False))
+        made = iter([speed_by_encoder(recording, calibrate=calibrate)])
     for columns, remarks in made:
         yield Part("speed", columns, remarks)
 
@@ -513,10 +486,8 @@ def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
 
     calibration = _calibration(options)
     zero, forces = str(options.get("zero", "auto")), bool(options.get("forces", False))
-    ordered = bool(options.get("by_time", False))
-    return phase_shift_parts(
-        measure_with(calibration, recording, zero, forces), calibration, ordered
-    )
+    found = measure_with(calibration, recording, zero, forces)
+    return phase_shift_parts(found, calibration, bool(options.get("by_time", False)))
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tirelog.campaign.folder import folder_at
-from tirelog.campaign.ledger import Entry
+from tirelog.campaign.ledger import Entry, folder_at
 from tirelog.campaign.runner import LogTask, make_tables
 from tirelog.storage import remote
 from tirelog.storage.whole import whole_file

@@ -15,8 +15,7 @@ from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import killed_in_the_midst
 from tests.cli.conftest import SETUP
 from tests.diagnosis.toy import stack
-from tirelog.campaign.folder import folder_at
-from tirelog.campaign.ledger import pieces_bytes, read_pieces
+from tirelog.campaign.ledger import folder_at, pieces_bytes, read_pieces
 from tirelog.cli import run
 from tirelog.data.setup import parse_setup
 from tirelog.inference.cells.pieces import joined_pieces, pieces_of
@@ -102,7 +101,7 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
 
 def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
     program = (
-        "from tirelog.campaign.folder import folder_at; import sys\n"
+        "from tirelog.campaign.ledger import folder_at; import sys\n"
         "with folder_at(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(

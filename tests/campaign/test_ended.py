@@ -12,7 +12,7 @@ import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, alive, begun, children, kill_all, stuck, waited_for
-from tirelog.campaign.folder import LocalFolder, _half_written
+from tirelog.campaign.ledger import LocalFolder, _half_written
 from tirelog.cli import run
 
 LINUX = pytest.mark.skipif(

@@ -17,8 +17,15 @@ from tests.campaign.conftest import MANIFEST, dataset
 from tests.campaign.processes import PATIENCE_S, begun, dying_on_the_first
 from tests.cli.conftest import Command
 from tests.diagnosis.toy import stack
-from tirelog.campaign.folder import folder_at, json_table
-from tirelog.campaign.ledger import Entry, Ledger, _entry, pieces_bytes, read_pieces
+from tirelog.campaign.ledger import (
+    Entry,
+    Ledger,
+    _entry,
+    folder_at,
+    json_table,
+    pieces_bytes,
+    read_pieces,
+)
 from tirelog.campaign.manifest import load_manifest
 from tirelog.campaign.runner import plan_tasks
 from tirelog.cli import run

@@ -15,7 +15,7 @@ from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient
 from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401
 from tirelog.campaign import runner as cluster_of
-from tirelog.campaign.folder import folder_at
+from tirelog.campaign.ledger import folder_at
 from tirelog.cli import run
 from tirelog.storage import remote
 

@@ -32,7 +32,7 @@ from tests.simulation.rolls import (
 from tirelog.physics.moving.ring import CoupledRing, natural_modes
 from tirelog.physics.moving.road import RoadProfile, cleat
 from tirelog.physics.moving.transient import HubMotion, State, Stepper, stepped_motion
-from tirelog.simulation.rolling.tire import TrueProfile
+from tirelog.simulation.rolling.world import TrueProfile
 
 pytestmark = pytest.mark.xdist_group("coupled truth")  # one worker makes what these tests share
 

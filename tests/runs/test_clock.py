@@ -307,7 +307,7 @@ def test_irregular_stamps_of_a_long_log_are_read_in_pieces(monkeypatch: pytest.M
     stamps = np.cumsum(np.random.default_rng(19).exponential(0.01, 20_000))
     stamps[12_345:] += 3.0
     monkeypatch.setattr("tirelog.runs.stamps._CHUNK", 1000)
-    monkeypatch.setattr("tirelog.storage.scratch_array._IN_MEMORY", 5000)
+    monkeypatch.setattr("tirelog.runs.stamps._IN_MEMORY", 5000)
     stamps[999:1002] = np.nan
     made = fit(stamps, resolution_s=1e-9)
     axis = made.axis()

@@ -14,8 +14,8 @@ from mcap.writer import Writer
 
 from tirelog.data.recording import Scaled, TimeAxis
 from tirelog.data.setup import parse_setup
+from tirelog.runs.in_memory import sample_and_hold
 from tirelog.runs.ingest import open_recording, write_run
-from tirelog.runs.sample_and_hold import sample_and_hold
 
 RATE = 2000.0
 

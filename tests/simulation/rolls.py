@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from tirelog.simulation.rolling.belt import HALF, Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, LIVING
-from tirelog.simulation.rolling.tire import (
-    POINTS,
-    RollingTire,
-    TireAtRest,
-    TireMotion,
-    TrueProfile,
-    tire_at_rest,
-)
+from tirelog.simulation.rolling.world import POINTS, AtRest, RollingTire, TrueProfile, tire_at_rest
 from tirelog.simulation.scenario.schema import TrueTire
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -57,7 +51,7 @@ def rolling(
     *,
     speed: float,
     load: float,
-    start: TireAtRest | None = None,
+    start: AtRest | None = None,
     profile: TrueProfile = LEVEL,
     step: float = STEP,
 ) -> RollingTire:
@@ -66,8 +60,13 @@ def rolling(
     )
 
 
-def moved(tire: RollingTire, ran: tuple[np.ndarray, np.ndarray], every: int = 1) -> TireMotion:
-    return TireMotion.of(tire.step_s * every * np.arange(ran[0].size), *ran)
+def moved(tire: RollingTire, ran: tuple[np.ndarray, np.ndarray], every: int = 1) -> Any:
+    """What `RollingTire.run` gave, with its times [s] and what the riders read."""
+    moments, read = ran
+    times = tire.step_s * every * np.arange(moments.size)
+    return SimpleNamespace(
+        time_s=times, read=read, **{name: moments[name] for name in moments.dtype.names or ()}
+    )
 
 
 def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from scipy import signal
 
 from tirelog.simulation import Simulated, setup_text, simulate
-from tirelog.simulation.scenario.drive import WANDER_STEP_S, drive_of, wander_of
+from tirelog.simulation.scenario.drive import WANDER_STEP_S, drive_of, stretch_of, wander_of
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.sensors.sampling import noise_of
 
@@ -97,7 +97,7 @@ def test_wandering_has_its_size_and_forgets_in_its_time() -> None:
         manoeuvres=[{"duration_s": 2_000.0, "speed_m_s": 10.0}],
     )
     time = np.arange(0.0, 2_000.0, WANDER_STEP_S)
-    values = np.array([wander_of(made, np.random.default_rng(s)).at(time) for s in range(10)])
+    values = np.array([wander_of(made, np.random.default_rng(s))(time) for s in range(10)])
     # 5,000 time constants: the deviation's own is 1/sqrt(5,000) = 1.4 %, the correlation's 0.02
     assert values.std() == pytest.approx(0.03, rel=0.05)
     for seconds in (2.0, 4.0, 8.0):
@@ -164,7 +164,9 @@ def test_belt_that_has_grown_is_that_of_a_larger_tire(
     at = replace(instants(speed, slip=0.06), temperature_K=np.zeros(1))
     sensor = Sensor(kind, lag_s=3e-4, bandwidth_Hz=400.0)
     grown = world(**more, nuisances={"rolling_radius": {"growth": growth}})
-    wave = grown.waveform(grown.solve(replace(at, stretch=grown.drive.stretch(at.speed))), sensor)
+    wave = grown.waveform(
+        grown.solve(replace(at, stretch=stretch_of(grown.drive.grows, at.speed))), sensor
+    )
     made = world(**larger)
     wanted = made.waveform(made.solve(at), sensor)
     assert np.abs(wave - wanted).max() < 1e-9 * np.abs(wanted).max()

@@ -87,7 +87,7 @@ def test_same_seed_same_log_other_seed_other_wandering() -> None:
     assert not np.array_equal(first, other, equal_nan=True)
     wander = {"load_wander": {"share": 0.03}}
     loads = [
-        simulate(replace(made_of(nuisances=wander), seed=seed)).world.wander.at(np.arange(2.0))
+        simulate(replace(made_of(nuisances=wander), seed=seed)).world.wander(np.arange(2.0))
         for seed in (4, 4, 5)
     ]
     assert np.array_equal(loads[0], loads[1])

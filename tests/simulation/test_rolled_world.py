@@ -154,9 +154,9 @@ def test_accelerometer_feels_the_turning_belt() -> None:
     made = simulate(scenario(0.3, grid_points=1536, channels={"acc": CHANNELS["acc"]}))
     time, felt = made.stamp_s["acc"], made.channels["acc"]
     motion = world(made).motion
-    phi = np.interp(time, motion.time_s, motion.angle_rad) - np.radians(200.0)
+    phi = np.interp(time, world(made).time_s, motion.angle_rad) - np.radians(200.0)
     steady = steady_world(truth="ring", tire=DAMPED, grid_points=4096)
-    spin = motion.spin_rad_s[motion.time_s < 0.3].mean()
+    spin = motion.spin_rad_s[world(made).time_s < 0.3].mean()
     wave = steady.waveform(
         steady.solve(instants(speed=spin * 0.305)), Sensor("radial_acceleration")
     )[0]
@@ -178,10 +178,10 @@ def test_speed_ramp_is_driven_by_its_torque() -> None:
         scenario(manoeuvres=ramp, conditions={"driven": True}, tire=tire, rounding_s=0.2)
     )
     motion = world(made).motion
-    speed = np.interp(0.9, motion.time_s, motion.spin_rad_s) * 0.305
+    speed = np.interp(0.9, world(made).time_s, motion.spin_rad_s) * 0.305
     # bristles creep: force over 2 C_x L^2, some 2 %
     assert 1.005 < speed / float(world(made).drive.speed_at(np.array(0.9))) < 1.03
-    steady = (motion.time_s > 0.8) & (motion.time_s < 1.2)
+    steady = (world(made).time_s > 0.8) & (world(made).time_s < 1.2)
     # half of what the vehicle needs: mass and drag
     needs = 0.5 * (1500.0 * 2.0 + 0.012 * 1500.0 * 9.80665 + 0.4 * 13.0**2)
     assert motion.force_x_N[steady].mean() == pytest.approx(needs, rel=0.02)
@@ -239,8 +239,8 @@ def test_other_roads(kind: str, tmp_path: Path) -> None:
         )
     )
     motion = world(made).motion
-    risen = motion.hub_z_m - np.interp(0.05, motion.time_s, motion.hub_z_m)
-    assert np.interp(0.58, motion.time_s, risen) == pytest.approx(
+    risen = motion.hub_z_m - np.interp(0.05, world(made).time_s, motion.hub_z_m)
+    assert np.interp(0.58, world(made).time_s, risen) == pytest.approx(
         0.002 * (1 - np.cos(2 * np.pi * 5.8 / 3.0)) if kind == "sine" else 0.004, abs=4e-4
     )
 
@@ -270,12 +270,12 @@ def test_standing_start_and_stop() -> None:
         scenario(manoeuvres=parts, conditions={"driven": True}, tire=tire, rounding_s=0.2)
     )
     motion = world(made).motion
-    turned = np.interp([0.0, 0.1, 2.6], motion.time_s, motion.angle_rad) * 0.305
+    turned = np.interp([0.0, 0.1, 2.6], world(made).time_s, motion.angle_rad) * 0.305
     assert turned[0] == pytest.approx(turned[1], abs=1e-4)
     assert turned[2] - turned[0] == pytest.approx(
         float(world(made).distance(np.array([2.6]))[0]), rel=0.02
     )
-    assert np.abs(motion.spin_rad_s[(motion.time_s > 2.6)]).max() < 0.1
+    assert np.abs(motion.spin_rad_s[(world(made).time_s > 2.6)]).max() < 0.1
 
 
 def test_an_undamped_tire_begins_quietly() -> None:

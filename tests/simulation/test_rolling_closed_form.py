@@ -17,7 +17,7 @@ from scipy.linalg import circulant as dense_circulant
 from tirelog.simulation.rolling import belt as banded
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Splines, circulant
-from tirelog.simulation.rolling.tire import TireAtRest, TrueProfile, tire_at_rest
+from tirelog.simulation.rolling.world import TrueProfile, tire_at_rest
 
 from .rolls import EI, K_V, K_W, LINE_MASS, PB, RADIUS, belt, moved, orders, rolling, strain_rider
 
@@ -77,7 +77,7 @@ def test_steps_in_time_ring_as_the_turning_belt_does() -> None:
         np.cos(n * of.splines.middle_rad)
         * (n * of.splines.step_rad / 2 / np.sin(n * of.splines.step_rad / 2)) ** 6
     )
-    tire = rolling(of, speed=20.0, load=0.0, start=TireAtRest(1e-4 * wave, 1.0, 0.0), step=h)
+    tire = rolling(of, speed=20.0, load=0.0, start=(1e-4 * wave, 1.0, 0.0), step=h)
     tire.u[:] = 0.0
     tire.state["momentum_N_m_s"] = tire._momentum()
     _, read = tire.run(
@@ -139,7 +139,7 @@ def test_standing_tire_carries_its_load() -> None:
     """
     of = belt()
     stood = tire_at_rest(of, 3000.0)
-    lifted = of.carried / of.mass_kg * stood.v @ np.sin(of.splines.middle_rad)
+    lifted = of.carried / of.mass_kg * stood[0] @ np.sin(of.splines.middle_rad)
     assert lifted == pytest.approx(3000.0 / (np.pi * RADIUS * (K_W + K_V)), rel=1e-9)
     tire = rolling(of, speed=0.0, load=3000.0, start=stood)
     motion = moved(tire, tire.run(orders(2, speed=0.0, load=3000.0)))
@@ -150,10 +150,10 @@ def test_standing_tire_carries_its_load() -> None:
 
 def test_a_torque_in_the_air_winds_up_and_spins() -> None:
     of = belt(64, tangential_damping_N_s_m2=2000.0)
-    tire = rolling(of, speed=5.0, load=0.0, start=TireAtRest(np.zeros(64), 1.0, 0.0))
+    tire = rolling(of, speed=5.0, load=0.0, start=(np.zeros(64), 1.0, 0.0))
     tire.run(orders(8000, speed=5.0, load=0.0, torque=30.0))
     whole = HUB_INERTIA + RING_MASS * RADIUS**2
-    assert tire.spin_rad_s == pytest.approx(5.0 / RADIUS + 30.0 * 0.2 / whole, rel=1e-3)
+    assert tire.state["spin_rad_s"] == pytest.approx(5.0 / RADIUS + 30.0 * 0.2 / whole, rel=1e-3)
     # the belt lags: its share of the torque over the wind-up stiffness
     lag = 30.0 * RING_MASS * RADIUS**2 / whole / (2 * np.pi * RADIUS**2 * K_V)
     assert tire.v.mean() == pytest.approx(-lag, rel=2e-2)
@@ -191,7 +191,7 @@ def test_a_torque_in_the_air_winds_up_and_spins() -> None:
 )
 def test_road_at_a_distance(profile: TrueProfile, x: float, height: float, slope: float) -> None:
     constants = rolling(
-        belt(64), speed=0.0, load=0.0, start=TireAtRest(np.zeros(64), 1.0, 0.0), profile=profile
+        belt(64), speed=0.0, load=0.0, start=(np.zeros(64), 1.0, 0.0), profile=profile
     ).constants
     found = kernel.road_at(x, profile.corner_m, profile.height_m, constants)
     assert found == pytest.approx((height, slope), abs=1e-12)

@@ -11,13 +11,7 @@ from benchmarks.wheel_cases import WHEEL_PLANS, Instruments, wheel_scenario
 from tirelog.errors import UsageError
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.scenario.schema import Sensor
-from tirelog.simulation.sensors.sampling import (
-    Trace,
-    coupled,
-    longitudinal_force,
-    phase_shift,
-    tread_angle,
-)
+from tirelog.simulation.sensors.sampling import coupled, phase_shift, tread_angle
 
 from .worlds import tables, world
 
@@ -46,9 +40,9 @@ def test_driven_wheel_winds_forward_in_drive_and_back_in_braking() -> None:
     assert phase_shift(driven, BRAKE_S)[0] < -np.radians(0.3)
     assert phase_shift(free, DRIVE_S)[0] == 0.0
     assert phase_shift(free, BRAKE_S)[0] < -np.radians(0.3)
-    assert abs(longitudinal_force(driven, COAST_S)[0]) < 1e-9
+    assert abs(driven.longitudinal_force(COAST_S)[0]) < 1e-9
     # n = 0 part of the wind-up (errata): F_x / (2 pi R^2 k_v)
-    expected = longitudinal_force(driven, DRIVE_S) / (2 * np.pi * R**2 * 1.5e5)
+    expected = driven.longitudinal_force(DRIVE_S) / (2 * np.pi * R**2 * 1.5e5)
     assert phase_shift(driven, DRIVE_S) == pytest.approx(expected, rel=1e-12)
 
 
@@ -270,14 +264,12 @@ def test_an_ac_coupled_instrument_forgets_the_level_and_keeps_what_is_quick() ->
     rate, cut = 10_000.0, 2.0
     time = np.arange(0.0, 3.0, 1.0 / rate)
     sensor = Sensor("radial_acceleration", sampling_rate_Hz=rate, coupling_Hz=cut)
-    trace = Trace(sensor, time, time)
     step = np.where(time < 1.0, -150.0, -250.0)
-    seen = coupled(trace, step)
+    seen = coupled(sensor, step)
     assert np.abs(seen[time < 1.0]).max() < 1e-9
     late = time >= 1.0
     decay = -100.0 * np.exp(-2.0 * np.pi * cut * (time[late] - 1.0))
     assert np.abs(seen[late] - decay).max() < 0.2
     wave = np.sin(2.0 * np.pi * 300.0 * time)
-    assert np.abs(coupled(trace, wave) - wave).max() < 3.0 * cut / 300.0
-    plain = replace(trace, sensor=Sensor("radial_acceleration"))
-    assert coupled(plain, wave) is wave
+    assert np.abs(coupled(sensor, wave) - wave).max() < 3.0 * cut / 300.0
+    assert coupled(Sensor("radial_acceleration"), wave) is wave

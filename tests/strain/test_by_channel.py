@@ -34,8 +34,9 @@ def one_grating() -> Iterator[Recording]:
         name = next(name for name, one in log.channels.items() if one.kind == "fbg_strain")
         strain = log.channels[name].read()
         counts = np.where(np.isnan(strain), LOST, np.nan_to_num(strain) / SCALE).astype(np.int32)
-        samples = Scaled(lambda start, stop: counts[start:stop], SCALE, 0.0, LOST, at_hand=True)
-        yield replace(log, channels={name: replace(log.channels[name], samples=samples)})
+        samples = Scaled(lambda start, stop: counts[start:stop], SCALE, 0.0, LOST)
+        channel = replace(log.channels[name], samples=samples, at_hand=True)
+        yield replace(log, channels={name: channel})
 
 
 def rows(parts: list[Part]) -> list[tuple[str, tuple[str, ...], dict[str, np.ndarray]]]:

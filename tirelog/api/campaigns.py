@@ -9,8 +9,7 @@ from pathlib import Path as File
 from typing import Any
 
 from tirelog.api.logs import Path
-from tirelog.campaign.folder import folder_at
-from tirelog.campaign.ledger import Entry, Ledger
+from tirelog.campaign.ledger import Entry, Ledger, folder_at
 from tirelog.campaign.manifest import Campaign, load_manifest
 from tirelog.campaign.runner import LogTask, plan_tasks, run_tasks, strangers, to_do, write_summary
 from tirelog.errors import OutputError, UsageError, is_outside_log

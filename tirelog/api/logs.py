@@ -343,7 +343,7 @@ def simulated_log(
     """(what was driven, the files written) of `simulate`."""
     from tirelog.simulation import load_scenario, write_log
     from tirelog.simulation import simulate as drive
-    from tirelog.simulation.sensors.writers import setup_of, suffix_of, truth_of
+    from tirelog.simulation.simulate import setup_of, suffix_of, truth_of
 
     source, log = File(scenario), File(output)
     suffix_of(log)

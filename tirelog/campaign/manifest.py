@@ -46,7 +46,7 @@ from tirelog.storage.schema import (
     Document,
     Entries,
     FilePlace,
-    SomeOf,
+    OneOf,
     Table,
     words,
 )
@@ -67,7 +67,7 @@ class CampaignLog:
     and does not stop the rest.
     """
 
-    path: str
+    log: str
     name: str
     setup: Setup | None
     tags: Mapping[str, str] = field(default_factory=dict)
@@ -109,6 +109,7 @@ _TABLES = {
 }
 _GLOB = replace(LINE, words='a pattern relative to the manifest, such as "logs/*.csv"')
 _MODEL = replace(LINE, words='the path of a model file, such as "beam.toml"')
+_COMMANDS = OneOf(MODEL_COMMANDS, several=True)
 _MANIFEST = Table(
     {
         "campaign": Table({"name": LINE, "output": LINE}),
@@ -118,7 +119,7 @@ _MANIFEST = Table(
         "tables": Table(_TABLES),
         "models": Entries(
             Table(
-                {"file": _MODEL, "commands": SomeOf(MODEL_COMMANDS), "each": words(*EACH)},
+                {"file": _MODEL, "commands": _COMMANDS, "each": words(*EACH)},
                 needed=("file",),
             )
         ),
@@ -164,13 +165,18 @@ def load_manifest(path: Path) -> Campaign:
             "add one",
         ),
     )
-    _refuse_twins("logs", ((log.name, log.path) for log in logs), "narrow the globs", place)
+    _refuse_twins("logs", ((log.name, log.log) for log in logs), "narrow the globs", place)
     files = ((model.file.stem, model.file) for model in models)
     _refuse_twins("models", files, "rename one", place)
     output = about.get("output", "results")
-    remarks = tuple(remark for rows in conditions.values() for remark in _of_no_log(rows))
+    remarks = []
+    for rows in conditions.values():
+        if left := [name for name, row in rows.items() if not row.logs]:
+            more = f" and {len(left) - 3} more" if len(left) > 3 else ""
+            said = f"{rows[left[0]].file}: no log is called {', '.join(left[:3])}{more}"
+            remarks.append(f"{said}: what it says of them is unused")
     name, output_place = about.get("name", path.stem), address(output) or str(base / output)
-    return Campaign(name, output_place, logs, wanted, models, path, remarks)
+    return Campaign(name, output_place, logs, wanted, models, path, tuple(remarks))
 
 
 def _tables(wanted: dict[str, dict[str, Any]], base: Path, file: Path) -> dict[str, dict[str, Any]]:
@@ -323,16 +329,6 @@ def _with_conditions(setup: Setup, row: _Row) -> Setup:
         return parse_setup(text, setup.file)
     except SetupError as problem:  # the setup was in order without them
         raise problem.at(row.file, row.line) from None
-
-
-def _of_no_log(rows: Mapping[str, _Row]) -> list[str]:
-    """A sentence if rows of a table of conditions are those of no log."""
-    left = [name for name, row in rows.items() if not row.logs]
-    if not left:
-        return []
-    more = f" and {len(left) - 3} more" if len(left) > 3 else ""
-    file = rows[left[0]].file
-    return [f"{file}: no log is called {', '.join(left[:3])}{more}: what it says of them is unused"]
 
 
 def _conditions(path: Path) -> dict[str, _Row]:

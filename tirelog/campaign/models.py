@@ -25,11 +25,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tirelog.campaign.folder import json_table
-from tirelog.campaign.ledger import Ledger, read_pieces
+from tirelog.campaign.ledger import Ledger, json_table, read_pieces
 from tirelog.campaign.manifest import Campaign, CampaignModel
 from tirelog.campaign.runner import LogTask, pieces_name
-from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 from tirelog.physics.model.user_effects import own_effects
@@ -118,11 +116,18 @@ def _run(
     for name in model.commands:
         results[name] = commands[name](pieces, read)
         if name == "diagnose" and model.each:
-            some = partial(_pieces_of, measured, model.observable, ledger)
+
+            def some(names: Sequence[str]) -> Pieces:
+                chosen = [task for task in measured if task.name in names]
+                return _pieces(chosen, model.observable, ledger)[0]
+
             groups = _groups(measured, model.each)
             results[name] = _with_each(results[name], read, candidates, groups, some, model.each)
             said(results[name].notes[-1])
-        said(f"{ledger.folder.root}/{folder}/{name}.json{_outcome(results[name])}")
+        found = [getattr(results[name], "verdict", ""), *getattr(results[name], "selected", ())]
+        outcome = f": {found[0]}" if found[0] else ""
+        outcome += f", {' '.join(found[1:])}" if found[1:] else ""
+        said(f"{ledger.folder.root}/{folder}/{name}.json{outcome}")
     ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
     for (
         name,
@@ -137,17 +142,10 @@ def _groups(tasks: list[LogTask], by: str) -> dict[str, list[str]]:
     """The names of the logs by their tire, as the setups call it, or each log by itself."""
     groups: dict[str, list[str]] = {}
     for task in tasks:
-        tire = parse_setup(task.setup_text, task.setup_file).tire.name if by == "tire" else ""
+        tire = task.setup.tire.name if task.setup is not None else ""
         name = task.name if by == "log" else tire or "the tire without a name"
         groups.setdefault(name, []).append(task.name)
     return groups
-
-
-def _pieces_of(
-    tasks: list[LogTask], observable: str, ledger: Ledger, names: Sequence[str]
-) -> Pieces:
-    """The pieces of the logs of these names."""
-    return _pieces([task for task in tasks if task.name in names], observable, ledger)[0]
 
 
 def _with_each(
@@ -167,12 +165,6 @@ def _with_each(
     each = diagnosing.each_alone(groups, some, model, by=by, effects=effects)
     stability = diagnosing.leave_one_out(groups, some, model, found, by=by, effects=effects)
     return diagnosing.with_stability(found, stability, each)
-
-
-def _outcome(result: Any) -> str:
-    verdict = getattr(result, "verdict", "")
-    names = " ".join(getattr(result, "selected", ()))
-    return (f": {verdict}" if verdict else "") + (f", {names}" if names else "")
 
 
 def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:

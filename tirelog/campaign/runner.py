@@ -22,18 +22,16 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.campaign.folder import HIDDEN, folder_at
-from tirelog.campaign.ledger import Entry, Ledger, key_of, log_of, pieces_bytes
+from tirelog.campaign.ledger import HIDDEN, Entry, Ledger, folder_at, key_of, log_of, pieces_bytes
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.data.recording import Recording
-from tirelog.data.setup import parse_setup
 from tirelog.errors import (
     ExitStatus,
     OutputError,
@@ -46,6 +44,7 @@ from tirelog.process_pool import ending_pool
 from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.runtime import end_with_parent, one_heap, one_thread
+from tirelog.storage.remote import ANSWER_S
 from tirelog.storage.whole import whole_file
 from tirelog.tables.writer import TableWriter
 from tirelog.version import __version__
@@ -66,21 +65,17 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class LogTask:
-    """What a worker is sent: only text and numbers, so that it can travel to another machine.
+class LogTask(CampaignLog):
+    """What a worker is sent: a log with its setup, and what to make of it.
 
-    `observables`: whose pieces are kept. `unreached`: `problem` is not the log's own.
+    It can travel to another machine. `observables`: whose pieces are kept. `unreached`: `problem`
+    is not the log's own.
     """
 
-    log: str
-    name: str
-    key: str
-    setup_text: str
-    setup_file: str
-    tables: Mapping[str, Mapping[str, Any]]
-    output: str
-    temporary: str
-    problem: str = ""
+    key: str = ""
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    output: str = ""
+    temporary: str = ""
     observables: tuple[str, ...] = ()
     unreached: bool = False
 
@@ -96,7 +91,7 @@ def make_tables(task: LogTask) -> Entry:
         if task.problem:
             raise UsageError(task.problem, file=task.log)
         tempfile.tempdir = task.temporary if Path(task.temporary).is_dir() else None
-        with open_recording(task.log, parse_setup(task.setup_text, task.setup_file)) as recording:
+        with open_recording(task.log, task.setup) as recording:
             entry.remarks += recording.remarks
             suited = {
                 name: options
@@ -224,9 +219,6 @@ def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
         entry.pieces[observable] = ""
 
 
-#: a scheduler that has not answered after this time [s] does not answer; twice as long waits that
-#: much longer before it says so
-_TIMEOUT_S = 8
 #: a log whose worker died this often, while it worked on nothing else, is failed; twice as many
 #: try a log that ends every worker that often
 _ATTEMPTS = 3
@@ -257,7 +249,7 @@ def _on_cluster(
     for name in ("distributed", "distributed.client"):  # they print tracebacks of what is said here
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        with Client(scheduler, timeout=_TIMEOUT_S) as client, _workers_watched(client, remark):
+        with Client(scheduler, timeout=ANSWER_S) as client, _workers_watched(client, remark):
             suspects = []
             for task, future in _finished(client, tasks, "all"):
                 if future.status != "finished" and isinstance(future.exception(), KilledWorker):
@@ -335,7 +327,7 @@ def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -
     logs = [
         log
         for log in campaign.logs
-        if only is None or fnmatch(log.path, only) or fnmatch(Path(log.path).name, only)
+        if only is None or fnmatch(log.log, only) or fnmatch(Path(log.log).name, only)
     ]
     if not logs:
         raise UsageError(
@@ -368,27 +360,21 @@ def _task(
     text = log.setup.text if log.setup else ""
     digest, problem, unreached = "", log.problem, False
     try:
-        digest = ledger.sha256(log.path)
+        digest = ledger.sha256(log.log)
     except OSError as error:
         problem, unreached = f"cannot be read ({error.strerror})", is_outside_log(error)
     except ReadError as error:
         problem, unreached = error.message, is_outside_log(error)
     tables = {name: dict(options) for name, options in campaign.tables.items()}
     key = key_of(digest, text + problem, _with_contents(tables, ledger), __version__)
-    setup_file = (log.setup.file or "") if log.setup else ""
-    folder = ledger.folder
+    given = {**vars(log), "problem": problem, "key": key, "tables": tables}
+    output, temporary = ledger.folder.root, str(ledger.folder.temporary)
     return LogTask(
-        log.path,
-        log.name,
-        key,
-        text,
-        setup_file,
-        tables,
-        folder.root,
-        str(folder.temporary),
-        problem,
-        observables,
-        unreached,
+        **given,
+        output=output,
+        temporary=temporary,
+        observables=observables,
+        unreached=unreached,
     )
 
 
@@ -414,25 +400,24 @@ def to_do(tasks: Iterable[LogTask], ledger: Ledger, *, retry_failed: bool = Fals
     `retry_failed` the failed ones as well; and of those that are done what models need besides,
     without the tables.
     """
-    there = ledger.folder.names()
-    left = (_left(task, ledger.entry(task.name), there, retry_failed) for task in tasks)
-    return [task for task in left if task is not None]
-
-
-def _left(
-    task: LogTask, entry: Entry | None, there: set[str], retry_failed: bool
-) -> LogTask | None:
-    if entry is None or entry.key != task.key:
-        return task
-    if entry.error:
-        return task if retry_failed else None
-    if any(table_part_name(table, task.name) not in there for table in entry.rows):
-        return task
-    kept = {
-        name for name, why in entry.pieces.items() if why or pieces_name(name, task.name) in there
-    }
-    observables = tuple(name for name in task.observables if name not in kept)
-    return replace(task, tables={}, observables=observables) if observables else None
+    there, left = ledger.folder.names(), []
+    for task in tasks:
+        entry = ledger.entry(task.name)
+        if entry is None or entry.key != task.key:
+            left.append(task)
+        elif entry.error:
+            left += [task] if retry_failed else []
+        elif any(table_part_name(table, task.name) not in there for table in entry.rows):
+            left.append(task)
+        else:
+            kept = {
+                observable
+                for observable, why in entry.pieces.items()
+                if why or pieces_name(observable, task.name) in there
+            }
+            wanted = tuple(name for name in task.observables if name not in kept)
+            left += [replace(task, tables={}, observables=wanted)] if wanted else []
+    return left
 
 
 def run_tasks(
@@ -598,39 +583,27 @@ def write_summary(campaign: Campaign, ledger: Ledger) -> str:
     writer = csv.writer(stream)
     about = ("log", "name", "status", "error", "rows", "quality", "losses", "seconds")
     writer.writerow([*about, "peak_memory_MB", *tags])
+    order = [*campaign.tables]
     for log in campaign.logs:
-        row = _summary_row(log, ledger.entry(log.name), list(campaign.tables))
-        writer.writerow([*row, *(log.tags.get(tag, "") for tag in tags)])
+        entry, row = ledger.entry(log.name), ["open", "", "", "", "", "", ""]
+        if entry is not None:
+            # tables in the manifest's order, others behind, their quality words in the alphabet's
+            made = [table for table in order if table in entry.rows]
+            made += sorted(entry.rows.keys() - order)
+            quality = (
+                f"{table}.{word.replace(';', '+')}={n}"
+                for table in made
+                for word, n in sorted(entry.quality.get(table, {}).items())
+            )
+            row = [
+                "failed" if entry.error else "lost input" if entry.losses else "done",
+                entry.error,
+                ";".join(f"{table}={entry.rows[table]}" for table in made),
+                ";".join(quality),
+                str(len(entry.losses)),
+                str(entry.seconds),
+                str(entry.peak_memory_MB),
+            ]
+        writer.writerow([log.log, log.name, *row, *(log.tags.get(tag, "") for tag in tags)])
     ledger.folder.write("summary.csv", stream.getvalue().encode())
     return f"{ledger.folder.root}/summary.csv"
-
-
-def _summary_row(log: CampaignLog, entry: Entry | None, tables: list[str]) -> list[object]:
-    """One log's cells of the summary.
-
-    Its tables stand in the manifest's order, their quality words in the alphabet's.
-    """
-    if entry is None:
-        return [log.path, log.name, "open", "", "", "", "", "", ""]
-    made = sorted(
-        entry.rows,
-        key=lambda table: (tables.index(table) if table in tables else len(tables), table),
-    )
-    rows = ";".join(f"{table}={entry.rows[table]}" for table in made)
-    quality = ";".join(
-        f"{table}.{word.replace(';', '+')}={n}"
-        for table in made
-        for word, n in sorted(entry.quality.get(table, {}).items())
-    )
-    status = "failed" if entry.error else "lost input" if entry.losses else "done"
-    return [
-        log.path,
-        log.name,
-        status,
-        entry.error,
-        rows,
-        quality,
-        len(entry.losses),
-        entry.seconds,
-        entry.peak_memory_MB,
-    ]

@@ -151,8 +151,7 @@ def _some(channel: Channel) -> FloatArray:
         if channel.size
         else np.zeros(0)
     )
-    known: FloatArray = some[np.isfinite(some)]
-    return known
+    return np.asarray(some[np.isfinite(some)], np.float64)
 
 
 def _doubt(recording: Recording, channel: Channel, some: FloatArray) -> SetupError | None:

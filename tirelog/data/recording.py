@@ -97,11 +97,8 @@ class TimeAxis:
         segment = np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)
         last = np.append(self.first[1:], self.size)[segment] - 1
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            found: FloatArray = np.minimum(
-                self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment],
-                last,
-            )
-            return found
+            steps = (time_s - self.start_s[segment]) / self.period_s[segment]
+            return np.asarray(np.minimum(self.first[segment] + steps, last), np.float64)
 
     @property
     def duration_s(self) -> float:
@@ -123,15 +120,13 @@ class TimeAxis:
     def missing_before(self, index: FloatArray | float) -> FloatArray:
         """Samples that are missing before a fractional sample index; in a gap: all of it."""
         behind = np.searchsorted(self.first[1:], index, side="right")
-        total: FloatArray = np.append(0.0, np.cumsum(self.missing[1:]))[behind]
-        return total
+        return np.asarray(np.append(0.0, np.cumsum(self.missing[1:]))[behind], np.float64)
 
     @property
     def _jumps_s(self) -> FloatArray:
         """Time [s] from the last sample of each segment to the next one's first, (k - 1,)."""
         ends = self.start_s[:-1] + (self.first[1:] - 1 - self.first[:-1]) * self.period_s[:-1]
-        jumps: FloatArray = self.start_s[1:] - ends
-        return jumps
+        return np.asarray(self.start_s[1:] - ends, np.float64)
 
 
 @dataclass(frozen=True)
@@ -141,14 +136,13 @@ class Scaled:
     raw x scale + offset, NaN if raw is `lost` (None: never).
 
     `raw(start, stop)` gives the stored numbers; counts of int32 take half of the memory of what
-    they become. `at_hand` if they are stored as they are, so that reading them again costs little.
+    they become.
     """
 
     raw: Callable[[int, int], NDArray[Any]]
     scale: float
     offset: float
     lost: int | None = None
-    at_hand: bool = False
 
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
@@ -174,7 +168,9 @@ class Channel:
     unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only), `resolution` the
     step of the source in SI (0 if unknown), `flags` (start, stop, word) sample ranges that reader
     or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...);
-    `mended`: bursts of bad samples are lost already (`runs.in_memory`).
+    `mended`: bursts of bad samples are lost already (`runs.in_memory`). `at_hand` if the samples
+    are stored so that reading them again costs little and no library holds their file's place;
+    `stored` reads them where they are stored, if they are held in memory.
     """
 
     name: str
@@ -187,6 +183,8 @@ class Channel:
     flags: tuple[Doubt, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     mended: bool = False
+    at_hand: bool = False
+    stored: Callable[[int, int], FloatArray] | None = None
 
     @property
     def size(self) -> int:

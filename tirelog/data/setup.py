@@ -8,24 +8,28 @@ converts.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, field, replace
+from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.errors import SetupError, nearest
+from tirelog.errors import SetupError, TirelogError, nearest
 from tirelog.kernels import compiled
+from tirelog.storage.remote import open_input
 from tirelog.storage.schema import (
+    FLAG,
     TEXT,
     Document,
     FilePlace,
     Named,
-    Table,
+    Record,
     ValueKind,
     is_number,
     key,
@@ -34,7 +38,7 @@ from tirelog.storage.schema import (
     table_of,
     words,
 )
-from tirelog.storage.whole import toml_text
+from tirelog.storage.whole import taken_as_input, toml_text
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
@@ -222,12 +226,9 @@ SURFACES = ("outer", "inner")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
 
 
-def _number(low: float, high: float, *, above: bool = True, default: Any = None) -> Any:
-    """A number in (low, high] (`above`) or [low, high].
-
-    `default` if the key is absent.
-    """
-    return key(number(low, high, above=above), default)
+def _above(low: float, high: float) -> Any:
+    """A number in (low, high] that may be absent."""
+    return key(number(low, high, above=True))
 
 
 _PAIR = ValueKind(
@@ -263,14 +264,14 @@ class Tire:
     """
 
     name: str = ""
-    unloaded_radius_m: float | None = _number(0.0, 5.0)
-    rolling_radius_m: float | None = _number(0.0, 5.0)
-    section_height_m: float | None = _number(0.0, 1.0)
-    width_m: float | None = _number(0.0, 2.0)
-    section_area_m2: float | None = _number(0.0, 1.0)
-    viscosity_Pa_s: float | None = _number(0.0, 1e9)
-    static_footprint_length_m: float | None = _number(0.0, 2.0)
-    friction_ratio: float | None = _number(0.2, 1.2)
+    unloaded_radius_m: float | None = _above(0.0, 5.0)
+    rolling_radius_m: float | None = _above(0.0, 5.0)
+    section_height_m: float | None = _above(0.0, 1.0)
+    width_m: float | None = _above(0.0, 2.0)
+    section_area_m2: float | None = _above(0.0, 1.0)
+    viscosity_Pa_s: float | None = _above(0.0, 1e9)
+    static_footprint_length_m: float | None = _above(0.0, 2.0)
+    friction_ratio: float | None = _above(0.2, 1.2)
     #: the setup's path, for messages; no key of the table
     file: str | None = field(default=None, compare=False, metadata={"kind": None})
 
@@ -304,31 +305,19 @@ class Tire:
         return self.section_height_m * self.width_m
 
 
-if TYPE_CHECKING:
-
-    class _ConditionKeys:
-        def __getattr__(self, key: str) -> float | None: ...
-
-else:
-    _ConditionKeys = make_dataclass(
-        "_ConditionKeys",
-        [
-            (name, "float | None", _number(key.low, key.high, above=not key.from_low))
-            for name, key in SETUP_KEYS.items()
-        ],
-        frozen=True,
-    )
-
-
-@dataclass(frozen=True)
-class LogConditions(_ConditionKeys):
+class LogConditions(Record):
     """[conditions]: constant over the log; the register's keys, None for what is not given."""
 
-    driven: bool | None = None
+    keys: ClassVar = {
+        **{
+            name: (number(low, high, above=not from_low), None)
+            for name, (low, high, from_low) in SETUP_KEYS.items()
+        },
+        "driven": (FLAG, None),
+    }
 
 
-@dataclass(frozen=True)
-class ChannelSetup:
+class ChannelSetup(Record):
     """[channels.NAME]: one signal of the log.
 
     kind                          what is measured
@@ -351,23 +340,25 @@ class ChannelSetup:
     sampling_rate_Hz              the channel's own rate
     """
 
-    kind: str = key(words(*KINDS), "")
-    source: str = ""
-    unit: str | None = None
-    scale: float | None = _number(-1e30, 1e30)
-    offset: float | None = _number(-1e30, 1e30)
-    reference_wavelength_nm: float | None = _number(100.0, 1e5)
-    strain_gain: float = _number(0.0, 100.0, default=1.27)
-    thermal_expansion_1_K: float = _number(-1.0, 1.0, default=0.0)
-    temperature_channel: str | None = None
-    temperature_sensitivity_nm_K: float = _number(0.0, 10.0, default=0.010)
-    surface: str | None = key(words(*SURFACES))
-    window_nm: tuple[float, float] | None = key(_PAIR)
-    gauge_length_m: float | None = _number(0.0, 1.0)
-    angle_deg: float | None = _number(-360.0, 360.0, above=False)
-    lateral_m: float | None = _number(-1.0, 1.0, above=False)
-    steps: int | None = key(number(0, 100_000, above=True, whole=True))
-    sampling_rate_Hz: float | None = _number(0.0, 1e9)
+    keys: ClassVar = {
+        "kind": (words(*KINDS), ""),
+        "source": (TEXT, ""),
+        "unit": (TEXT, None),
+        "scale": (number(-1e30, 1e30, above=True), None),
+        "offset": (number(-1e30, 1e30, above=True), None),
+        "reference_wavelength_nm": (number(100.0, 1e5, above=True), None),
+        "strain_gain": (number(0.0, 100.0, above=True), 1.27),
+        "thermal_expansion_1_K": (number(-1.0, 1.0, above=True), 0.0),
+        "temperature_channel": (TEXT, None),
+        "temperature_sensitivity_nm_K": (number(0.0, 10.0, above=True), 0.010),
+        "surface": (words(*SURFACES), None),
+        "window_nm": (_PAIR, None),
+        "gauge_length_m": (number(0.0, 1.0, above=True), None),
+        "angle_deg": (number(-360.0, 360.0), None),
+        "lateral_m": (number(-1.0, 1.0), None),
+        "steps": (number(0, 100_000, above=True, whole=True), None),
+        "sampling_rate_Hz": (number(0.0, 1e9, above=True), None),
+    }
 
     @property
     def source_unit(self) -> str:
@@ -394,8 +385,7 @@ SEPARATORS = (",", ";", "\t", " ", "|")
 _TEXT_KEYS = ("separator", "decimal", "header_rows", "encoding", "columns")
 
 
-@dataclass(frozen=True)
-class LogSetup:
+class LogSetup(Record):
     """[log]: what the file itself does not say, or what was taken for something else.
 
     separator    between the cells of a text log: one of SEPARATORS (" " stands for runs of blanks)
@@ -406,15 +396,17 @@ class LogSetup:
     unusual      quantities whose numbers are right though no tire is known to have them
     """
 
-    sampling_rate_Hz: float | None = _number(0.0, 1e9)
-    time: str | None = None
-    time_unit: str | None = None
-    separator: str | None = key(words(*SEPARATORS))
-    decimal: str | None = key(words(".", ","))
-    header_rows: int | None = key(number(0, 10_000, whole=True))
-    encoding: str | None = key(words("utf-8", "cp1252"))
-    columns: tuple[str, ...] | None = key(_NAMES)
-    unusual: tuple[str, ...] | None = key(_NAMES)
+    keys: ClassVar = {
+        "sampling_rate_Hz": (number(0.0, 1e9, above=True), None),
+        "time": (TEXT, None),
+        "time_unit": (TEXT, None),
+        "separator": (words(*SEPARATORS), None),
+        "decimal": (words(".", ","), None),
+        "header_rows": (number(0, 10_000, whole=True), None),
+        "encoding": (words("utf-8", "cp1252"), None),
+        "columns": (_NAMES, None),
+        "unusual": (_NAMES, None),
+    }
 
     @property
     def of_text(self) -> list[str]:
@@ -422,8 +414,7 @@ class LogSetup:
         return [key for key in _TEXT_KEYS if getattr(self, key) is not None]
 
 
-@dataclass(frozen=True)
-class RoadSetup:
+class RoadSetup(Record):
     """[road]: what the wheel rolled over in this log; lengths in m along the direction of driving.
 
     kind        flat; step (height_m, over a ramp of ramp_m); cleat (height_m, length_m at its foot,
@@ -435,16 +426,18 @@ class RoadSetup:
     spacing_m   after which the obstacle comes again (a drum's circumference)
     """
 
-    kind: str = key(words(*ROADS), "flat")
-    height_m: float | None = _number(-1.0, 1.0)
-    length_m: float | None = _number(0.0, 100.0)
-    ramp_m: float | None = _number(0.0, 100.0)
-    amplitude_m: float | None = _number(-1.0, 1.0)
-    wavelength_m: float | None = _number(0.0, 1e4)
-    file: str | None = None
-    time_s: float | None = _number(0.0, 1e7, above=False)
-    position_m: float | None = _number(-1e6, 1e6)
-    spacing_m: float | None = _number(0.0, 1e6)
+    keys: ClassVar = {
+        "kind": (words(*ROADS), "flat"),
+        "height_m": (number(-1.0, 1.0, above=True), None),
+        "length_m": (number(0.0, 100.0, above=True), None),
+        "ramp_m": (number(0.0, 100.0, above=True), None),
+        "amplitude_m": (number(-1.0, 1.0, above=True), None),
+        "wavelength_m": (number(0.0, 1e4, above=True), None),
+        "file": (TEXT, None),
+        "time_s": (number(0.0, 1e7), None),
+        "position_m": (number(-1e6, 1e6, above=True), None),
+        "spacing_m": (number(0.0, 1e6, above=True), None),
+    }
 
 
 @dataclass(frozen=True)
@@ -454,26 +447,15 @@ class Setup:
     `text` is the file as it stood, for the run's provenance; `file` its path, for messages.
     """
 
-    tire: Tire = Tire()
-    conditions: LogConditions = LogConditions()
-    channels: Mapping[str, ChannelSetup] = field(default_factory=dict)
-    log: LogSetup = LogSetup()
-    road: RoadSetup = RoadSetup()
-    text: str = ""
-    file: str | None = None
-
-
-_ROAD = table_of(RoadSetup)
-_SETUP = Table(
-    {
-        "tire": table_of(Tire),
-        "conditions": table_of(LogConditions),
-        "channels": Named(table_of(ChannelSetup, "kind")),
-        "log": table_of(LogSetup),
-        "road": _ROAD,
-    },
-    Setup,
-)
+    tire: Tire = key(table_of(Tire), Tire())
+    conditions: LogConditions = key(table_of(LogConditions), LogConditions())
+    channels: Mapping[str, ChannelSetup] = field(
+        default_factory=dict, metadata={"kind": Named(table_of(ChannelSetup, "kind"))}
+    )
+    log: LogSetup = key(table_of(LogSetup), LogSetup())
+    road: RoadSetup = key(table_of(RoadSetup), RoadSetup())
+    text: str = key(None, "")
+    file: str | None = key(None)
 
 
 def _refuse_channels(channels: Mapping[str, ChannelSetup], place: FilePlace) -> None:
@@ -571,8 +553,43 @@ def parse_road(line: str) -> RoadSetup:
                 do="correct it",
             ) from None
     place = FilePlace(Document("", SetupError, "a road", "--road"), ("road",))
-    road: RoadSetup = _ROAD.read(given, place)
+    road: RoadSetup = table_of(RoadSetup).read(given, place)
     return road
+
+
+def road_points(path: Path | str, error: type[TirelogError]) -> FloatArray:
+    """A road profile from a text file: distance [m] and height [m], shape (2, n).
+
+    Two columns, comma or blanks between; `#` begins a remark. The `error`: no such file, or a line
+    that is no point.
+    """
+    points: list[list[float]] = []
+    try:
+        taken_as_input(path)
+        with TextIOWrapper(open_input(path), "utf-8") as file:
+            for number, line in enumerate(file, 1):
+                words = line.split("#")[0].replace(",", " ").split()
+                try:
+                    point = [float(word) for word in words]
+                except ValueError:
+                    point = [math.nan]
+                if point and not (len(point) == 2 and all(map(math.isfinite, point))):
+                    raise error(
+                        f"{line.strip()!r} is no point of a road profile",
+                        allowed="allowed are a distance and a height in m",
+                        do="correct it",
+                        file=path,
+                        line=number,
+                    )
+                points += [point] if point else []
+    except (OSError, UnicodeDecodeError) as problem:
+        raise error(
+            f"road profile cannot be read ({problem})",
+            allowed="a text file is allowed",
+            do="check the path",
+            file=path,
+        ) from None
+    return np.array(points).reshape(-1, 2).T
 
 
 def _refuse_words(log: LogSetup, place: FilePlace) -> None:
@@ -608,7 +625,7 @@ def _refuse_words(log: LogSetup, place: FilePlace) -> None:
 def parse_setup(text: str, file: str | None = None) -> Setup:
     """The setup in `text`.  SetupError, with file and line, for anything that is not allowed."""
     document = Document(text, SetupError, "a setup", file or "setup")
-    setup: Setup = document.read(_SETUP)
+    setup: Setup = document.read(table_of(Setup))
     setup = replace(setup, tire=replace(setup.tire, file=file), text=text, file=file)
     place = FilePlace(document)
     at_least = "a setup has at least one [channels.NAME]"

@@ -109,11 +109,8 @@ def guessed(source: str, unit: str, samples: FloatArray, rate_Hz: float | None) 
     known = samples[np.isfinite(samples)]
     name = units.canonical(unit) if unit else None
     words = set(_words(source))
-    if (
-        known.size
-        and (found := _grating(name, known, any(words & of_kind for of_kind, _ in _WORDS)))
-        is not None
-    ):
+    of_another = any(words & of_kind for of_kind, _ in _WORDS)
+    if known.size and (found := _grating(name, known, of_another)) is not None:
         return found
     if not known.size or known.min() == known.max():
         return Guess("signal", name or unit or "1", "it does not move")
@@ -146,9 +143,7 @@ def _grating(unit: str | None, known: FloatArray, named: bool) -> Guess | None:
     factor = 1.0 if unit is None else units.UNITS[unit][1] * 1e9
     low, high = np.quantile(known, [0.02, 0.98]) * factor
     first, last = _INTERROGATORS_NM if named and unit is None else _GRATINGS_NM
-    if not first <= low <= high <= last:
-        return None
-    if high - low > _GRATING_MOVES * low:
+    if not first <= low <= high <= last or high - low > _GRATING_MOVES * low:
         return None
     why = "wavelengths of a grating" + ("" if unit else ", in nm by their size")
     return Guess("fbg_strain", unit or "nm", why)
@@ -277,14 +272,14 @@ def contents(log: str) -> Contents:
         stream = LogStream(head, raw, False)
         with opened_log(str(path), head, stream, log) as opened:
             inside = listed(opened.made, opened.path or path, log)
-            some = ", ".join(inside.others[:8])
-            if not inside.series and inside.unread:
-                what = f"holds no series of numbers that can be read{some and f', only {some}'}"
-                why = "; ".join(inside.unread[:_MOST_UNREAD])
-                raise ReadError(f"{what}: {why}", file=log)
             if not inside.series:
+                some = ", ".join(inside.others[:8])
+                only, why = some and f", only {some}", "; ".join(inside.unread[:_MOST_UNREAD])
+                if why:
+                    what = f"holds no series of numbers that can be read{only}: {why}"
+                    raise ReadError(what, file=log)
                 raise ReadError(
-                    f"holds no series of numbers{some and f', only {some}'}",
+                    f"holds no series of numbers{only}",
                     allowed="a log has columns, topics or datasets of numbers",
                     do="check the recording",
                     file=log,
@@ -350,9 +345,8 @@ def _read(log: str, reader: LogReader, names: dict[str, Series], time: str) -> C
         except (ReadError, SetupError) as problem:
             why = problem.message if clock.stamped else why
         for name in group.channels:
-            one, setup = names[name], reader.setup.channels[name]
+            one, unit = names[name], reader.setup.channels[name].unit or ""
             samples = np.concatenate([np.zeros(0), *parts[name]])
-            unit = setup.unit or ""
             if samples.size:
                 guess = guessed(one.source, unit, samples, rate)
                 found.append(FoundSeries(one, unit, rate, duration, samples, guess))
@@ -392,19 +386,16 @@ def _twins(found: list[FoundSeries]) -> list[FoundSeries]:
 def rows(inside: Contents) -> dict[str, Any]:
     """What is in a log as columns of a table, one row per series."""
     found = inside.found
-
-    def number(values: list[float | None]) -> FloatArray:
-        return np.array([np.nan if value is None else value for value in values])
-
+    known = [one.known if one.known.size else np.full(1, np.nan) for one in found]
     return {
         "log": np.array([inside.log] * len(found), dtype=object),
         "source": np.array([one.series.source for one in found], dtype=object),
         "unit": np.array([one.unit for one in found], dtype=object),
-        "rate_Hz": number([one.rate_Hz for one in found]),
+        "rate_Hz": np.array([one.rate_Hz for one in found], float),
         "samples": np.array([one.samples.size for one in found]),
         "lost_samples": np.array([one.samples.size - one.known.size for one in found]),
-        "lowest": number([float(one.known.min()) if one.known.size else None for one in found]),
-        "highest": number([float(one.known.max()) if one.known.size else None for one in found]),
+        "lowest": np.array([some.min() for some in known], float),
+        "highest": np.array([some.max() for some in known], float),
         "likely_kind": np.array([one.guess.kind for one in found], dtype=object),
         "likely_unit": np.array([one.guess.unit for one in found], dtype=object),
         "reason": np.array([one.guess.reason for one in found], dtype=object),
@@ -437,8 +428,6 @@ def likely_surface(channel: Channel) -> str:
 
 #: the word that marks a guess, which `tirelog setup check` looks for
 MARK = "guessed"
-#: column at which comments begin
-_COMMENT = 44
 #: series without a likely kind that are listed as comments
 _MOST_UNKNOWN = 60
 
@@ -602,7 +591,7 @@ def _range(one: FoundSeries) -> str:
 
 def _line(key: str, value: str, comment: str) -> str:
     text = f"{key} = {value}"
-    return f"{text:{_COMMENT}s} # {_shown(comment)}" if comment else text
+    return f"{text:44s} # {_shown(comment)}" if comment else text  # comments stand in a column
 
 
 def _shown(text: str) -> str:
@@ -643,7 +632,12 @@ def findings(recording: Recording, log: str) -> list[Finding]:
             out += [one for one in found if one not in out]  # what is said of a clock is said once
         except SetupError as problem:
             out.append(Finding("implausible", problem.message))
-    out += _declared_surfaces(recording)
+    for channel in recording.of_kind(*STRAIN_KINDS):
+        likely = likely_surface(channel)
+        if likely and likely != channel.surface:  # the patch lies on the other side
+            side = "down" if likely == "outer" else "up"
+            said = f'the patch takes the strain {side}, and surface = "{channel.surface}"'
+            out.append(Finding("implausible", f'channel {channel.name}: {said}; is it "{likely}"?'))
     out += [Finding("implausible", said) for said in _motion(recording)]
     out += [Finding("said", remark) for remark in recording.remarks]
     out += [Finding("missing", said) for said in _missing(recording)]
@@ -659,23 +653,6 @@ def findings(recording: Recording, log: str) -> list[Finding]:
         some = ", ".join(map(str, lines[:10])) + (", ..." if len(lines) > 10 else "")
         word = "guess is" if len(lines) == 1 else "guesses are"
         out.append(Finding("guessed", f"{len(lines)} {word} still marked (lines {some})"))
-    return out
-
-
-def _declared_surfaces(recording: Recording) -> list[Finding]:
-    """Strain channels whose patch lies on the other side than their surface says."""
-    out = []
-    for channel in recording.of_kind(*STRAIN_KINDS):
-        likely = likely_surface(channel)
-        if likely and likely != channel.surface:
-            side = "down" if likely == "outer" else "up"
-            out.append(
-                Finding(
-                    "implausible",
-                    f"channel {channel.name}: the patch takes the strain {side}, and surface = "
-                    f'"{channel.surface}"; is it "{likely}"?',
-                )
-            )
     return out
 
 

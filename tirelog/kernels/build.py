@@ -20,7 +20,6 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -59,11 +58,16 @@ def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
     module = pycc.CC(dispatch.MODULE, source_module=__name__)
     functions: dict[str, dict[str, str]] = {}
     sources: set[Path] = set()
-    for kernel, kinds, symbol in _functions():
-        types = tuple(typeof(example) for example in examples(kinds))
-        module.export(symbol, types)(kernel.py_func)
-        functions.setdefault(kernel.name, {})[kinds] = symbol
+    for name, calls in json.loads(CALLS.read_text(encoding="utf-8")).items():
+        kernel = getattr(import_module(name.partition(":")[0]), name.partition(":")[2], None)
+        if not isinstance(kernel, Kernel):
+            raise LookupError(f"{CALLS.name} has {name}, which is no kernel; take it out")
         sources.update(*map(_with_imported, kernel.sources))
+        for number, kinds in enumerate(map(json.dumps, calls)):
+            symbol = f"{name}_{number}".replace(".", "_").replace(":", "_")
+            types = tuple(typeof(example) for example in examples(kinds))
+            module.export(symbol, types)(kernel.py_func)
+            functions.setdefault(kernel.name, {})[kinds] = symbol
     with TemporaryDirectory() as made:
         module.output_dir, module.output_file = made, extension.name
         compiler.Flags = flags
@@ -88,17 +92,6 @@ def build(folder: Path = dispatch.EXTENSION.parent) -> list[Path]:
     return [extension, table]
 
 
-def _functions() -> Iterator[tuple[Kernel, str, str]]:
-    """(kernel, kinds of its arguments, name of the function) of all that is called."""
-    for name, calls in json.loads(CALLS.read_text(encoding="utf-8")).items():
-        for number, kinds in enumerate(calls):
-            yield (
-                _kernel(name),
-                json.dumps(kinds),
-                f"{name}_{number}".replace(".", "_").replace(":", "_"),
-            )
-
-
 @cache
 def _with_imported(source: Path) -> frozenset[Path]:
     """A source and those of the package that it imports from: their constants are in its code."""
@@ -108,14 +101,6 @@ def _with_imported(source: Path) -> frozenset[Path]:
     return frozenset(
         {source, *(path for one in modules if (path := one.with_suffix(".py")).is_file())}
     )
-
-
-def _kernel(name: str) -> Kernel:
-    module, _, function = name.partition(":")
-    found = getattr(import_module(module), function, None)
-    if not isinstance(found, Kernel):
-        raise LookupError(f"{CALLS.name} has {name}, which is no kernel; take it out")
-    return found
 
 
 def add_calls(recorded: Path) -> int:

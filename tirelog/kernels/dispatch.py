@@ -54,14 +54,6 @@ def function(kernel: str, kinds: str) -> Callable[..., Any] | None:
     return None if symbol is None else getattr(module, symbol)
 
 
-def note_missed(kernel: str, kinds: str) -> None:
-    """Write a call that the extension has no function for to the file that RECORD names."""
-    record = os.environ.get(RECORD)
-    if record:
-        with open(record, "a", encoding="utf-8") as file:
-            file.write(f"{json.dumps([kernel, kinds])}\n")
-
-
 def fingerprints(sources: Iterable[str]) -> dict[str, str]:
     """A hash of each source, by its path in the package."""
     return {
@@ -113,23 +105,18 @@ def jit(source: FunctionType, files: Collection[Path]) -> Any:
         made = njit(cache=True, error_model="numpy", nogil=True)(source)
     except RuntimeError:  # no folder that could hold the cache: compiled anew in each process
         return njit(error_model="numpy", nogil=True)(source)
-    _forget_outdated(source, files, made)
+    if made.stats.cache_path is not None:
+        # the cache's index of the kernel is removed if it is older than a file it was made from
+        code, python = source.__code__, sys.version_info
+        name = (
+            f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
+            f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
+        )
+        index = Path(made.stats.cache_path) / f"{name}.nbi"
+        with suppress(OSError):  # there is none, or another process was faster
+            if index.stat().st_mtime <= max(file.stat().st_mtime for file in files):
+                index.unlink()
     return made
-
-
-def _forget_outdated(source: FunctionType, files: Collection[Path], made: Any) -> None:
-    """Remove the cache's index of a kernel if it is older than a file it was compiled from."""
-    code, python = source.__code__, sys.version_info
-    if made.stats.cache_path is None:
-        return
-    name = (
-        f"{Path(code.co_filename).stem}.{source.__qualname__}-{code.co_firstlineno}"
-        f".py{python.major}{python.minor}{getattr(sys, 'abiflags', '')}"
-    )
-    index = Path(made.stats.cache_path) / f"{name}.nbi"
-    with suppress(OSError):  # there is none, or another process was faster
-        if index.stat().st_mtime <= max(file.stat().st_mtime for file in files):
-            index.unlink()
 
 
 Kind: TypeAlias = Any
@@ -280,8 +267,10 @@ class Kernel:
     def _found(self, kinds: tuple[Kind, ...]) -> Callable[..., Any]:
         text = spelled(kinds)
         there = function(self.name, text)
-        if there is None:
-            note_missed(self.name, text)
+        record = os.environ.get(RECORD)
+        if there is None and record:  # a call that the extension has no function for
+            with open(record, "a", encoding="utf-8") as file:
+                file.write(f"{json.dumps([self.name, text])}\n")
         return self.jitted if there is None else there
 
     @property

@@ -34,9 +34,10 @@ beyond a fifth the setup is refused.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -56,6 +57,8 @@ from tirelog.vocabulary.quality import Doubt, Quality
 # log then puts samples seconds away from where they were taken.
 
 
+#: times [s] of the samples [start, stop)
+Times: TypeAlias = Callable[[int, int], FloatArray]
 #: first samples of ticks that are looked at; of more, every second, third, ...
 _MOST_POINTS = 1 << 20
 #: ticks averaged to one point of the clock: the first sample of a tick lies anywhere in a period,
@@ -79,37 +82,6 @@ _LASTS = 5
 #: and they lack more than so many times what ticks usually lack or have too many; twice as many
 #: leave gaps unsaid that are half as large where ticks scatter
 _UNUSUAL = 6.0
-
-
-@dataclass(frozen=True)
-class Wandering:
-    """A clock by its points: ascending clock index and time [s], shape (k,) each.
-
-    `gaps` (first sample behind, samples missing); `low_Hz` and `high_Hz` hold nine tenths of it.
-    """
-
-    stamps: Stamps
-    at: FloatArray
-    time_s: FloatArray
-    rate_Hz: float
-    low_Hz: float
-    high_Hz: float
-    gaps: tuple[tuple[int, int], ...]
-
-    def times(self, start: int, stop: int) -> FloatArray:
-        """Times [s] of the samples [start, stop); the first sample of the log is at 0."""
-        return self._time(np.arange(start, stop)) - self._time(np.zeros(1, np.int64))
-
-    def _time(self, index: IntArray) -> FloatArray:
-        behind = np.array([first for first, _ in self.gaps], np.int64)
-        before = np.cumsum([0, *(missing for _, missing in self.gaps)])
-        k = self.stamps.clock_index(index) + before[np.searchsorted(behind, index, side="right")]
-        found = np.interp(k, self.at, self.time_s)
-        for end, beyond in ((0, k < self.at[0]), (-1, k > self.at[-1])):
-            pair = slice(0, 2) if end == 0 else slice(-2, None)
-            slope = np.diff(self.time_s[pair])[0] / np.diff(self.at[pair])[0]
-            found = np.where(beyond, self.time_s[end] + slope * (k - self.at[end]), found)
-        return np.asarray(found, np.float64)
 
 
 @dataclass(frozen=True)
@@ -166,18 +138,32 @@ def coarse_ticks(stamps: Stamps, period: float, resolution_s: float) -> Ticks | 
     return Ticks(stamps, k, stamp, missing, tuple(gaps), wrong)
 
 
-def wandering(seen: Ticks, resolution_s: float) -> Wandering | None:
-    """The clock behind ticks of `resolution_s` if its rate wanders; None if one rate will do."""
-    stamp = seen.stamp_s
+def wandering(seen: Ticks, resolution_s: float) -> tuple[Times, tuple[float, ...]] | None:
+    """(times, rates) of the clock behind ticks of `resolution_s`; None if one rate will do.
+
+    `times(start, stop)` [s] of samples [start, stop), the log's first at 0; three rates [Hz], of
+    which the outer ones hold nine tenths of it.
+    """
     if _strays(seen) <= _STRAYS_TICKS * resolution_s:
         return None
     whole = seen.k + np.concatenate([[0], np.cumsum(seen.missing)])
     groups = whole.size // _TICKS
     at = whole[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
-    time = stamp[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
-    rates = np.diff(at) / np.diff(time)
-    low, middle, high = np.percentile(rates, [5.0, 50.0, 95.0])
-    return Wandering(seen.stamps, at, time, float(middle), float(low), float(high), seen.gaps)
+    time = seen.stamp_s[: groups * _TICKS].reshape(groups, _TICKS).mean(axis=1)
+    slopes = np.diff(time) / np.diff(at)
+    behind = np.array([first for first, _ in seen.gaps], np.int64)
+    before = np.cumsum([0, *(missing for _, missing in seen.gaps)])
+
+    def time_of(index: IntArray) -> FloatArray:
+        k = seen.stamps.clock_index(index) + before[np.searchsorted(behind, index, side="right")]
+        found = np.interp(k, at, time)
+        found = np.where(k < at[0], time[0] + slopes[0] * (k - at[0]), found)
+        found = np.where(k > at[-1], time[-1] + slopes[-1] * (k - at[-1]), found)
+        return np.asarray(found, np.float64)
+
+    begin = time_of(np.zeros(1, np.int64))
+    rates = np.percentile(np.diff(at) / np.diff(time), [5.0, 50.0, 95.0])
+    return lambda start, stop: time_of(np.arange(start, stop)) - begin, tuple(rates.tolist())
 
 
 def _strays(seen: Ticks) -> float:
@@ -334,7 +320,16 @@ class ClockFit:
             return self._by_rate(declared)
         (first, start), (last, end) = ends
         if end < start and stamps.rough_period() <= 0.0:
-            return self._backwards(declared)
+            what, do = (
+                "the rows run backwards in time",
+                "sort them by their stamps, the oldest first",
+            )
+            if not declared:
+                allowed = "allowed are rising ones"
+                raise ReadError(f"the stamps fall: {what}", allowed=allowed, do=do)
+            used = "the declared rate was used for the time axis"
+            self.remarks.append(f"the stamps fall; {used}; if {what}, {do}")
+            return self._by_rate(declared)
         if self.edges:
             return self._explicit(stamps)
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
@@ -369,16 +364,6 @@ class ClockFit:
             )
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
 
-    def _backwards(self, declared: float | None) -> TimeAxis:
-        """The axis if the stamps fall, by a declared rate.  ReadError: there is none."""
-        what, do = "the rows run backwards in time", "sort them by their stamps, the oldest first"
-        if not declared:
-            raise ReadError(f"the stamps fall: {what}", allowed="allowed are rising ones", do=do)
-        self.remarks.append(
-            f"the stamps fall; the declared rate was used for the time axis; if {what}, {do}"
-        )
-        return self._by_rate(declared)
-
     def _fitted(self, stamps: Stamps, declared: float | None, few: float) -> TimeAxis:
         """The axis through stamps that are no exact line; `few` a period for want of a better."""
         rough = stamps.rough_period() or few
@@ -391,24 +376,28 @@ class ClockFit:
         # where samples are numbered, their numbers say which are missing
         seen = None if self.counted else coarse_ticks(stamps, rough, self.resolution_s)
         if seen and (found := wandering(seen, self.resolution_s)):
+            times, (low, middle, high) = found
+            wanders = f"the sampling rate wanders between {low:.4g} and {high:.4g} Hz"
             if not self.setup_rate_Hz:
-                self._repaired(seen.wrong)
-                return self._wandering(found)
-            self.remarks.append(
-                f"the stamps say that the sampling rate wanders between {found.low_Hz:.4g} and "
-                f"{found.high_Hz:.4g} Hz; without sampling_rate_Hz in the setup they are followed"
-            )
+                self._count("stamps_repaired", sum(b - a for a, b in seen.wrong))
+                step = f"{self.resolution_s:g} s"
+                self.remarks.append(f"{wanders}; times follow the stamps, whose step is {step}")
+                for index, samples in seen.gaps:
+                    self._gap(index, samples)
+                return TimeAxis.read_by(times, self.size, middle)
+            followed = "without sampling_rate_Hz in the setup they are followed"
+            self.remarks.append(f"the stamps say that {wanders}; {followed}")
         noise, rounded = stamps.noise(rough, self.resolution_s)
         noise = max(noise, 0.0 if stamps.bunched else 0.3 * self.resolution_s)
-        jumps: list[Jump] = [Jump(index, n * rough) for index, n in seen.gaps] if seen else []
+        jumps: list[Jump] = [(index, n * rough) for index, n in seen.gaps] if seen else []
         passing = list(seen.wrong) if seen else []
         rounding = self.resolution_s if rounded and not stamps.bunched else None
         if not seen:
             jumps, passing = stamps.jumps(rough, noise, rounding)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
         coarse = stamps.bunched or self.counted
-        wanders = spread > max(_JITTER * period, self.resolution_s)
-        if wanders and not coarse and (not declared or noise < _JITTER * period):
+        strays = spread > max(_JITTER * period, self.resolution_s)
+        if strays and not coarse and (not declared or noise < _JITTER * period):
             return self._explicit(stamps)
         ticks = max(int(stamps.clock_index(self.size - 1)), 1)
         # a stamp coarser than a period hides two of them: where in the tick it lies, and one lost
@@ -416,7 +405,7 @@ class ClockFit:
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
         tolerance = max(4.0 * error, hidden / ticks)
         period = self._settled(period, tolerance)
-        self._repaired(passing)
+        self._count("stamps_repaired", sum(stop - start for start, stop in passing))
         if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
             shift = pieces[0].level(
                 period
@@ -426,18 +415,15 @@ class ClockFit:
         if coarse:
             self._count_against_stamps(stamps, period)
         elif rounding and period < _HIDES * rounding:
-            self._say_leaps(stamps, rough, rounding)
+            # a sample may lack that stamps of so few digits cannot tell from a drift
+            up, down, first = stamps.leaps(rough, rounding)
+            if up > down and up + down <= _SELDOM * self.size:
+                self.remarks.append(
+                    f"the stamps leap by a last digit of {rounding:g} s before {up - down} of the "
+                    f"samples (first: {first}): one was lost at each, or a clock drifts; no gap "
+                    "was made of it, and times may be off by as many samples"
+                )
         return axis
-
-    def _say_leaps(self, stamps: Stamps, period: float, digit: float) -> None:
-        """Says where a sample may lack that stamps of so few digits cannot tell from a drift."""
-        up, down, first = stamps.leaps(period, digit)
-        if up > down and up + down <= _SELDOM * self.size:
-            self.remarks.append(
-                f"the stamps leap by a last digit of {digit:g} s before {up - down} of the samples "
-                f"(first: {first}): one was lost at each, or a clock drifts; no gap was made of "
-                "it, and times may be off by as many samples"
-            )
 
     def _settled(self, period: float, tolerance: float) -> float:
         """The period in which rate and stamps agree, else that of the stamps.
@@ -581,19 +567,6 @@ class ClockFit:
         for index in far:
             self._gap(index, 0)
         return TimeAxis.read_by(times.read, self.size, 1.0 / step)
-
-    def _wandering(self, clock: Wandering) -> TimeAxis:
-        """The axis of a clock whose rate wanders, which is said."""
-        self.remarks.append(
-            f"the sampling rate wanders between {clock.low_Hz:.4g} and {clock.high_Hz:.4g} Hz; "
-            f"times follow the stamps, whose step is {self.resolution_s:g} s"
-        )
-        for index, samples in clock.gaps:
-            self._gap(index, samples)
-        return TimeAxis.read_by(clock.times, self.size, clock.rate_Hz)
-
-    def _repaired(self, spans: Iterable[tuple[int, int]]) -> None:
-        self._count("stamps_repaired", sum(stop - start for start, stop in spans))
 
     def _count(self, what: str, number: int) -> None:
         if number:

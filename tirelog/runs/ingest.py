@@ -108,9 +108,6 @@ class IngestSummary:
     remarks: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
 
-    def provenance(self, setup: Setup) -> dict[str, Any]:
-        return {**self.__dict__, "version": __version__, "setup_file": setup.file}
-
 
 def _setup_for(log: str, setup: Setup | None) -> Setup:
     """The setup given, or the one beside the log.
@@ -125,13 +122,9 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
             from tirelog.readers.hdf5.reader import refuse_damaged
 
             refuse_damaged(Path(log), log)
-        what = (
-            "standard input has no setup beside it"
-            if log == "-"
-            else "no setup file beside the log"
-        )
+        where = "standard input has no setup beside it"
         raise SetupError(
-            f"{what}",
+            where if log == "-" else "no setup file beside the log",
             allowed="a setup says what the channels are",
             do="give one with --setup FILE",
             file=log,
@@ -355,15 +348,16 @@ def _write(
             do="record it again",
             file=summary.log,
         )
-    lost = {name: n for name, n in writer.lost.items() if _size(reader.groups, summary, name)}
+    read = summary.samples
+    sizes = {name: read.get(group.name, 0) for group in reader.groups for name in group.channels}
+    lost = {name: n for name, n in writer.lost.items() if sizes[name]}
     report = reader.report
     summary.format, summary.start = report.format, report.start
-    lost_samples = {f"lost_samples {name}": n for name, n in lost.items()}
-    summary.counts = {**report.counts, **lost_samples}
+    summary.counts = report.counts | {f"lost_samples {name}": n for name, n in lost.items()}
     summary.losses += report.losses
     summary.remarks += report.remarks
     for name, n in lost.items():
-        if n == _size(reader.groups, summary, name):
+        if n == sizes[name]:
             summary.remarks.append(f"channel {name} has no reading at all")
     axes, flags = {}, {}
     for name, clock in clocks.items():
@@ -376,14 +370,18 @@ def _write(
         flags[name] = clock.flags
         summary.repairs[name] = dict(clock.repairs)
         summary.remarks += clock.remarks
-    summary.remarks += _setup_remarks(writer.setup, set(lost))
+    alone = [
+        name
+        for name, channel in writer.setup.channels.items()
+        if name in lost and channel.kind == "fbg_strain" and channel.temperature_channel not in lost
+    ]
+    if alone:
+        said = f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"
+        summary.remarks.append(said)
     if whole:
         summary.sha256, summary.bytes = stream.finish(), stream.size
-    return writer.finish(axes, flags, summary.provenance(writer.setup))
-
-
-def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
-    return next(summary.samples.get(group.name, 0) for group in groups if name in group.channels)
+    provenance = {**vars(summary), "version": __version__, "setup_file": writer.setup.file}
+    return writer.finish(axes, flags, provenance)
 
 
 def clock_of(group: Group, setup: Setup) -> ClockFit:
@@ -399,20 +397,6 @@ def clock_of(group: Group, setup: Setup) -> ClockFit:
         resolution_s=group.stamp_resolution_s,
         counted=group.counted,
         edges=group.edges,
-    )
-
-
-def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
-    """What the setup leaves open and a user should know once."""
-    alone = [
-        name
-        for name, channel in setup.channels.items()
-        if name in read and channel.kind == "fbg_strain" and channel.temperature_channel not in read
-    ]
-    return (
-        [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"]
-        if alone
-        else []
     )
 
 

@@ -13,15 +13,51 @@ Every pass works in chunks, whatever the length of the log.
 
 from __future__ import annotations
 
+import tempfile
+import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, pairwise
+from typing import IO, TypeAlias
 
 import numpy as np
 
 from tirelog.kernels import compiled
-from tirelog.storage.scratch_array import Spool
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+#: values kept in memory before they go to a file
+_IN_MEMORY = 1 << 18
+
+
+class Spool:
+    """Float64 values, appended in order and read in slices [start, stop)."""
+
+    def __init__(self) -> None:
+        self.size = 0
+        self._parts: list[FloatArray] = []
+        self._file: IO[bytes] | None = None
+
+    def append(self, values: FloatArray) -> None:
+        self.size += values.size
+        if self.size <= _IN_MEMORY:
+            self._parts.append(np.array(values, np.float64))
+            return
+        if self._file is None:
+            self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
+            weakref.finalize(self, self._file.close)
+        self._file.seek(0, 2)
+        for part in (*self._parts, values):
+            self._file.write(np.ascontiguousarray(part, np.float64).data)
+        self._parts = []
+
+    def read(self, start: int, stop: int) -> FloatArray:
+        start, stop = max(start, 0), min(stop, self.size)
+        if self._file is not None:
+            self._file.seek(8 * start)
+            return np.frombuffer(self._file.read(8 * max(stop - start, 0)), np.float64)
+        if len(self._parts) != 1:
+            self._parts = [np.concatenate([np.zeros(0), *self._parts])]
+        return self._parts[0][start:stop]
 
 
 @compiled
@@ -55,15 +91,9 @@ _ROUNDED, _JUMPING = 1.1, 0.005
 _PAUSE = 10.0
 
 
-@dataclass(frozen=True)
-class Jump:
-    """A lasting change of level.
-
-    Sample `index` is the first behind it, whose stamps are `size_s` later than the clock says.
-    """
-
-    index: int
-    size_s: float
+#: a lasting change of level: its first sample behind, and by how much later stamps are from there
+#: on than the clock says [s]
+Jump: TypeAlias = tuple[int, float]
 
 
 @dataclass(frozen=True)
@@ -130,13 +160,10 @@ class Stamps:
 
     def ends(self) -> tuple[tuple[int, float], tuple[int, float]] | None:
         """(index, stamp) of the first and of the last known stamp; None below two."""
-        first = next(((int(index[0]), float(stamps[0])) for index, stamps in self.known()), None)
-        last = None
-        for start in range((max(self.spool.size - 1, 0) // _CHUNK) * _CHUNK, -1, -_CHUNK):
-            index = np.flatnonzero(~np.isnan(tail := self.spool.read(start, start + _CHUNK)))
-            if index.size:
-                last = (start + int(index[-1]), float(tail[index[-1]]))
-                break
+        first = last = None
+        for index, stamps in self.known():
+            first = first or (int(index[0]), float(stamps[0]))
+            last = int(index[-1]), float(stamps[-1])
         return (first, last) if first and last and first[0] != last[0] else None
 
     def range(self, period: float, most: float = np.inf) -> tuple[float, float]:
@@ -244,7 +271,8 @@ class Stamps:
         stray = 6.0 * noise * np.sqrt(2.0) if rounding is None else _ROUNDED * rounding
         threshold = max((1.6 if self.bunched else 0.6) * period, stray)
         window = _FEW if noise < 0.05 * period else _MANY
-        whole = _Extent(self.spool.size, period, period * float(self.clock_index(self.spool.size)))
+        size = self.spool.size
+        whole = size, period, period * float(self.clock_index(size))
         found: list[Jump] = []
         passing: list[tuple[int, int]] = []
         at, residual, seen = np.zeros(0, np.int64), np.zeros(0), -1
@@ -282,7 +310,7 @@ class Stamps:
         By least squares with one T; the scatter is a standard deviation. Sums are kept about their
         means and merged, so that no digits cancel in long logs.
         """
-        edges = np.array([jump.index for jump in jumps], np.int64)
+        edges = np.array([index for index, _ in jumps], np.int64)
         sums = np.zeros((edges.size + 1, 6))  # points, mean k, mean r, S_kk, S_kr, S_rr
         starts, stops = (np.array([span[end] for span in passing], np.int64) for end in (0, 1))
         for index, k, stamps in self.points(period):
@@ -370,15 +398,6 @@ def _midmean(values: FloatArray) -> float:
     return float(np.sort(values)[cut : values.size - cut].mean())
 
 
-@dataclass(frozen=True)
-class _Extent:
-    """A log's number of samples, its period and its length [s]."""
-
-    samples: int
-    period_s: float
-    length_s: float
-
-
 def _judge(
     at: IntArray,
     residual: FloatArray,
@@ -387,9 +406,11 @@ def _judge(
     window: int,
     threshold: float,
     rounded: bool,
-    whole: _Extent,
+    whole: tuple[int, float, float],
 ) -> tuple[Jump | None, tuple[int, int]]:
     """(the lasting jump of the steps at positions a to b, [start, stop) of samples off the clock).
+
+    `whole`: the log's number of samples, its period and its length [s].
 
     No jump if the residual comes back.  A few stamps at an end of the log are wrong, and no jump,
     if they fall, or leave the clock by more than the log is long, or are but `rounded`.
@@ -400,11 +421,12 @@ def _judge(
     between = int(at[a]), int(at[b])
     if abs(size) < 0.8 * threshold:
         return None, between
-    falls = size < -1.5 * whole.period_s  # by less a row is repeated
-    if min(before.size, after.size) < _FEW and (rounded or falls or size > whole.length_s):
-        return None, (0, between[1]) if before.size < after.size else (between[0], whole.samples)
+    samples, period_s, length_s = whole
+    falls = size < -1.5 * period_s  # by less a row is repeated
+    if min(before.size, after.size) < _FEW and (rounded or falls or size > length_s):
+        return None, (0, between[1]) if before.size < after.size else (between[0], samples)
     steps = np.diff(residual[a - 1 : b + 1]) * np.sign(size)
-    return Jump(int(at[a + int(np.argmax(steps))]), size), between
+    return (int(at[a + int(np.argmax(steps))]), size), between
 
 
 def _unpaired(
@@ -417,8 +439,8 @@ def _unpaired(
     """
     kept: list[Jump] = []
     for jump in jumps:
-        if kept and abs(kept[-1].size_s + jump.size_s) < threshold:
-            passing.append((kept.pop().index, jump.index))
+        if kept and abs(kept[-1][1] + jump[1]) < threshold:
+            passing.append((kept.pop()[0], jump[0]))
         else:
             kept.append(jump)
     return kept, sorted(passing)

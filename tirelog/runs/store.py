@@ -56,7 +56,7 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.runs.sample_and_hold import repeats, without_repeats
+from tirelog.runs.in_memory import without_repeats
 from tirelog.runs.temporary import CHUNK, Run, Stored, check_open, scaled_to_si
 from tirelog.storage.whole import LARGEST_BYTES, json_of
 from tirelog.vocabulary.arrays import FloatArray
@@ -80,16 +80,14 @@ _FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "flet
 _WRITTEN = "what `tirelog ingest` writes"
 DIGEST = "contents_sha256"
 COLUMN_DIGEST = "sha256"
-#: bytes of the provenance's text: one line for each chunk of ten hours that is damaged takes less
-LARGEST_TEXT_BYTES = 1 << 24
-#: numbers of a small dataset: a segment or a flag each
-LARGEST_LIST = 1 << 24
+#: bytes of the provenance's text, of which one line for each chunk of ten hours that is damaged
+#: takes less; and numbers of a small dataset, a segment or a flag each
+LARGEST = 1 << 24
 #: objects in a run: ten thousand channels with their flags
 MOST_OBJECTS = 1 << 16
-#: seconds from a log's start: a clock that jumps from 1970 to today stays below
-LATEST_S = 1e11
-#: largest rate that a run may state [Hz]
-FASTEST_HZ = 1e9
+#: largest time [s] from a log's start, below which a clock stays that jumps from 1970 to today, and
+#: largest rate [Hz] that a run may state
+LATEST_S, FASTEST_HZ = 1e11, 1e9
 #: what a provenance is made of, as far as commands rely on it
 _PROVENANCE = {
     "losses?": [object],
@@ -107,7 +105,13 @@ def write_file(run: Run, path: Path) -> None:
             _write_axis(file.create_group(f"groups/{name}"), axis)
         for name, stored in run.channels.items():
             _write_channel(file, name, stored, run.setup.channels[name])
-            _write_flags(file, name, stored.flags)
+            if stored.flags:
+                flags = file.create_group(f"flags/{name}")
+                starts, stops, words = zip(*stored.flags, strict=True)
+                columns = {"start": np.array(starts, np.int64), "stop": np.array(stops, np.int64)}
+                columns |= {"word": np.array([flag.word.encode() for flag in words])}
+                for key, values in columns.items():
+                    flags.create_dataset(key, data=values, chunks=True, fletcher32=True)
         _write_text(file, "setup", run.setup.text)
         _write_text(file, "provenance", json.dumps(run.provenance, default=str))
         file.attrs[DIGEST] = np.bytes_(contents_digest(file))
@@ -166,16 +170,6 @@ def _write_channel(file: h5py.File, name: str, stored: Stored, channel: ChannelS
     dataset.attrs.update(scale_factor=scale, add_offset=offset, decimals=stored.decimals)
     if stored.dtype.kind == "i":
         dataset.attrs["_FillValue"] = np.int32(LOST_COUNT)
-
-
-def _write_flags(file: h5py.File, name: str, flags: tuple[Doubt, ...]) -> None:
-    if not flags:
-        return
-    place = file.create_group(f"flags/{name}")
-    for key, values in (("start", [f[0] for f in flags]), ("stop", [f[1] for f in flags])):
-        place.create_dataset(key, data=np.array(values, np.int64), chunks=True, fletcher32=True)
-    words = np.array([flag.word.encode() for _, _, flag in flags])
-    place.create_dataset("word", data=words, chunks=True, fletcher32=True)
 
 
 def is_run(path: Path | str) -> bool:
@@ -250,7 +244,10 @@ def _checked_run(file: h5py.File, log: str) -> Run:
             "its contents are not those that were written (sha256)",
             do="copy it again, or ingest the log again",
         )
-    provenance = provenance_at(file)
+    # ValueError: a part is not of the kind that the commands rely on
+    provenance = json_of(text_at(file, "provenance", LARGEST), _PROVENANCE)
+    for key in ("losses", "remarks"):
+        provenance[key] = [str(line) for line in provenance.get(key) or ()]
     setup = parse_setup(
         text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log)
     )
@@ -320,38 +317,33 @@ def recording_of(run: Run, log: str, setup: Setup | None = None) -> Recording:
                 file=log,
             )
         axis = run.axes[stored.group]
-        channels[name] = _channel(name, stored, used, axis, losses)
         # what is damaged is said when it is asked for
-        held_values = repeats(_channel(name, stored, used, axis, []))
-        if held_values is not None:
-            channels[name] = without_repeats(channels[name], held_values)
-            said.append(f"{name}: {held_values.remark}")
+        quiet = _channel(name, stored, used, axis, [])
+        whole = _channel(name, stored, used, axis, losses)
+        channels[name], remark = without_repeats(whole, quiet)
+        said += [f"{name}: {remark}"] if remark else []
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
             channels[name] = _compensated(
                 channels[name], channels[twin], used.thermal_expansion_1_K
             )
+    if run.foreign:
+        some = sorted(run.foreign)[:MOST_WORDS]
+        shown = ", ".join(printable(word[:MOST_LETTERS]) for word in some)
+        said.append(
+            f"the run has doubts that this version of tirelog does not know ({shown}); the rows "
+            f"about them are marked {Quality.FOREIGN_DOUBT.word}; read it with the version that "
+            "wrote it, or ingest the log again"
+        )
     order = dict.fromkeys([*setup.channels, *channels])
     return Recording(
         log,
         {name: channels[name] for name in order if name in channels},
         setup,
         run.provenance,
-        (*run.provenance.get("remarks", ()), *said, *_about_foreign(run.foreign)),
+        (*run.provenance.get("remarks", ()), *said),
         losses,
-    )
-
-
-def _about_foreign(words: set[str]) -> tuple[str, ...]:
-    """What is to be said of doubts whose words are not of the register."""
-    if not words:
-        return ()
-    some = ", ".join(printable(word[:MOST_LETTERS]) for word in sorted(words)[:MOST_WORDS])
-    return (
-        f"the run has doubts that this version of tirelog does not know ({some}); the rows about "
-        f"them are marked {Quality.FOREIGN_DOUBT.word}; read it with the version that wrote it, "
-        "or ingest the log again",
     )
 
 
@@ -381,7 +373,6 @@ def _channel(
         scale,
         offset,
         LOST_COUNT if counts else None,
-        at_hand=stored.at_hand,
     )
     more = {
         key: getattr(channel, key)
@@ -398,14 +389,14 @@ def _channel(
         abs(scale) if counts else 0.0,
         stored.flags,
         more,
+        at_hand=stored.at_hand,
     )
 
 
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
     """Stored numbers [start, stop); a chunk that fails its checksum is lost, and said once."""
     try:
-        stored: np.ndarray = dataset[start:stop]
-        return stored
+        return np.asarray(dataset[start:stop])
     except LIBRARY_ERRORS:
         missing = LOST_COUNT if dataset.dtype.kind == "i" else np.nan
         out = np.full(max(stop - start, 0), missing, dataset.dtype)
@@ -438,7 +429,7 @@ def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channe
         near = twin.read(low, int(at.max(initial=0.0)) + 2 + _TWIN_REACH)
         return plain(start, stop) - expansion_1_K * _bridged(near, at - low)
 
-    return replace(strain, samples=samples)
+    return replace(strain, samples=samples, at_hand=False)
 
 
 def _bridged(values: FloatArray, at: FloatArray) -> FloatArray:
@@ -557,13 +548,6 @@ def text_in(item: h5py.Group | h5py.Dataset, name: str) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else ""
 
 
-def provenance_at(file: h5py.File) -> dict[str, Any]:
-    """The provenance.  ValueError: a part is not of the kind that the commands rely on."""
-    told: dict[str, Any] = json_of(text_at(file, "provenance", LARGEST_TEXT_BYTES), _PROVENANCE)
-    lines = {key: [str(line) for line in told.get(key) or ()] for key in ("losses", "remarks")}
-    return {**told, **lines}
-
-
 def axis_at(file: h5py.File, name: str) -> TimeAxis:
     """The time axis of a group: finite, forwards, as long as it says."""
     path = f"groups/{name}"
@@ -573,11 +557,27 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     wrong = size != int(size) or size < 0 or not 0.0 < rate <= FASTEST_HZ
     _refuse(path, (wrong, f"has {size:g} samples at {rate:g} Hz", "a whole number and a rate"))
     if "time_s" in place:
-        return _explicit(file, f"{path}/time_s", int(size), rate)
+        # all are looked at: a damaged one has no time to lose it at
+        path, count = f"{path}/time_s", int(size)
+        times = dataset_at(file, path, "f", chunk=max(min(CHUNK, count), 1))
+        other = f"has {times.size} times for {count} samples"
+        _refuse(path, (times.size != count, other, "one each"))
+        last = -LATEST_S
+        for begin in range(0, count, CHUNK):
+            part = times[begin : begin + CHUNK]
+            falls, what = not _rises(part, last), "has times that do not follow each other"
+            _refuse(path, (falls, what, "times that grow"))
+            last = part[-1]
+
+        def explicit(first: int, stop: int) -> np.ndarray:
+            check_open(bool(times))
+            return np.asarray(times[first:stop], np.float64)
+
+        return TimeAxis.read_by(explicit, count, rate)
     kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
     parts = [dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items()]
     sizes = [part.size for part in parts]
-    wrong = len(set(sizes)) > 1 or not 0 < sizes[0] <= LARGEST_LIST
+    wrong = len(set(sizes)) > 1 or not 0 < sizes[0] <= LARGEST
     _refuse(path, (wrong, f"has segments of {sizes} parts", "one number each"))
     first, start, period = (part[:] for part in parts)
     apart = "has segments that do not follow each other"
@@ -595,28 +595,6 @@ def _rises(times_s: np.ndarray, last_s: float = -LATEST_S) -> bool:
     return bool((steps >= 0.0).all() and (np.abs(times_s) <= LATEST_S).all())
 
 
-def _explicit(file: h5py.File, path: str, size: int, rate: float) -> TimeAxis:
-    """An axis of one time for each sample.
-
-    All are looked at: a damaged one has no time to lose it at.
-    """
-    times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1))
-    _refuse(path, (times.size != size, f"has {times.size} times for {size} samples", "one each"))
-    last = -LATEST_S
-    for start in range(0, size, CHUNK):
-        part = times[start : start + CHUNK]
-        falls = not _rises(part, last)
-        _refuse(path, (falls, "has times that do not follow each other", "times that grow"))
-        last = part[-1]
-
-    def explicit(start: int, stop: int) -> np.ndarray:
-        check_open(bool(times))
-        stored: np.ndarray = times[start:stop].astype(np.float64)
-        return stored
-
-    return TimeAxis.read_by(explicit, size, rate)
-
-
 def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[Doubt, ...]:
     """The flags of a channel of `size` samples.
 
@@ -627,7 +605,7 @@ def flags_at(file: h5py.File, name: str, size: int, foreign: set[str]) -> tuple[
         return ()
     kinds = {"start": "iu", "stop": "iu", "word": "S"}
     start, stop, words = (dataset_at(file, f"{path}/{key}", kind) for key, kind in kinds.items())
-    same = start.size == stop.size == words.size <= LARGEST_LIST
+    same = start.size == stop.size == words.size <= LARGEST
     _refuse(path, (not same, "has flags of several sizes", "one size"))
     texts = [word.decode("utf-8") for word in words[:]]
     foreign |= {text for text in texts if flag_of(text) is None}

@@ -53,24 +53,14 @@ def scaled_to_si(channel: ChannelSetup) -> tuple[float, float]:
     fbg_temperature: T - T_0 = (lambda - lambda_0) / temperature_sensitivity, in K (P2 section 2).
     """
     scale, zero = channel.scaling
-    factor, offset = _unit_to_si(channel)
-    return factor * scale, offset + factor * zero
-
-
-def _unit_to_si(channel: ChannelSetup) -> tuple[float, float]:
-    """(factor, offset): SI value = factor x value in the channel's unit + offset."""
     factor, offset, _ = KINDS[channel.kind].to_si(channel.source_unit)
-    if channel.kind not in WAVELENGTH_KINDS:
-        return factor, offset
-    to_nm = factor * 1e9
-    reference = channel.reference_wavelength_nm
-    assert reference is not None  # the setup has refused a grating without it
-    if channel.kind == "fbg_strain":
-        return channel.strain_gain * to_nm / reference, -channel.strain_gain
-    return (
-        to_nm / channel.temperature_sensitivity_nm_K,
-        -reference / channel.temperature_sensitivity_nm_K,
-    )
+    if channel.kind in WAVELENGTH_KINDS:
+        reference, to_nm = channel.reference_wavelength_nm, factor * 1e9
+        factor, offset = channel.strain_gain * to_nm / reference, -channel.strain_gain
+        if channel.kind == "fbg_temperature":
+            per_K = channel.temperature_sensitivity_nm_K
+            factor, offset = to_nm / per_K, -reference / per_K
+    return factor * scale, offset + factor * zero
 
 
 @dataclass(frozen=True)
@@ -138,9 +128,8 @@ class SamplesWriter:
             known = np.where(lost, 0.0, values) if lost.any() else values
             with np.errstate(over="ignore"):  # 1e308 is no count, which the next line finds out
                 counts = np.rint(known * self._power)
-            if max(
-                counts.max(initial=0.0), -counts.min(initial=0.0)
-            ) < -LOST_COUNT - 1.0 and np.array_equal(counts / self._power, known):
+            largest = max(counts.max(initial=0.0), -counts.min(initial=0.0))
+            if largest < -LOST_COUNT - 1.0 and np.array_equal(counts / self._power, known):
                 counts[lost] = LOST_COUNT
                 return counts.astype(np.int32)
         self.decimals = None
@@ -212,19 +201,17 @@ class RunWriter:
             name: SamplesWriter(folder / f"{number}.samples", group.decimals.get(name))
             for number, (group, name) in enumerate(pairs)
         }
-        self._rows = {group.name: 0 for group in groups}
         self._flags: dict[str, list[Doubt]] = {name: [] for name in self._columns}
 
     def append(self, block: RawBlock) -> int:
         """Append a block; the number of its samples."""
-        start = self._rows[block.group]
+        for name, first, stop, word in block.flags:
+            start = self._columns[name].size
+            self._flags[name].append((start + first, start + stop, word))
         rows = 0
         for name, values in block.values.items():
             self._columns[name].append(values)
             rows = values.size
-        for name, first, stop, word in block.flags:
-            self._flags[name].append((start + first, start + stop, word))
-        self._rows[block.group] += rows
         return rows
 
     @property

@@ -16,8 +16,7 @@ Sensors and drive are sampled from that.  P1 to P4 are the papers of the README.
 """
 
 from tirelog.simulation.scenario.schema import Scenario, load_scenario, scenario_of
-from tirelog.simulation.sensors.writers import setup_text, to_recording, write_log
-from tirelog.simulation.simulate import Simulated, simulate
+from tirelog.simulation.simulate import Simulated, setup_text, simulate, to_recording, write_log
 
 __all__ = [
     "Scenario",

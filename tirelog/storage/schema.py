@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from tirelog.errors import TirelogError, nearest
 from tirelog.storage.whole import toml_tables
@@ -172,9 +172,10 @@ class ValueKind:
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of a few words."""
+    """One of a few words; if `several`, a list of some of them, and a tuple of these."""
 
     choices: tuple[str, ...]
+    several: bool = False
 
     @property
     def allowed(self) -> str:
@@ -182,20 +183,14 @@ class OneOf:
         return f"allowed are {', '.join(word if plain else repr(word) for word in self.choices)}"
 
     def read(self, value: Any, place: FilePlace) -> Any:
+        if self.several:
+            if not isinstance(value, list) or not value:
+                raise place.wrong(value, f"{self.allowed}, in a list")
+            return tuple(OneOf(self.choices).read(one, place) for one in value)
         if not isinstance(value, str) or value not in self.choices:
             near = nearest(str(value)[:80], self.choices)
             raise place.wrong(value, self.allowed, near, "choose one")
         return value
-
-
-@dataclass(frozen=True)
-class SomeOf(OneOf):
-    """A list of some of a few words; a tuple of them."""
-
-    def read(self, value: Any, place: FilePlace) -> Any:
-        if not isinstance(value, list) or not value:
-            raise place.wrong(value, f"{self.allowed}, in a list")
-        return tuple(super(SomeOf, self).read(one, place) for one in value)
 
 
 @dataclass(frozen=True)
@@ -320,6 +315,27 @@ def kinds_of(cls: type[Any]) -> dict[str, KeyKind]:
         for f in fields(cls)
     }
     return {name: kind for name, kind in kinds.items() if kind is not None}
+
+
+class Record:
+    """The values of a table, by its keys: a subclass lists them, each with its kind and default.
+
+    Each subclass is a frozen dataclass whose fields are these keys, in their order.
+    """
+
+    keys: ClassVar[Mapping[str, tuple[KeyKind, Any]]]
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __init_subclass__(cls) -> None:
+        cls.__annotations__ = dict.fromkeys(cls.keys, Any)
+        for name, (kind, default) in cls.keys.items():
+            setattr(cls, name, key(kind, default))
+        dataclass(frozen=True)(cls)
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *values: Any, **named: Any) -> None: ...
+        def __getattr__(self, name: str) -> Any: ...
 
 
 def table_of(cls: type[Any], *needed: str) -> Table:

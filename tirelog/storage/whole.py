@@ -136,14 +136,6 @@ def _owner() -> str:
     return f"{_machine()}-{pid}-{_started(pid) or 0}-{secrets.token_hex(8)}"
 
 
-def _gone(owner: re.Match[str]) -> bool:
-    """True if the process of this machine that chose the name has ended."""
-    if owner["machine"] != _machine():
-        return False
-    now, then = _started(int(owner["pid"])), int(owner["start"])
-    return now is None or (now != then and now > 0 and then > 0)
-
-
 def _cut(name: str) -> str:
     return os.fsdecode(os.fsencode(name)[:_NAME_BYTES])
 
@@ -171,7 +163,12 @@ def _sweep(folder: Path, form: re.Pattern[str]) -> bool:
             ours = [(entry, found) for entry in entries if (found := form.fullmatch(entry.name))]
     except OSError:
         return False
-    gone = [entry for entry, found in ours if _gone(found)]
+    gone = []
+    for entry, found in ours:
+        if found["machine"] == _machine():
+            now, then = _started(int(found["pid"])), int(found["start"])
+            if now is None or (now != then and now > 0 and then > 0):
+                gone.append(entry)  # the process of this machine that chose the name has ended
     for entry in gone:
         with suppress(OSError):
             if hasattr(os, "geteuid") and (

@@ -32,12 +32,12 @@ def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
         floats = np.ascontiguousarray(values, dtype=np.float64)
         if digits is not None and kind == "float":
             floats = _rounded(floats, digits)
-        array = _plain(pa.float64(), floats, ~np.isnan(floats))
+        array = _plain(pa.float64(), ~np.isnan(floats), floats)
         return array if kind == "float" else array.cast(TYPES[kind])
     known = np.ones(values.size, bool)
     if kind == "bool":
-        return _plain(pa.bool_(), np.packbits(values.astype(np.bool_), bitorder="little"), known)
-    return _plain(pa.int64(), np.ascontiguousarray(values, dtype=np.int64), known)
+        return _plain(pa.bool_(), known, np.packbits(values.astype(np.bool_), bitorder="little"))
+    return _plain(pa.int64(), known, np.ascontiguousarray(values, dtype=np.int64))
 
 
 def arrow_table(
@@ -93,11 +93,11 @@ def _rounded(values: np.ndarray, digits: int) -> np.ndarray:
     return np.where(np.isfinite(rounded), rounded, values)
 
 
-def _plain(type: pa.DataType, data: np.ndarray, known: np.ndarray) -> pa.Array:
-    """Numbers (or packed bits) as an arrow array, null if not `known`."""
+def _plain(type: pa.DataType, known: np.ndarray, *data: Any) -> pa.Array:
+    """Numbers, packed bits, or offsets and letters as an arrow array, null if not `known` (n,)."""
     lost = known.size - int(np.count_nonzero(known))
     valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
-    return pa.Array.from_buffers(type, known.size, [valid, pa.py_buffer(data)], lost)
+    return pa.Array.from_buffers(type, known.size, [valid, *map(pa.py_buffer, data)], lost)
 
 
 def _texts(values: Sequence[Any]) -> pa.Array:
@@ -105,20 +105,10 @@ def _texts(values: Sequence[Any]) -> pa.Array:
     texts = {
         value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)
     }
-    parts = (
-        [next(iter(texts.values()))] * len(values)
-        if len(texts) == 1
-        else [texts[value] for value in values]
-    )
+    parts = [texts[value] for value in values]
     offsets = np.zeros(len(parts) + 1, np.int32)
     np.cumsum(np.fromiter(map(len, parts), np.int32, len(parts)), out=offsets[1:])
-    known = (
-        np.array([value is not None for value in values], bool)
-        if None in texts
-        else np.ones(len(parts), bool)
-    )
-    lost = known.size - int(np.count_nonzero(known))
-    valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
-    return pa.StringArray.from_buffers(
-        known.size, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts)), valid, lost
-    )
+    known = np.ones(len(parts), bool)
+    if None in texts:
+        known = np.array([value is not None for value in values], bool)
+    return _plain(pa.string(), known, offsets, b"".join(parts))

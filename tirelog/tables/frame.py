@@ -7,6 +7,7 @@ is not of its column's kind, or bytes that are no table, are a ReadError of the 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ import pandas as pd
 from tirelog.errors import ReadError, UsageError
 from tirelog.storage.remote import open_input
 from tirelog.tables.writer import table_format
-from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES
+from tirelog.vocabulary.columns import COLUMNS, OPTIONAL, TABLES, TableColumn
 
 
 def frame_of(columns: Mapping[str, Any]) -> pd.DataFrame:
@@ -164,8 +165,8 @@ KEYS = (
     "angle",
     "name",
 )
-#: relative tolerance of a column that the register of columns does not know
-_DEFAULT_RELATIVE = 1e-6
+#: a column that the register of columns does not know, with its tolerance
+_UNKNOWN = TableColumn("", "", "float", "")
 #: what stands for the key of a whole column, and for the column of a whole row
 _ALL_ROWS, _ROW = "(all rows)", "(row)"
 
@@ -243,11 +244,8 @@ def of_like_logs(
                 and old["log"].nunique() == against["log"].nunique()
             )
             if distinct and _share_rows(new, old, keys):
-                return (
-                    new,
-                    old,
-                    f"no row has the path of its log in common; logs are matched by {words}",
-                )
+                said = "no row has the path of its log in common; logs are matched by"
+                return new, old, f"{said} {words}"
     return table, against, ""
 
 
@@ -261,8 +259,7 @@ def _file_name(path: object) -> str:
 
 def _stem(path: object) -> str:
     """The name before its first dot, other than a leading one: `drive` for `logs/drive.csv.gz`."""
-    name = _file_name(path)
-    return name[:1] + name[1:].partition(".")[0]
+    return re.sub(r"(?<=.)\..*", "", _file_name(path), flags=re.DOTALL)
 
 
 def summary(found: Sequence[Difference]) -> str:
@@ -304,13 +301,8 @@ def _moved(name: str, new: pd.Series, old: pd.Series, tolerance: float | None) -
             for k in new.index[~same.to_numpy()]
         ]
     a, b = new.to_numpy(float), old.to_numpy(float)
-    column = COLUMNS.get(name)
-    if tolerance is not None:
-        allowed = np.full(a.size, tolerance)
-    else:
-        allowed = (column.absolute if column else 0.0) + (
-            column.relative if column else _DEFAULT_RELATIVE
-        ) * np.abs(b)
+    column = COLUMNS.get(name, _UNKNOWN)
+    allowed = column.absolute + column.relative * np.abs(b) if tolerance is None else tolerance
     one_missing = np.isnan(a) != np.isnan(b)
     with np.errstate(invalid="ignore", divide="ignore"):
         excess = np.where(one_missing, np.inf, np.where(a == b, 0.0, np.abs(a - b) / allowed))

@@ -62,11 +62,6 @@ def table_format(output: Path | str | None, format: str | None) -> str:
     return _SUFFIXES[suffix]
 
 
-def _nothing(name: str) -> Any:
-    """What stands in a column of which some rows have none."""
-    return None if name in COLUMNS and COLUMNS[name].kind == "text" else np.nan
-
-
 class TableWriter(AbstractContextManager["TableWriter"]):
     """Writes one table, part by part.
 
@@ -115,57 +110,25 @@ class TableWriter(AbstractContextManager["TableWriter"]):
                 if "log" in columns
                 else None,
             )
-        arrays = {
-            name: np.asarray(columns[name] if name in columns else _nothing(name))
-            for name in (*order, *more)
-        }
-        arrays = {
-            name: array if array.ndim else np.broadcast_to(array, (rows,))
-            for name, array in arrays.items()
-        }
         for start in range(0, max(rows, 1), _ROWS_A_PART):
-            self._write(
-                {name: values[start : start + _ROWS_A_PART] for name, values in arrays.items()}
-            )
+            part = {}
+            for name in (*order, *more):
+                # a text or a number that some rows have not
+                none = None if name in COLUMNS and COLUMNS[name].kind == "text" else np.nan
+                values = np.asarray(columns.get(name, none))
+                values = values if values.ndim else np.broadcast_to(values, (rows,))
+                part[name] = values[start : start + _ROWS_A_PART]
+            self._write(part)
 
     def _write(self, columns: Mapping[str, np.ndarray]) -> None:
         """Some rows, each column an array (n,)."""
-        from tirelog.tables.arrow import arrow_table
+        from tirelog.tables.arrow import arrow_table, csv_rows
 
         table = arrow_table(self.name, columns, self.format != "parquet", self._schema)
-        self._begin(tuple(columns), table.schema)
-        self._rows(table)
-
-    def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
-        """Writes whatever stands before the first row of a table of these columns.
-
-        Parquet needs their `schema`.
-        """
-        if self._names is not None:
-            return
-        self._names = names
-        if self.format == "parquet" and schema is not None:
-            import pyarrow.parquet as pq
-
-            about = {
-                "tirelog": json.dumps(
-                    {"version": __version__, "table": self.name, **self.metadata}, default=str
-                )
-            }
-            self._schema = schema.with_metadata(about)
-            self._parquet = pq.ParquetWriter(self._stream, self._schema, compression="zstd")
-        elif self.format == "csv":
-            self._stream.write((",".join(names) + "\n").encode())
-        elif self.format == "json":
-            self._stream.write(b"[")
-
-    def _rows(self, table: pa.Table) -> None:
-        """Some rows by arrow."""
+        self._begin(table.schema)
         if self.format == "parquet":
             self._parquet.write_table(table)
         elif self.format == "csv":
-            from tirelog.tables.arrow import csv_rows
-
             self._stream.write(csv_rows(table))
         else:
             lines = [json.dumps(row, ensure_ascii=False) for row in table.to_pylist()]
@@ -176,6 +139,22 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             )
             self._stream.write(text.encode())
         self.rows += table.num_rows
+
+    def _begin(self, schema: pa.Schema) -> None:
+        """Writes whatever stands before the first row of a table of these columns."""
+        if self._names is not None:
+            return
+        self._names = tuple(schema.names)
+        if self.format == "parquet":
+            import pyarrow.parquet as pq
+
+            about = {"version": __version__, "table": self.name, **self.metadata}
+            self._schema = schema.with_metadata({"tirelog": json.dumps(about, default=str)})
+            self._parquet = pq.ParquetWriter(self._stream, self._schema, compression="zstd")
+        elif self.format == "csv":
+            self._stream.write((",".join(self._names) + "\n").encode())
+        elif self.format == "json":
+            self._stream.write(b"[")
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         if self._file is None:
@@ -197,22 +176,18 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             raise value
 
     def _end(self) -> None:
-        """Whatever stands behind the last row."""
+        """Whatever stands behind the last row; of a table without rows its columns."""
         if self._names is None:
-            self._begin_empty()
+            import pyarrow as pa
+
+            from tirelog.tables.arrow import arrow_field
+
+            names = TABLES.get(self.name, ())
+            self._begin(pa.schema([arrow_field(name, self.name) for name in names]))
         if self._parquet is not None:
             self._parquet.close()
         elif self.format == "json":
             self._stream.write(b"]\n")
-
-    def _begin_empty(self) -> None:
-        """The columns of a table without rows."""
-        import pyarrow as pa
-
-        from tirelog.tables.arrow import arrow_field
-
-        names = TABLES.get(self.name, ())
-        self._begin(names, pa.schema([arrow_field(name, self.name) for name in names]))
 
 
 # ---- Results as a notebook shows them: plain HTML, every text escaped.

@@ -12,18 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from tirelog.vocabulary.arrays import FloatArray
 
-
-@dataclass(frozen=True)
-class SetupKey:
-    """Numbers that [conditions] takes, from `low` to `high`; `low` itself if `from_low`."""
-
-    low: float
-    high: float
-    from_low: bool = False
+#: numbers that [conditions] takes: from which, to which, and whether the first is one of them
+SetupRange: TypeAlias = tuple[float, float, bool]
 
 
 @dataclass(frozen=True)
@@ -62,7 +56,7 @@ class Condition:
     meaning: str
     kinds: tuple[str, ...] = ()
     from_start: tuple[str, ...] = ()
-    setup: SetupKey | None = None
+    setup: SetupRange | None = None
     signed: bool = False
     in_expressions: bool = True
     example: float | None = None
@@ -99,7 +93,7 @@ class ConditionValues:
             "N",
             "load of the wheel on the road",
             kinds=("vertical_load",),
-            setup=SetupKey(0.0, 1e6),
+            setup=(0.0, 1e6, False),
             # there `load` is the patch's, after the effects on it
             in_expressions=False,
         )
@@ -111,7 +105,7 @@ class ConditionValues:
             "inflation pressure above the air's",
             name="inflation pressure",
             kinds=("inflation_pressure",),
-            setup=SetupKey(0.0, 1e8),
+            setup=(0.0, 1e8, False),
             example=2.2e5,
         )
     )
@@ -131,7 +125,7 @@ class ConditionValues:
             "km",
             "distance that the tread has been driven",
             name="tread distance",
-            setup=SetupKey(0.0, 1e7, from_low=True),
+            setup=(0.0, 1e7, True),
             example=20000.0,
             proposed=Proposed("cruise at 15 m/s on a tread of 40000 km", 15.0, 40000.0),
         )
@@ -142,7 +136,7 @@ class ConditionValues:
             "mm",
             "depth of the water on the road",
             word="water depth",
-            setup=SetupKey(0.0, 1e3, from_low=True),
+            setup=(0.0, 1e3, True),
             example=1.0,
             proposed=Proposed("cruise at 20 m/s in 2 mm of water", 20.0, 2.0),
         )
@@ -169,7 +163,7 @@ CONDITIONS: Mapping[str, Condition] = {
     f.name: replace(f.metadata["condition"], field=f.name) for f in fields(ConditionValues)
 }
 #: conditions that a setup gives for a whole log, by key
-SETUP_KEYS: Mapping[str, SetupKey] = {
+SETUP_KEYS: Mapping[str, SetupRange] = {
     name: condition.setup for name, condition in CONDITIONS.items() if condition.setup is not None
 }
 

@@ -68,7 +68,7 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
             values[a : b + 1] = np.nan
         return values[start - first : stop - first]
 
-    return replace(channel, samples=read)
+    return replace(channel, samples=read, at_hand=False, stored=None)
 
 
 def limits(channel: Channel) -> tuple[float, float, float]:

@@ -244,12 +244,10 @@ def outward(channel: Channel) -> tuple[Channel, str]:
     if channel.kind != "radial_acceleration" or patch_sign(channel) > 0.0:
         return channel, ""
     stored = channel.samples
+    turned = replace(channel, samples=lambda start, stop: -stored(start, stop), stored=None)
     if isinstance(stored, Scaled):
-        turned = replace(
-            channel, samples=replace(stored, scale=-stored.scale, offset=-stored.offset)
-        )
-    else:
-        turned = replace(channel, samples=lambda start, stop: -stored(start, stop))
+        samples = replace(stored, scale=-stored.scale, offset=-stored.offset)
+        turned = replace(turned, samples=samples)
     return (
         turned,
         f"{channel.name} was recorded inward positive (a minimum in the patch); "

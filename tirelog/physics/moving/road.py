@@ -12,16 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from io import TextIOWrapper
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
-from tirelog.data.setup import RoadSetup
+from tirelog.data.setup import RoadSetup, road_points
 from tirelog.errors import ModelError
-from tirelog.storage.remote import open_input
-from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
 #: Steepest slope [m/m] of a ramp. Twice as steep asks for nodes half as far apart to see a ramp as
@@ -199,34 +196,9 @@ def load_road(path: str | Path) -> RoadProfile:
 
     Two columns, distance [m] and height [m], comma or blanks between; `#` begins a remark.
     """
-    rows = []
+    points = road_points(path, ModelError).tolist()
     try:
-        taken_as_input(path)
-        with TextIOWrapper(open_input(path), "utf-8") as file:
-            for number, line in enumerate(file, 1):
-                words = line.split("#")[0].replace(",", " ").split()
-                if not words:
-                    continue
-                try:
-                    distance, height = (float(word) for word in words)
-                except ValueError:
-                    raise ModelError(
-                        f"{line.strip()!r} is no point of a road profile",
-                        allowed="distance and height in m are allowed",
-                        do="correct it",
-                        file=path,
-                        line=number,
-                    ) from None
-                rows.append((distance, height))
-    except (OSError, UnicodeDecodeError) as problem:
-        raise ModelError(
-            f"road profile cannot be read ({problem})",
-            allowed="a text file is allowed",
-            do="check the path",
-            file=path,
-        ) from None
-    try:
-        points = rows or [(0.0, 0.0)]  # a file of no points is no flat road
-        return RoadProfile(tuple(x for x, _ in points), tuple(h for _, h in points))
+        distance, height = points if points[0] else ([0.0], [0.0])  # no points are no flat road
+        return RoadProfile(tuple(distance), tuple(height))
     except ModelError as problem:
         raise problem.at(path) from None

@@ -37,7 +37,7 @@ from scipy.interpolate import BSpline
 
 from tirelog.errors import UsageError
 from tirelog.kernels import compiled
-from tirelog.simulation.scenario.schema import TrueTire
+from tirelog.simulation.scenario.schema import BENDING_N_M2, TrueTire
 from tirelog.vocabulary.arrays import FloatArray
 
 # ---- Compiled: banded circulant systems, solved by elimination of all but the last five unknowns.
@@ -46,8 +46,9 @@ from tirelog.vocabulary.arrays import FloatArray
 # apply: the stencil times x
 
 
-#: half width of every stencil
-HALF = 5
+#: degree of the belt's splines, whose bending and its shear are continuous; and half width of every
+#: stencil
+DEGREE = HALF = 5
 
 
 class Factors(NamedTuple):
@@ -191,8 +192,6 @@ def apply_circulant(stencil: FloatArray, x: FloatArray, out: FloatArray) -> None
 # stencil, shape (11,), offsets -5 .. 5.
 
 
-#: degree of the belt's splines: bending and its shear are continuous
-DEGREE = 5
 _BASIS = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
 
 
@@ -268,8 +267,6 @@ def circulant(stencil: FloatArray, size: int) -> FloatArray:
     return column
 
 
-#: flexural stiffness [N m^2] if the tire names none
-FLEXURAL_STIFFNESS_N_M2 = 2.0
 #: rates of growth [1/s] below this are the eigenvalue solver's rounding
 _ROUNDING_1_S = 0.02
 #: vibrations listed in the truth reach to this frequency [Hz]; twice as high lists about twice as
@@ -329,11 +326,7 @@ class Belt:
     def stiffness(self) -> FloatArray:
         """Stiffness of the belt from bending, pressure and sidewall."""
         tire, g, radius = self.tire, self.splines.gram, self.radius_m
-        bending = (
-            FLEXURAL_STIFFNESS_N_M2
-            if tire.flexural_stiffness_N_m2 is None
-            else tire.flexural_stiffness_N_m2
-        )
+        bending = tire.flexural_stiffness_N_m2 or BENDING_N_M2["ring"]
         bent = g(1, 1) - 2.0 * g(2, 2) + g(3, 3)
         sidewall = tire.tangential_stiffness_N_m2 * g(0, 0) + tire.radial_stiffness_N_m2 * g(1, 1)
         return (

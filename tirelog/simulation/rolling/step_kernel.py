@@ -18,13 +18,13 @@ kicks are: h < 2/sqrt((k_t + C_x)/rho A).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from tirelog.kernels import compiled
 from tirelog.simulation.rolling.belt import HALF, Factors, apply_circulant, factor, factors, solve
-from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
+from tirelog.vocabulary.arrays import FloatArray, Record, Records
 
 #: functions that live on an element
 LIVING = 6
@@ -77,6 +77,10 @@ MOMENT = np.dtype(
 DIRECTION = np.dtype([("cos", "f8"), ("sin", "f8")])
 
 
+#: the functions that live on an element at its tread points, and their slopes; (points, LIVING)
+Basis: TypeAlias = tuple[FloatArray, FloatArray]
+
+
 class Stencils(NamedTuple):
     """The belt's circulants, (11,) each: inertia M, swirl G, centrifugal S, K, damping C."""
 
@@ -85,27 +89,6 @@ class Stencils(NamedTuple):
     centrifugal: FloatArray
     stiffness: FloatArray
     damping: FloatArray
-
-
-class Basis(NamedTuple):
-    """The functions that live on an element at its tread points, and slopes; (points, LIVING)."""
-
-    value: FloatArray
-    slope: FloatArray
-
-
-class StepRoom(NamedTuple):
-    """Room for one step, (N,) each; `place` (11,) holds the stencil K - W^2 S."""
-
-    load: FloatArray
-    kicked: FloatArray
-    swirled: FloatArray
-    spun: FloatArray
-    pulling: FloatArray
-    right: FloatArray
-    pushed: FloatArray
-    moved: FloatArray
-    place: FloatArray
 
 
 # what a run returns
@@ -149,7 +132,8 @@ def touch(
     tread         (points,) of POINT, of which those near the road are looked at at step `now`
     load          (N,) [N] on the coefficients, filled; `result`: one CONTACT, filled
     """
-    size, points, per = v.size, circle.size, basis.value.shape[0]
+    basis_value, basis_slope = basis
+    size, points, per = v.size, circle.size, basis_value.shape[0]
     radius, angle, pitch = constants["radius_m"], state["angle_rad"], constants["pitch_m"]
     hub_x, hub_z = state["hub_x_m"], state["hub_z_m"]
     load[:] = 0.0
@@ -182,13 +166,13 @@ def touch(
         if element >= HALF:
             for k in range(LIVING):
                 c = v[element + k - HALF]
-                along += basis.value[q, k] * c
-                out -= basis.slope[q, k] * c
+                along += basis_value[q, k] * c
+                out -= basis_slope[q, k] * c
         else:
             for k in range(LIVING):
                 c = v[(element + k - HALF) % size]
-                along += basis.value[q, k] * c
-                out -= basis.slope[q, k] * c
+                along += basis_value[q, k] * c
+                out -= basis_slope[q, k] * c
         s = (radius + out) * sin + along * cos
         z = hub_z - (radius + out) * cos + along * sin
         high, slope = road_at(hub_x - s, corner, height, constants)
@@ -215,7 +199,7 @@ def touch(
             tangential, radial = force_s * cos + force_z * sin, force_s * sin - force_z * cos
             for k in range(LIVING):
                 load[(element + k - HALF) % size] += (
-                    tangential * basis.value[q, k] - radial * basis.slope[q, k]
+                    tangential * basis_value[q, k] - radial * basis_slope[q, k]
                 )
             result["torque_N_m"] += (radius + out) * tangential - along * radial
             result["force_s_N"] += force_s
@@ -229,16 +213,16 @@ def touch(
 @compiled
 def kick(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
-    middles: Records, mass: Factors, order: Record, step: float, torque: float, work: StepRoom,
+    middles: Records, mass: Factors, order: Record, step: float, torque: float, load: FloatArray,
 ) -> tuple[float, float, float]:  # fmt: skip
     """The sidewall's force on the hub backwards and upwards, and the spin.
 
-    Takes the impulses of the road (`work.load` [N] on the coefficients, `torque` [N m]), of hub and
+    Takes the impulses of the road (`load` [N] on the coefficients, `torque` [N m]), of hub and
     drive (`order`, one DRIVE) over one step [s], and the spin that follows; leaves the spin of the
     next belt step's middle. `v` (N,) [m], `u` (N,) [m/s]; `middles` (N,) of DIRECTION.
     """
-    load, kicked, swirled = work.load, work.kicked, work.swirled
-    spun, pulling, spring = work.spun, work.pulling, constants["spring_N_m"]
+    kicked, swirled = np.empty(v.size), np.empty(v.size)
+    spun, pulling, spring = np.empty(v.size), np.empty(v.size), constants["spring_N_m"]
     turn_c, turn_s = np.cos(state["angle_rad"]), np.sin(state["angle_rad"])
     sum_c = sum_s = 0.0
     for j in range(v.size):
@@ -300,13 +284,14 @@ def kick(
 @compiled
 def belt_step(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
-    middles: Records, system: Factors, step: float, work: StepRoom,
+    middles: Records, system: Factors, step: float, place: FloatArray,
 ) -> None:  # fmt: skip
     """The belt moves on by a step [s] at a steady spin, and wheel and hub with it.
 
-    `v` (N,) [m] and `u` (N,) [m/s] become those at the step's end; arguments as of `kick`.
+    `v` (N,) [m] and `u` (N,) [m/s] become those at the step's end; `place` (11,) keeps the stencil
+    K - W^2 S. Arguments as of `kick`.
     """
-    right, pushed, moved, place = work.right, work.pushed, work.moved, work.place
+    right, pushed, moved = np.empty(v.size), np.empty(v.size), np.empty(v.size)
     spin = state["spin_rad_s"]
     if not abs(spin - state["factored_at_rad_s"]) < STALE:
         state["factored_at_rad_s"] = spin
@@ -341,29 +326,26 @@ def belt_step(
 def run_steps(
     v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
     basis: Basis, circle: Records, middles: Records, corner: FloatArray, height: FloatArray,
-    tread: Records, drive: Records, riders: FloatArray, ridden: IntArray, step: float, now: int,
-    every: int, result: Record, motion: Records, read: FloatArray,
+    tread: Records, drive: Records, riders: FloatArray, step: float, now: int, every: int,
+    result: Record, motion: Records, read: FloatArray,
 ) -> int:  # fmt: skip
     """Moves the tire on by drive.size steps of `step` [s]; FINE, TOO_WIDE or FLOWN.
 
     drive    (n,) of DRIVE
     motion   (n/every,) of MOMENT, of every `every`-th moment; read (n/every, k) what the riders
-             (k, w) read of w coefficients from ridden (k,) on
+             (k, N) read of the coefficients
     middles  (N,) of DIRECTION: the middles of the functions; `result`: room for one CONTACT
     The others as of `touch` and `kick`; the arrays of what moves hold the end when it returns.
     """
     size = v.size
     mass, system = factors(size), factors(size)
-    work = StepRoom(
-        np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size),
-        np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(2 * HALF + 1),
-    )  # fmt: skip
+    load, place = np.zeros(size), np.zeros(2 * HALF + 1)
     mass.stencil[:] = stencils.inertia
     factor(mass)
     state["factored_at_rad_s"] = np.inf
     for index in range(drive.size):
         told = touch(
-            v, state, constants, basis, circle, corner, height, tread, now + index, work.load,
+            v, state, constants, basis, circle, corner, height, tread, now + index, load,
             result,
         )  # fmt: skip
         if told != FINE:
@@ -377,12 +359,12 @@ def run_steps(
             moment["entry_m"], moment["exit_m"] = result["entry_m"], result["exit_m"]
             for k in range(riders.shape[0]):
                 value = 0.0
-                for i in range(riders.shape[1]):
-                    value += riders[k, i] * v[(ridden[k] + i) % size]
+                for i in range(size):
+                    value += riders[k, i] * v[i]
                 read[row, k] = value
         back, up, spin = kick(
             v, u, state, constants, stencils, middles, mass, drive[index], step,
-            result["torque_N_m"], work,
+            result["torque_N_m"], load,
         )  # fmt: skip
         if kept:
             moment = motion[row]
@@ -391,6 +373,6 @@ def run_steps(
             most = 0.25 * constants["spring_N_m"] * size * constants["radius_m"]
             if not abs(back) + abs(up) < most:
                 return FLOWN
-        belt_step(v, u, state, constants, stencils, middles, system, step, work)
+        belt_step(v, u, state, constants, stencils, middles, system, step, place)
         state["hub_x_m"] = drive[index]["distance_m"]
     return FINE

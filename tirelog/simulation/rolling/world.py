@@ -1,7 +1,6 @@
 """The world of a tire in motion.
 
-The drive as impulses on the hub, the belt stepped through the whole log, and what sensors read of
-it.
+The drive as impulses on the hub, the belt stepped through the log, and what sensors read of it.
 
     Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step
         --RollingTire--> Motion on its own clock
@@ -10,6 +9,13 @@ it.
 
 The drive's speed is the hub's way forward; wheel angle and spin are what the tire makes of it. The
 log begins on a tire that has rolled for SETTLING_S under a damper that is then taken away.
+
+The tire is a belt on its hub, on a road, under a load and a torque, from standing to the end of a
+drive:
+
+    Belt, Profile --tire_at_rest--> v, hub height at rest under the load
+                  --rolling---> RollingTire
+                      --run(distance, acceleration, load, torque)--> Motion, a row every few steps
 """
 
 from __future__ import annotations
@@ -17,28 +23,373 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from tirelog.data.setup import road_points
 from tirelog.errors import UsageError
+from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt, Splines
 from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
-from tirelog.simulation.rolling.tire import (
-    RollingTire,
-    TireMotion,
-    begins,
-    profile_of,
-    tire_at_rest,
-)
-from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Roughness, TrueDrive
-from tirelog.simulation.scenario.schema import Scenario, Sensor
-from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange, longitudinal_force
-from tirelog.simulation.steady.truth import steady_truth
+from tirelog.simulation.scenario.drive import Fluctuation, TrueDrive
+from tirelog.simulation.scenario.schema import Road, Scenario, Sensor
+from tirelog.simulation.sensors.sampling import RIDING, Times, lagrange, steady_truth
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray, Records
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
+
+# ---- The road's profile under a tire in motion.
+#
+# `[road]` becomes corners between which the road is straight, or a wave.
+#
+#     Road (scenario) --profile_of--> TrueProfile: height and slope at any distance x [m] driven
+#                                     since the log's start, level before it
+#
+# A wall has no slope for the tread to press along: steps and cleats have ramps, and what is too
+# steep or too high for small displacements of the belt is refused.
+
+
+#: steepest slope of a road [m/m], twice which asks for tread points half as far apart; highest rise
+#: within one diameter of the tire, over its radius, twice which would double the strain that a
+#: linear belt takes for small
+STEEPEST, HIGHEST = 3.0, 0.2
+
+
+@dataclass(frozen=True)
+class TrueProfile:
+    """A road's profile: a broken line and a sine.
+
+    `corner_m`, `height_m` (n,) the broken line, level outside; plus amplitude (1 - cos(2 pi
+    x/wavelength)) behind the first corner.
+    """
+
+    corner_m: FloatArray
+    height_m: FloatArray
+    amplitude_m: float = 0.0
+    wavelength_m: float = 1.0
+
+
+def profile_of(road: Road, radius_m: float, distance_m: float) -> TrueProfile:
+    """The scenario's profile over `distance_m` of driving.
+
+    UsageError for one that a tire of this radius cannot roll over.
+    """
+    if road.kind == "flat":
+        return TrueProfile(np.array([0.0, 1.0]), np.zeros(2))
+    if road.kind in ("step", "cleat"):
+        _needed(road, "position_m")
+    if road.kind == "sine":
+        return _wave(road, radius_m, road.position_m or 0.0)
+    corner, height = _obstacle(road)
+    starts = begins(road, distance_m)
+    corner, height = (starts[:, None] + corner).ravel(), np.tile(height, starts.size)
+    if np.any(np.diff(corner) <= 0.0):
+        raise UsageError(
+            f"spacing_m = {road.spacing_m} of the [road] is shorter than what comes again",
+            allowed="allowed is more",
+            do="mend it",
+        )
+    _check(corner, height, radius_m)
+    return TrueProfile(corner, height)
+
+
+def begins(road: Road, distance_m: float) -> FloatArray:
+    """Where the obstacle begins, each time that it comes within `distance_m`; at least once."""
+    first, again = road.position_m or 0.0, 0.0
+    if road.kind in ("cleat", "profile"):
+        again = road.spacing_m or 0.0
+    count = 1 + int(max(distance_m - first, 0.0) / again) if again else 1
+    return np.asarray(first + again * np.arange(count), float)
+
+
+def _needed(road: Road, *names: str) -> tuple[float, ...]:
+    values = [getattr(road, name) for name in names]
+    lacking = [name for name, value in zip(names, values, strict=True) if value is None]
+    if lacking:
+        raise UsageError(
+            f'[road] kind = "{road.kind}" without {" and ".join(lacking)}',
+            allowed="allowed is a number in m",
+            do="give it",
+        )
+    return tuple(values)
+
+
+def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
+    """Corners [m] behind the obstacle's begin, and heights."""
+    if road.kind == "profile":
+        if not road.file:
+            raise UsageError(
+                '[road] kind = "profile" without a file',
+                allowed='allowed is file = "PATH" (distance and height, a point a line)',
+                do="name it",
+            )
+        corner, height = road_points(road.file, UsageError)
+        grows = "allowed are two points or more, at growing distances"
+        for wrong, what in (
+            (corner.size < 2, "a road of fewer than two points"),
+            (np.any(np.diff(corner) <= 0.0), "distances of the road do not grow"),
+        ):
+            if wrong:
+                raise UsageError(what, allowed=grows, do="mend the rows", file=road.file)
+        return corner, height
+    height = _needed(road, "height_m")[0]
+    # ramp of a step or cleat that names none, as far as its length and the steepest slope allow [m]
+    ramp = road.ramp_m or max(0.01, 1.01 * abs(height) / STEEPEST)
+    if road.kind == "step":
+        return np.array([0.0, ramp]), np.array([0.0, height])
+    length = _needed(road, "length_m")[0]
+    ramp = road.ramp_m or min(ramp, 0.49 * length)
+    if not 0.0 < ramp < 0.5 * length:
+        raise UsageError(
+            f"ramp_m = {ramp:g} of a cleat {length:g} m long",
+            allowed="allowed is above zero and below half of its length_m",
+            do="mend it",
+        )
+    return np.array([0.0, ramp, length - ramp, length]), np.array([0.0, height, height, 0.0])
+
+
+def _check(corner: FloatArray, height: FloatArray, radius_m: float) -> None:
+    slope = float(np.abs(np.diff(height) / np.diff(corner)).max())
+    if slope > STEEPEST:
+        raise UsageError(
+            f"a road with a slope of {slope:.3g}",
+            allowed=f"allowed is up to {STEEPEST:g}",
+            do="give it a longer ramp",
+        )
+    # the highest rise within a window stands in one that begins or ends at a corner
+    wide = 2.0 * radius_m
+    for begin in (*corner, *(corner - wide)):
+        first, stop = np.searchsorted(corner, [begin, begin + wide])
+        ends = np.interp([begin, begin + wide], corner, height)
+        _check_rise(float(np.ptp([*ends, *height[first:stop]])), radius_m)
+
+
+def _check_rise(rise_m: float, radius_m: float) -> None:
+    if rise_m > HIGHEST * radius_m:
+        raise UsageError(
+            f"a road that rises {rise_m:.3g} m within one diameter of the tire",
+            allowed=f"allowed is up to {HIGHEST * radius_m:.3g} m for a radius of {radius_m:.3g} m",
+            do="give a lower obstacle",
+        )
+
+
+def _wave(road: Road, radius_m: float, begin_m: float) -> TrueProfile:
+    amplitude, wavelength = _needed(road, "amplitude_m", "wavelength_m")
+    if not wavelength > 0.0:
+        raise UsageError(
+            "wavelength_m = 0 in [road]", allowed="allowed is a length above zero", do="give one"
+        )
+    slope = abs(amplitude) * 2.0 * np.pi / wavelength
+    if slope > STEEPEST:
+        raise UsageError(
+            f"a road with a slope of {slope:.3g}",
+            allowed=f"allowed is up to {STEEPEST:g}",
+            do="give a longer wave",
+        )
+    if wavelength < 4.0 * radius_m:
+        _check_rise(2.0 * abs(amplitude), radius_m)
+    return TrueProfile(np.array([begin_m, begin_m + 1.0]), np.zeros(2), amplitude, wavelength)
+
+
+#: tread points on an element of the belt
+POINTS = 8
+
+
+#: a tire at rest on a level road at height 0: coefficients (N,), height of the hub [m], contact
+#: length [m]
+AtRest: TypeAlias = tuple[FloatArray, float, float]
+
+
+def tire_at_rest(belt: Belt, load_N: float) -> AtRest:
+    """The least of elastic energy, tread springs and load, by Newton's method.
+
+    UsageError if the tire cannot carry the load.
+    """
+    points = belt.splines.elements * POINTS
+    spacing = 2.0 * np.pi / points
+    angle = (np.arange(points) + 0.5) * spacing
+    near = np.flatnonzero(np.cos(angle) > np.cos(kernel.FAR))
+    sin, cos, radius = np.sin(angle[near]), np.cos(angle[near]), belt.radius_m
+    # height of a point: hub - (R + w) cos + v sin, with w = -v'
+    rise = np.stack(
+        [
+            belt.splines.functional(a, {0: s, 1: c})
+            for a, s, c in zip(angle[near], sin, cos, strict=True)
+        ]
+    )
+    rise = np.hstack([rise, np.ones((near.size, 1))])
+    size, stiffness = belt.splines.elements, belt.tire.tread_stiffness_N_m2 * radius * spacing
+    held = np.zeros((size + 1, size + 1))
+    held[:size, :size] = belt.full(belt.stiffness)
+    q = np.append(np.zeros(size), radius - 0.005)
+    pressed = np.zeros(near.size, bool)
+    # Newton's iterations for the standing tire
+    for _ in range(60):
+        depth = radius * cos - rise @ q
+        touching = depth > 0.0
+        if (touching == pressed).all():
+            break
+        pressed = touching
+        springs = rise[pressed]
+        right = stiffness * springs.T @ (radius * cos[pressed])
+        right[size] -= load_N
+        if not pressed.any():
+            q[size] -= 0.002
+            continue
+        q = np.linalg.solve(held + stiffness * springs.T @ springs, right)
+    else:
+        raise UsageError(
+            f"the tire does not settle under {load_N:.0f} N",
+            allowed="allowed is a load that it can carry",
+            do="lower it",
+        )
+    place = angle[near[pressed]]
+    place = np.where(place > np.pi, place - 2.0 * np.pi, place)
+    if np.abs(place).max() > 0.95 * kernel.FAR:
+        raise UsageError(
+            f"at {load_N:.0f} N the contact is wider than +-{np.degrees(kernel.FAR):.0f} degrees",
+            allowed="allowed is a load that the tire can carry",
+            do="lower it, or give a stiffer tire",
+        )
+    return q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing)
+
+
+class RollingTire:
+    """State of one tire; `run` moves it on.  UsageError for an unstable step."""
+
+    def __init__(
+        self,
+        belt: Belt,
+        profile: TrueProfile,
+        start: AtRest,
+        *,
+        speed_m_s: float,
+        distance_m: float,
+        step_s: float,
+    ) -> None:
+        # half of the longest stable step: slopes of the road stiffen the contact
+        stiffness = belt.tire.tread_stiffness_N_m2 + belt.tire.bristle_stiffness_N_m2
+        longest = 0.5 * 2.0 / np.sqrt(stiffness / belt.tire.line_mass_kg_m)
+        if not 0.0 < step_s <= longest:
+            raise UsageError(
+                f"step_s = {step_s:g} is unstable for this tread and line mass",
+                allowed=f"allowed is up to {longest:.2g} s",
+                do="give a shorter step",
+            )
+        self.belt, self.profile, self.step_s = belt, profile, step_s
+        splines, tire, points = belt.splines, belt.tire, belt.splines.elements * POINTS
+        self.v = start[0].copy()
+        # standing in space, the belt's material passes through the shape
+        spin = speed_m_s / belt.radius_m
+        slope = belt.full(splines.gram(0, 1)) @ start[0]
+        self.u: FloatArray = np.asarray(
+            spin * np.linalg.solve(belt.full(splines.gram(0, 0)), slope), float
+        )
+        self.now = 1
+        self._stencils = kernel.Stencils(
+            *(
+                np.array(stencil, float)
+                for stencil in (
+                    belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping
+                )
+            )
+        )  # fmt: skip
+        place = (np.arange(POINTS) + 0.5) / POINTS
+        self._basis = splines.local(place), splines.local(place, 1)
+        self._circle = _directions((np.arange(points) + 0.5) * (2.0 * np.pi / points))
+        self._middles = _directions(splines.middle_rad)
+        self._tread = np.zeros(points, kernel.POINT)
+        spring, damper = belt.held
+        self.constants = np.zeros(1, kernel.CONSTANTS)[0]
+        for name, value in {
+            "radius_m": belt.radius_m,
+            "pressed_N_m2": tire.tread_stiffness_N_m2,
+            "bristle_N_m2": tire.bristle_stiffness_N_m2,
+            "friction": tire.friction,
+            "pitch_m": 2.0 * np.pi * belt.radius_m / points,
+            "hub_mass_kg": tire.hub_mass_kg,
+            "hub_inertia_kg_m2": tire.hub_inertia_kg_m2,
+            "spin_inertia_kg_m2": tire.hub_inertia_kg_m2 + belt.mass_kg * belt.radius_m**2,
+            "carried_kg": belt.carried,
+            "translation": belt.translation,
+            "spring_N_m": spring,
+            "damper_N_s_m": damper,
+            "mean_inertia_kg": tire.line_mass_kg_m * belt.radius_m * splines.step_rad,
+            "top_m": profile.height_m.max() + 2.0 * max(profile.amplitude_m, 0.0),
+            "amplitude_m": profile.amplitude_m,
+            "wave_1_m": 2.0 * np.pi / profile.wavelength_m,
+        }.items():
+            self.constants[name] = value
+        self.state = np.zeros(1, kernel.STATE)[0]
+        self.state["spin_rad_s"], self.state["hub_z_m"] = spin, start[1]
+        self.state["hub_x_m"] = distance_m
+        self.state["momentum_N_m_s"] = self._momentum()
+
+    def _momentum(self) -> float:
+        """The spin's momentum of this state."""
+        belt, spin = self.belt, self.state["spin_rad_s"]
+        pulled = self.v @ belt.full(belt.centrifugal) @ self.v
+        own = self.u @ belt.full(belt.swirl) @ self.v
+        mean = belt.radius_m * self.constants["mean_inertia_kg"] * self.u.sum()
+        return float((self.constants["spin_inertia_kg_m2"] + pulled) * spin + own + mean)
+
+    def damp_hub(self, damper_N_s_m: float) -> None:
+        """A damper between the hub and something that stands still above it."""
+        self.constants["hub_damping_N_s_m"] = damper_N_s_m
+
+    def damp_belt(self, damping_N_s_m2: float) -> None:
+        """Damping of the sidewall, radial and tangential, beside the tire's own."""
+        belt, gram = self.belt, self.belt.splines.gram
+        self._stencils.damping[:] = belt.damping + belt.radius_m * damping_N_s_m2 * (
+            gram(0, 0) + gram(1, 1)
+        )
+        more = 2.0 * belt.radius_m * belt.splines.first_harmonic * damping_N_s_m2
+        self.constants["damper_N_s_m"] = belt.held[1] + more
+
+    def run(
+        self, drive: Records, *, every: int = 1, riders: tuple[FloatArray, ...] = ()
+    ) -> tuple[Records, FloatArray]:
+        """Kept moments, of the steps' begins: (k,) of MOMENT, readings (k, r); k = ceil(n/every).
+
+        One step per order of `drive` (n,) of DRIVE. UsageError if the belt leaves what small
+        displacements can say.
+        """
+        rows = np.concatenate(riders) if riders else np.zeros((0, self.v.size))
+        moments = np.empty(-(-drive.size // every), MOMENT)
+        read = np.empty((moments.size, rows.shape[0]))
+        told = kernel.run_steps(
+            self.v, self.u, self.state, self.constants, self._stencils, self._basis, self._circle,
+            self._middles, self.profile.corner_m, self.profile.height_m, self._tread, drive,
+            rows, self.step_s, self.now, every, np.empty(1, kernel.CONTACT)[0], moments,
+            read,
+        )  # fmt: skip
+        self.now += drive.size
+        if told != kernel.FINE:
+            what = (
+                f"touches the road beyond +-{np.degrees(kernel.FAR):.0f} degrees"
+                if told == kernel.TOO_WIDE
+                else "leaves its sidewall"
+            )
+            raise UsageError(
+                f"the belt {what} near {self.state['hub_x_m']:.1f} m of the drive",
+                allowed="allowed are loads and obstacles of small displacements",
+                do="lower them, or give a stiffer tire",
+            )
+        return moments, read
+
+
+def _directions(angle_rad: NDArray[np.floating[Any]]) -> Records:
+    """Directions (n,) as the kernels take them."""
+    made = np.empty(angle_rad.size, kernel.DIRECTION)
+    made["cos"], made["sin"] = np.cos(angle_rad), np.sin(angle_rad)
+    return made
+
+
+# ---- The world of a tire in motion.
+
 
 #: the tire rolls on the level so long before anything is kept [s], its hub held by so much of the
 #: critical damping
@@ -59,26 +410,13 @@ _MARGIN_S, _ANGLE_STEP_S = 0.01, 1e-3
 _GRIP = 0.95
 
 
-@dataclass(frozen=True)
-class RoadTrace:
-    """One sensor's belt over the motion's rows (k,).
-
-    `s_m`, `z_m` its place beside the hub, backwards and upwards; `strain` (zero if it has none),
-    both as they are, not as the instrument passes them on.
-    """
-
-    s_m: FloatArray
-    z_m: FloatArray
-    strain: FloatArray
-
-
 class RolledWorld(World):
     """One scenario with truth = "coupled_ring", rolled from begin to end.
 
     UsageError if the physics refuses it.
     """
 
-    def __init__(self, scenario: Scenario, drive: TrueDrive, roughness: Roughness) -> None:
+    def __init__(self, scenario: Scenario, drive: TrueDrive, roughness: Fluctuation) -> None:
         super().__init__(scenario, drive, roughness)
         #: the drive as ordered, its angle the distance over the radius; `drive` has the wheel's own
         #: angle once it has rolled
@@ -89,8 +427,10 @@ class RolledWorld(World):
         self.profile = profile_of(scenario.road, radius, float(self.distance(drive.time_s[-1:])[0]))
         self.belt.check_speed(float(drive.speed_at(drive.time_s).max()))
         self.standing = tire_at_rest(self.belt, float(self.load(np.zeros(1))[0]))
-        self.motion, self.ridden = self._rolled()
-        time = self.motion.time_s
+        #: the motion (k,) of MOMENT at `time_s` (k,), and of each riding sensor's belt, over the
+        #: same times: its place beside the hub, backwards and upwards, and its strain, (3, k)
+        self.time_s, self.motion, self.ridden = self._rolled()
+        time = self.time_s
         grid = np.arange(time[0], time[-1], _ANGLE_STEP_S)
         self.drive = replace(drive, angle=CubicSpline(grid, self._at(grid, self.motion.angle_rad)))
 
@@ -112,7 +452,7 @@ class RolledWorld(World):
     def fluctuation(self, time_s: FloatArray) -> FloatArray:
         if not self.scenario.road.roughness:
             return np.zeros_like(time_s)
-        return self.roughness.at(self.distance(time_s))
+        return self.roughness(self.distance(time_s))
 
     def _orders(self, time_s: FloatArray) -> Records:
         """The drive at the steps, (n,) of DRIVE, with the distance at the steps' ends."""
@@ -121,7 +461,7 @@ class RolledWorld(World):
             (time_s >= 0.0) & (time_s <= drive.time_s[-1]), drive.acceleration_at(time_s), 0.0
         )
         load = self.load(time_s) * (1.0 + self.fluctuation(time_s))
-        force = longitudinal_force(self, time_s)
+        force = self.longitudinal_force(time_s)
         if np.any(np.abs(force) > _GRIP * tire.friction * load):
             worst = float(np.abs(force).max())
             raise UsageError(
@@ -139,28 +479,25 @@ class RolledWorld(World):
 
     # ---- the roll --------------------------------------------------------------------------------
 
-    def _rolled(self) -> tuple[TireMotion, dict[str, RoadTrace]]:
+    def _rolled(self) -> tuple[FloatArray, Any, dict[str, FloatArray]]:
         """The motion from just before the log to just behind it, and every riding sensor's."""
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
-        before = (
-            max((self.late(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
-        )
-        before = np.ceil(before / step) * step
+        early = max((scenario.late_s(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0)
+        before = np.ceil((early + _MARGIN_S) / step) * step
         behind = max((8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
         start = float(-before - SETTLING_S)
-        at_rest = self.standing
         speed = float(self._way.speed_at(np.array(start)))
         tire = RollingTire(
             self.belt,
             self.profile,
-            at_rest,
+            self.standing,
             speed_m_s=speed,
             distance_m=float(self.distance(np.array(start))),
             step_s=step,
         )
         self._settle(tire, start)
-        zero = tire.angle_rad + before * tire.spin_rad_s
+        zero = float(tire.state["angle_rad"] + before * tire.state["spin_rad_s"])
         riders = tuple(self._rider(s, -zero - np.radians(s.angle_deg)) for s in riding.values())
         fastest = max(s.sampling_rate_Hz for s in scenario.channels.values())
         every = max(1, int(1.0 / (_ROWS * fastest * step)))
@@ -175,11 +512,14 @@ class RolledWorld(World):
             moments[kept], read[kept] = tire.run(self._orders(moment), every=every, riders=riders)
         moments["angle_rad"] -= zero
         times = -before + step * every * np.arange(moments.size)
-        motion = TireMotion.of(times, moments, read)
-        return motion, {
-            name: self._place(motion, 3 * k, np.radians(s.angle_deg))
-            for k, (name, s) in enumerate(riding.items())
-        }
+        ridden = {}
+        for k, (name, s) in enumerate(riding.items()):
+            v, w, strain = read[:, 3 * k : 3 * k + 3].T
+            phi = moments["angle_rad"] - np.radians(s.angle_deg)
+            arm = self.belt.radius_m + w
+            back, up = arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi)
+            ridden[name] = np.stack([back, up, strain])
+        return times, moments.view(np.recarray), ridden
 
     def _settle(self, tire: RollingTire, start_s: float) -> None:
         """Rolls for SETTLING_S, belt and hub quieted.
@@ -187,7 +527,7 @@ class RolledWorld(World):
         The hub by a share of critical damping (its mass on the standing tire's spring).
         """
         scenario, step = self.scenario, self.scenario.step_s
-        spring = scenario.conditions.load_N / max(self.belt.radius_m - self.standing.hub_z_m, 1e-4)
+        spring = scenario.conditions.load_N / max(self.belt.radius_m - self.standing[1], 1e-4)
         tire.damp_hub(
             float(HELD * 2.0 * np.sqrt(spring * (scenario.tire.hub_mass_kg + self.belt.mass_kg)))
         )
@@ -215,53 +555,30 @@ class RolledWorld(World):
             ]
         )
 
-    def _place(self, motion: TireMotion, first: int, angle_rad: float) -> RoadTrace:
-        v, w, strain = motion.read[:, first : first + 3].T
-        phi = motion.angle_rad - angle_rad
-        arm = self.belt.radius_m + w
-        return RoadTrace(
-            arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi), strain
-        )
-
     # ---- what sensors read -----------------------------------------------------------------------
 
-    def late(self, sensor: Sensor) -> float:
-        """Delay of a channel's values behind their stamps [s]."""
-        delay = self.scenario.planted("telemetry_delay")
-        return sensor.delay_s + (
-            delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0
-        )
-
-    def values(self, moments: Mapping[str, Trace]) -> dict[str, FloatArray]:
-        """Clean values in SI of the channels that feel the belt.
+    def values(self, moments: Times) -> dict[str, FloatArray]:
+        """Clean values in SI of the channels that feel the belt, at their `moments` (n,) [s].
 
         Those that ride on it, and the hub's forces.
         """
         out = {}
-        time = self.motion.time_s
-        for name, trace in moments.items():
-            sensor = trace.sensor
-            if sensor.kind in RIDING:
-                series = (
-                    self._outwards(name)
-                    if sensor.kind == "radial_acceleration"
-                    else self.ridden[name].strain
-                )
-                values = self._at(trace.moment_s, self._passed_on(series, sensor))
-                out[name] = (
-                    values
-                    if sensor.kind == "radial_acceleration"
-                    else values + self.baseline(trace.moment_s, sensor)
-                )
+        for name, time in moments.items():
+            sensor = self.scenario.channels[name]
+            if sensor.kind == "radial_acceleration":
+                out[name] = self._at(time, self._passed_on(self._outwards(name), sensor))
+            elif sensor.kind in RIDING:
+                strain = self._at(time, self._passed_on(self.ridden[name][2], sensor))
+                out[name] = strain + self.baseline(time, sensor)
             elif sensor.kind == "vertical_load":
-                out[name] = np.interp(trace.moment_s, time, self.motion.spindle_z_N)
+                out[name] = np.interp(time, self.time_s, self.motion.spindle_z_N)
             elif sensor.kind == "longitudinal_force":
-                out[name] = np.interp(trace.moment_s, time, self.motion.spindle_x_N)
+                out[name] = np.interp(time, self.time_s, self.motion.spindle_x_N)
         return out
 
     def _at(self, time_s: FloatArray, series: FloatArray) -> FloatArray:
         """A series (k,) over the motion's rows at any times (n,), by the six rows around each."""
-        begin, step = self.motion.time_s[0], self.motion.time_s[1] - self.motion.time_s[0]
+        begin, step = self.time_s[0], self.time_s[1] - self.time_s[0]
         place = (np.asarray(time_s, float) - begin) / step
         row = np.clip(
             np.floor(place).astype(np.intp), ROW_POINTS // 2 - 1, series.size - ROW_POINTS // 2 - 1
@@ -276,17 +593,16 @@ class RolledWorld(World):
 
         By second differences of the place.
         """
-        motion, ridden = self.motion, self.ridden[name]
-        step = motion.time_s[1] - motion.time_s[0]
+        (back, up, _), step = self.ridden[name], self.time_s[1] - self.time_s[0]
 
         def bent(place: FloatArray) -> FloatArray:
             inside = (place[2:] - 2.0 * place[1:-1] + place[:-2]) / step**2
             return np.concatenate((inside[:1], inside, inside[-1:]))
 
-        forward = self._way.acceleration_at(motion.time_s)
-        phi = motion.angle_rad - np.radians(self.scenario.channels[name].angle_deg)
-        upwards = bent(ridden.z_m + motion.hub_z_m) + GRAVITY_M_S2
-        return np.asarray((bent(ridden.s_m) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
+        forward = self._way.acceleration_at(self.time_s)
+        phi = self.motion.angle_rad - np.radians(self.scenario.channels[name].angle_deg)
+        upwards = bent(up + self.motion.hub_z_m) + STANDARD_GRAVITY_M_S2
+        return np.asarray((bent(back) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
 
     def _passed_on(self, series: FloatArray, sensor: Sensor) -> FloatArray:
         """A series (k,) behind the instrument's first-order lag and within its bandwidth.
@@ -297,7 +613,7 @@ class RolledWorld(World):
         if lag is None and sensor.bandwidth_Hz is None:
             return series
         tau = 0.0 if lag is None else lag if isinstance(lag, float) else lag["lag_s"]
-        step = float(self.motion.time_s[1] - self.motion.time_s[0])
+        step = float(self.time_s[1] - self.time_s[0])
         size = 2 * series.size
         frequency = np.fft.rfftfreq(size, step)
         gain = 1.0 / (1.0 + 2j * np.pi * frequency * tau)
@@ -334,9 +650,12 @@ def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArra
 
     `time_s` in the channel's own stamps.
     """
-    sensor, motion, ridden = world.scenario.channels[name], world.motion, world.ridden[name]
-    row, share = _under_axle(ridden.s_m, ridden.z_m)
-    time = motion.time_s[row] + share * (motion.time_s[row + 1] - motion.time_s[row])
+    sensor, motion = world.scenario.channels[name], world.motion
+    back, up, _ = world.ridden[name]
+    # the place passes the axle from ahead to behind: the row before, and share of its step
+    row = np.flatnonzero((back[:-1] < 0.0) & (back[1:] >= 0.0) & (up[:-1] < 0.0))
+    share = -back[row] / (back[row + 1] - back[row])
+    time = world.time_s[row] + share * (world.time_s[row + 1] - world.time_s[row])
     inside = (time >= 0.0) & (time < world.scenario.duration_s - late)
     row, share, time = row[inside], share[inside], time[inside]
 
@@ -365,15 +684,6 @@ def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArra
     }
 
 
-def _under_axle(s_m: FloatArray, z_m: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-    """(row before each passage of the axle, share of that row's step to it).
-
-    The place passes the axle from ahead to behind.
-    """
-    row = np.flatnonzero((s_m[:-1] < 0.0) & (s_m[1:] >= 0.0) & (z_m[:-1] < 0.0))
-    return row, -s_m[row] / (s_m[row + 1] - s_m[row])
-
-
 def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArray:
     """int strain'^2 ds over the turn around each passage [1/m].
 
@@ -382,10 +692,10 @@ def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArra
     motion = world.motion
     if world.scenario.channels[name].kind == "radial_acceleration":
         return np.full(time_s.size, np.nan)
-    rate = np.gradient(world.ridden[name].strain, motion.time_s)
+    rate = np.gradient(world.ridden[name][2], world.time_s)
     way = np.maximum(motion.spin_rad_s, 1e-3) * world.belt.radius_m
-    total = np.concatenate(([0.0], np.cumsum(rate[:-1] ** 2 / way[:-1] * np.diff(motion.time_s))))
-    middle = np.interp(time_s, motion.time_s, motion.angle_rad)
+    total = np.concatenate(([0.0], np.cumsum(rate[:-1] ** 2 / way[:-1] * np.diff(world.time_s))))
+    middle = np.interp(time_s, world.time_s, motion.angle_rad)
     rising = np.maximum.accumulate(motion.angle_rad)
     ends = [
         np.interp(middle + turn, rising, total, left=np.nan, right=np.nan)
@@ -400,8 +710,8 @@ def moving(world: RolledWorld) -> dict[str, Any]:
     Forces are means over the log, `contact_length_m` its median.
     """
     motion, scenario = world.motion, world.scenario
-    logged = (motion.time_s >= 0.0) & (motion.time_s <= scenario.duration_s)
-    time = motion.time_s[logged]
+    logged = (world.time_s >= 0.0) & (world.time_s <= scenario.duration_s)
+    time = world.time_s[logged]
     turned = float(np.ptp(motion.angle_rad[logged]))
     way = float(world.distance(time[-1]) - world.distance(time[0]))
     load = world.load(time) * (1.0 + world.fluctuation(time))
@@ -418,7 +728,7 @@ def moving(world: RolledWorld) -> dict[str, Any]:
         "load_carried_N": float(motion.force_z_N[logged].mean()),
         "longitudinal_force_N": float(motion.force_x_N[logged].mean()),
         "contact_length_m": float(np.nanmedian(motion.exit_m[logged] - motion.entry_m[logged])),
-        "standing_contact_length_m": world.standing.contact_length_m,
+        "standing_contact_length_m": world.standing[2],
         "effective_rolling_radius_m": way / turned if turned > 2.0 * np.pi else None,
         "obstacles": _obstacles(world),
     }
@@ -457,6 +767,7 @@ def travelling_waves(world: RolledWorld, speed_m_s: float) -> list[dict[str, flo
 
 
 def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
+    """Each cleat or step, as it was met."""
     road = world.scenario.road
     if road.kind not in ("step", "cleat"):
         return []
@@ -465,24 +776,23 @@ def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
 
 
 def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """One cleat or step, as it was met.
+    """When a cleat or step is first touched, when its begin is under the axle, when it is left.
 
-    When it is first touched, when its begin is under the axle, when it is left; the largest force
-    meanwhile.
+    And the largest force meanwhile.
     """
     motion, road = world.motion, world.scenario.road
     corner = world.profile.corner_m
     length = float((road.length_m or 0.0) if road.kind == "cleat" else corner[1] - corner[0])
-    way = world.distance(motion.time_s)
+    way = world.distance(world.time_s)
     met = (way - motion.entry_m > place_m) & (way - motion.exit_m < place_m + length)
     rows = np.flatnonzero(met)
     over = way[-1] > place_m > way[0]
     out: dict[str, float | None] = {
         "position_m": place_m,
-        "touched_s": float(motion.time_s[rows[0]]) if rows.size else None,
-        "under_axle_s": float(np.interp(place_m, way, motion.time_s)) if over else None,
-        "left_s": float(motion.time_s[rows[-1]])
-        if rows.size and rows[-1] < motion.time_s.size - 1
+        "touched_s": float(world.time_s[rows[0]]) if rows.size else None,
+        "under_axle_s": float(np.interp(place_m, way, world.time_s)) if over else None,
+        "left_s": float(world.time_s[rows[-1]])
+        if rows.size and rows[-1] < world.time_s.size - 1
         else None,
         "largest_force_N": float(motion.force_z_N[rows].max()) if rows.size else None,
     }

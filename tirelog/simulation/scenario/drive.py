@@ -10,8 +10,10 @@ over R_e, zero at the log's start.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -20,9 +22,10 @@ from scipy.signal import lfilter
 from tirelog.simulation.scenario.schema import RollingRadius, Scenario
 from tirelog.vocabulary.arrays import FloatArray
 
+#: what the load varies by, relative and with zero mean, over times [s] or distances [m], (n,)
+Fluctuation: TypeAlias = Callable[[FloatArray], FloatArray]
 #: step of the drive's own grid [s]
 STEP_S = 0.002
-GRAVITY_M_S2 = 9.80665
 #: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second
 #: (downwards) it is braking
 CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
@@ -58,18 +61,17 @@ def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Str
     for manoeuvre in scenario.manoeuvres:
         acceleration = (manoeuvre.speed_m_s - speed) / manoeuvre.duration_s
         factor = 1.0 + scenario.road.load_scatter * float(random.standard_normal())
-        regime = manoeuvre.regime or _regime(acceleration, manoeuvre.speed_m_s)
+        regime = manoeuvre.regime
+        if regime is None:
+            regime = "cruise" if manoeuvre.speed_m_s > 0 else "standstill"
+            if abs(acceleration) >= CRUISE_M_S2:
+                slower = "coast" if acceleration > BRAKE_M_S2 else "brake"
+                regime = "drive" if acceleration > 0 else slower
         out.append(
             Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor)
         )
         start, speed = start + manoeuvre.duration_s, manoeuvre.speed_m_s
     return out
-
-
-def _regime(acceleration: float, speed: float) -> str:
-    if abs(acceleration) < CRUISE_M_S2:
-        return "cruise" if speed > 0 else "standstill"
-    return "drive" if acceleration > 0 else "coast" if acceleration > BRAKE_M_S2 else "brake"
 
 
 def _rounded(values: FloatArray, width_s: float) -> FloatArray:
@@ -102,13 +104,9 @@ class TrueDrive:
     radius_m: float
     grows: RollingRadius
 
-    def stretch(self, speed_m_s: FloatArray) -> FloatArray:
-        """The rolling radius at a speed over that at rest."""
-        return stretch_of(self.grows, speed_m_s)
-
     def radius_at(self, speed_m_s: FloatArray) -> FloatArray:
         """The rolling radius [m] at a speed: way per angle of the wheel."""
-        return self.radius_m * self.stretch(speed_m_s)
+        return self.radius_m * stretch_of(self.grows, speed_m_s)
 
     def speed_at(self, time_s: FloatArray) -> FloatArray:
         """Speed of the tread through the patch [m/s], never negative."""
@@ -127,9 +125,6 @@ class TrueDrive:
         over = np.asarray(time_s) - inside
         speed = self.speed_at(inside)
         return np.asarray(self.angle(inside) + over * speed / self.radius_at(speed))
-
-    def load_factor_at(self, time_s: FloatArray) -> FloatArray:
-        return np.interp(time_s, self.time_s, self.load_factor)
 
     @cached_property
     def pitch_acceleration(self) -> FloatArray:
@@ -185,78 +180,33 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> TrueDrive:
     return TrueDrive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
 
 
-def force_of_road(scenario: Scenario, drive: TrueDrive, time_s: FloatArray) -> FloatArray:
-    """Longitudinal force of the road on the wheel [N], drive positive."""
-    vehicle = scenario.vehicle
-    speed = drive.speed_at(time_s)
-    moving = np.clip(speed / 0.5, 0.0, 1.0)
-    drag = (
-        vehicle.rolling_drag * vehicle.mass_kg * GRAVITY_M_S2 * moving
-        + vehicle.air_drag_kg_m * speed**2
-    )
-    demand = vehicle.mass_kg * drive.acceleration_at(time_s) + drag
-    demand = demand * (1.0 - np.interp(time_s, drive.time_s, drive.coasting))
-    share = 0.5 if scenario.conditions.driven else 0.0
-    return np.where(demand > 0, share, vehicle.brake_share) * demand
-
-
 def stretch_of(grows: RollingRadius, speed_m_s: FloatArray) -> FloatArray:
     """1 + growth (v/v_ref)^2: how much longer the belt is at a speed than at rest."""
     return 1.0 + grows.growth * (speed_m_s / grows.at_speed_m_s) ** 2
 
 
-@dataclass(frozen=True)
-class Wander:
-    """The load's slow wandering by grade and wind.
+def wander_of(scenario: Scenario, random: np.random.Generator) -> Fluctuation:
+    """The load's slow wandering by grade and wind, drawn for the scenario; over the time [s].
 
-    Relative, zero mean; `curve` of the time [s], None if there is none.
+    At the start it has its full spread; at the log's ends it stays.
     """
-
-    curve: CubicSpline | None = None
-
-    def at(self, time_s: FloatArray) -> FloatArray:
-        """Relative wandering at times [s]; at the log's ends it stays."""
-        if self.curve is None:
-            return np.zeros_like(time_s)
-        return np.asarray(self.curve(np.clip(time_s, 0.0, self.curve.x[-1])))
-
-
-def wander_of(scenario: Scenario, random: np.random.Generator) -> Wander:
-    """The load's wandering, drawn for the scenario; at the start it has its full spread."""
     wander = scenario.nuisances.load_wander
     if not wander.share:
-        return Wander()
+        return np.zeros_like
     count = int(scenario.duration_s / WANDER_STEP_S) + 8
     kept = np.exp(-WANDER_STEP_S / wander.time_constant_s)
     white = random.standard_normal(count) * np.sqrt(1.0 - kept**2)
     white[0] /= np.sqrt(1.0 - kept**2)
     values = wander.share * lfilter([1.0], [1.0, -kept], white)
-    return Wander(CubicSpline(WANDER_STEP_S * np.arange(count), values))
+    curve = CubicSpline(WANDER_STEP_S * np.arange(count), values)
+    return lambda time_s: np.asarray(curve(np.clip(time_s, 0.0, curve.x[-1])))
 
 
-@dataclass(frozen=True)
-class Roughness:
-    """The load's fluctuation along the road.
-
-    Relative, zero mean, correlated over some metres; a smooth function of the distance.
-    """
-
-    step_m: float
-    values: FloatArray
-
-    def at(self, distance_m: FloatArray) -> FloatArray:
-        """Relative fluctuation at distances [m] from the log's start.
-
-        Linear between knots an eighth of the correlation apart.
-        """
-        return np.interp(distance_m, np.arange(self.values.size) * self.step_m, self.values)
-
-
-def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Generator) -> Roughness:
-    """The road's roughness, drawn for the scenario.
+def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Generator) -> Fluctuation:
+    """The load's fluctuation along the road, drawn for the scenario; over the distance [m].
 
     A Gaussian process of two cascaded first-order filters, so that its slope is finite; scaled
-    to the scenario's standard deviation.
+    to the scenario's standard deviation. Linear between knots an eighth of the correlation apart.
     """
     step = scenario.road.correlation_m / 8
     count = int(distance_m / step) + 64
@@ -265,4 +215,6 @@ def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Genera
     values = lfilter([1 - share], [1.0, -share], lfilter([1 - share], [1.0, -share], white))[200:]
     # variance of a white sequence after two equal first-order filters
     variance = (1 - share) ** 4 * (1 + share**2) / (1 - share**2) ** 3
-    return Roughness(step, scenario.road.roughness * values / np.sqrt(variance))
+    places = np.arange(values.size) * step
+    sizes = scenario.road.roughness * values / np.sqrt(variance)
+    return lambda distance_m: np.interp(distance_m, places, sizes)

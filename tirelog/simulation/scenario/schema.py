@@ -10,21 +10,22 @@ units of the catalogue's own parameters.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from tirelog.errors import UsageError
 from tirelog.storage.schema import (
     FINITE,
+    FLAG,
     TEXT,
     Document,
     Entries,
     FilePlace,
     Named,
+    Record,
     Table,
     key,
-    kinds_of,
     number,
     numbers,
     table_of,
@@ -162,6 +163,8 @@ PLANTABLE: dict[str, Plantable] = {
 }
 
 
+#: EJ of a scenario that gives none, by its truth [N m^2]
+BENDING_N_M2 = {"beam": 4.0, "ring": 2.0}
 TRUTHS = ("beam", "ring", "coupled_ring")
 CONTACTS = ("flat_road", "parabola")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
@@ -182,27 +185,7 @@ SOURCE_UNITS = {
 }
 
 
-def _within(default: float | None, low: float, high: float) -> Any:
-    """A number in [low, high]."""
-    return key(number(low, high), default)
-
-
-def _whole(default: int | None, low: int, high: int) -> Any:
-    """A whole number in [low, high]."""
-    return key(number(low, high, whole=True), default)
-
-
-def _list_within(low: float, high: float, length: int) -> Any:
-    """At most `length` numbers in [low, high]."""
-    return key(numbers(low, high, length), ())
-
-
-def _one_of(default: str | None, *allowed: str) -> Any:
-    return key(words(*allowed), default)
-
-
-@dataclass(frozen=True)
-class TrueTire:
+class TrueTire(Record):
     """[tire]. What the setup says of the tire, and the stiffnesses that only the truth knows.
 
     Beam: EJ, k, mu, patch half length L = L_ref (F / reference load)^exponent. Ring (centre line of
@@ -215,56 +198,58 @@ class TrueTire:
     resists its wind-up.
     """
 
-    name: str = "215/45 R17"
-    unloaded_radius_m: float = _within(0.3126, 0.05, 3.0)
-    rolling_radius_m: float = _within(0.305, 0.05, 3.0)
-    section_height_m: float = _within(0.018, 1e-3, 0.2)
-    width_m: float = _within(0.215, 0.01, 2.0)
-    section_area_m2: float = _within(6.2e-4, 1e-6, 1.0)
-    viscosity_Pa_s: float = _within(2.0e3, 0.0, 1e9)
-    static_footprint_length_m: float | None = _within(None, 0.0, 2.0)
-    flexural_stiffness_N_m2: float | None = _within(None, 1e-3, 1e4)
-    foundation_stiffness_N_m2: float = _within(2.0e6, 1e3, 1e10)
-    line_mass_kg_m: float = _within(4.5, 0.0, 1e3)
-    patch_half_length_m: float = _within(0.058, 1e-3, 0.4)
-    reference_load_N: float = _within(3434.0, 1.0, 1e6)
-    patch_load_exponent: float = _within(0.5, 0.0, 3.0)
-    lever_arm_m: float = _within(3.0e-4, 0.0, 0.1)
-    damping_rate_1_s: float = _within(0.0, 0.0, 1e5)
-    contact: str = _one_of("flat_road", *CONTACTS)
-    radial_stiffness_N_m2: float = _within(6.3e5, 1e3, 1e9)
-    tangential_stiffness_N_m2: float = _within(6.3e5, 1e3, 1e9)
-    radial_damping_N_s_m2: float = _within(0.0, 0.0, 1e6)
-    tangential_damping_N_s_m2: float = _within(0.0, 0.0, 1e6)
-    width_belt_m: float = _within(0.14, 0.0, 2.0)
-    tread_stiffness_N_m2: float = _within(8.75e7, 1e5, 1e11)
-    torsional_stiffness_N_m2: float | None = _within(None, 1e3, 1e9)
-    slip_stiffness_N: float | None = _within(None, 1e3, 1e9)
-    hub_mass_kg: float = _within(20.0, 0.1, 1e4)
-    hub_inertia_kg_m2: float = _within(0.8, 1e-3, 1e4)
-    bristle_stiffness_N_m2: float = _within(1.9e6, 0.0, 1e10)
-    friction: float = _within(0.8, 0.0, 5.0)
+    keys: ClassVar = {
+        "name": (TEXT, "215/45 R17"),
+        "unloaded_radius_m": (number(0.05, 3.0), 0.3126),
+        "rolling_radius_m": (number(0.05, 3.0), 0.305),
+        "section_height_m": (number(1e-3, 0.2), 0.018),
+        "width_m": (number(0.01, 2.0), 0.215),
+        "section_area_m2": (number(1e-6, 1.0), 6.2e-4),
+        "viscosity_Pa_s": (number(0.0, 1e9), 2.0e3),
+        "static_footprint_length_m": (number(0.0, 2.0), None),
+        "flexural_stiffness_N_m2": (number(1e-3, 1e4), None),
+        "foundation_stiffness_N_m2": (number(1e3, 1e10), 2.0e6),
+        "line_mass_kg_m": (number(0.0, 1e3), 4.5),
+        "patch_half_length_m": (number(1e-3, 0.4), 0.058),
+        "reference_load_N": (number(1.0, 1e6), 3434.0),
+        "patch_load_exponent": (number(0.0, 3.0), 0.5),
+        "lever_arm_m": (number(0.0, 0.1), 3.0e-4),
+        "damping_rate_1_s": (number(0.0, 1e5), 0.0),
+        "contact": (words(*CONTACTS), "flat_road"),
+        "radial_stiffness_N_m2": (number(1e3, 1e9), 6.3e5),
+        "tangential_stiffness_N_m2": (number(1e3, 1e9), 6.3e5),
+        "radial_damping_N_s_m2": (number(0.0, 1e6), 0.0),
+        "tangential_damping_N_s_m2": (number(0.0, 1e6), 0.0),
+        "width_belt_m": (number(0.0, 2.0), 0.14),
+        "tread_stiffness_N_m2": (number(1e5, 1e11), 8.75e7),
+        "torsional_stiffness_N_m2": (number(1e3, 1e9), None),
+        "slip_stiffness_N": (number(1e3, 1e9), None),
+        "hub_mass_kg": (number(0.1, 1e4), 20.0),
+        "hub_inertia_kg_m2": (number(1e-3, 1e4), 0.8),
+        "bristle_stiffness_N_m2": (number(0.0, 1e10), 1.9e6),
+        "friction": (number(0.0, 5.0), 0.8),
+    }
 
 
-@dataclass(frozen=True)
-class TrueConditions:
+class TrueConditions(Record):
     """The table [conditions] of a scenario.
 
     `warm_up_K` is the rise of the tire's temperature, first order with `warm_up_time_s`, from the
     log's start.
     """
 
-    load_N: float = _within(3434.0, 1.0, 1e6)
-    inflation_pressure_Pa: float = _within(2.2e5, 0.0, 1e8)
-    distance_km: float = _within(0.0, 0.0, 1e6)
-    water_depth_mm: float = _within(0.0, 0.0, 100.0)
-    driven: bool = True
-    warm_up_K: float = _within(0.0, -100.0, 200.0)
-    warm_up_time_s: float = _within(60.0, 0.1, 1e5)
+    keys: ClassVar = {
+        "load_N": (number(1.0, 1e6), 3434.0),
+        "inflation_pressure_Pa": (number(0.0, 1e8), 2.2e5),
+        "distance_km": (number(0.0, 1e6), 0.0),
+        "water_depth_mm": (number(0.0, 100.0), 0.0),
+        "driven": (FLAG, True),
+        "warm_up_K": (number(-100.0, 200.0), 0.0),
+        "warm_up_time_s": (number(0.1, 1e5), 60.0),
+    }
 
 
-@dataclass(frozen=True)
-class Vehicle:
+class Vehicle(Record):
     """The table [vehicle] of a scenario.
 
     Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in
@@ -272,15 +257,16 @@ class Vehicle:
     body that stands still.
     """
 
-    mass_kg: float = _within(1500.0, 1.0, 1e5)
-    brake_share: float = _within(0.25, 0.0, 1.0)
-    rolling_drag: float = _within(0.012, 0.0, 1.0)
-    air_drag_kg_m: float = _within(0.4, 0.0, 100.0)
-    suspension_damping_N_s_m: float = _within(0.0, 0.0, 1e6)
+    keys: ClassVar = {
+        "mass_kg": (number(1.0, 1e5), 1500.0),
+        "brake_share": (number(0.0, 1.0), 0.25),
+        "rolling_drag": (number(0.0, 1.0), 0.012),
+        "air_drag_kg_m": (number(0.0, 100.0), 0.4),
+        "suspension_damping_N_s_m": (number(0.0, 1e6), 0.0),
+    }
 
 
-@dataclass(frozen=True)
-class Road:
+class Road(Record):
     """The table [road] of a scenario, and how the load varies along it.
 
     `roughness` relative standard deviation of the load along the road, correlated over
@@ -294,61 +280,65 @@ class Road:
     start, and comes again every `spacing_m` (a cleat or a profile).
     """
 
-    roughness: float = _within(0.0, 0.0, 0.2)
-    correlation_m: float = _within(2.0, 0.2, 100.0)
-    load_scatter: float = _within(0.0, 0.0, 0.2)
-    kind: str = _one_of("flat", *ROADS)
-    height_m: float | None = _within(None, -1.0, 1.0)
-    length_m: float | None = _within(None, 0.0, 100.0)
-    ramp_m: float | None = _within(None, 0.0, 100.0)
-    amplitude_m: float | None = _within(None, -1.0, 1.0)
-    wavelength_m: float | None = _within(None, 0.0, 1e4)
-    file: str | None = None
-    position_m: float | None = _within(None, 0.0, 1e6)
-    spacing_m: float | None = _within(None, 0.0, 1e6)
+    keys: ClassVar = {
+        "roughness": (number(0.0, 0.2), 0.0),
+        "correlation_m": (number(0.2, 100.0), 2.0),
+        "load_scatter": (number(0.0, 0.2), 0.0),
+        "kind": (words(*ROADS), "flat"),
+        "height_m": (number(-1.0, 1.0), None),
+        "length_m": (number(0.0, 100.0), None),
+        "ramp_m": (number(0.0, 100.0), None),
+        "amplitude_m": (number(-1.0, 1.0), None),
+        "wavelength_m": (number(0.0, 1e4), None),
+        "file": (TEXT, None),
+        "position_m": (number(0.0, 1e6), None),
+        "spacing_m": (number(0.0, 1e6), None),
+    }
 
 
-@dataclass(frozen=True)
-class LoadStep:
+class LoadStep(Record):
     """A step of the load, from [[load_steps]] (coupled ring only).
 
     From `time_s` on the wheel carries `load_N`, reached within `rise_s`.
     """
 
-    time_s: float = _within(0.0, 0.0, 1e5)
-    load_N: float = _within(3434.0, 1.0, 1e6)
-    rise_s: float = _within(0.02, 1e-3, 1e3)
+    keys: ClassVar = {
+        "time_s": (number(0.0, 1e5), 0.0),
+        "load_N": (number(1.0, 1e6), 3434.0),
+        "rise_s": (number(1e-3, 1e3), 0.02),
+    }
 
 
 #: harmonics of the wheel that run-out and force variation may have
 WHEEL_HARMONICS = 3
 
 
-@dataclass(frozen=True)
-class RunOut:
+class RunOut(Record):
     """The table [nuisances.run_out] of a scenario: strain that goes round with the wheel.
 
     The h-th harmonic adds amplitude cos(h (wheel angle) - phase) to every strain channel, whatever
     the road does: a bent rim, a splice far away, an eccentric hub.
     """
 
-    amplitudes_microstrain: tuple[float, ...] = _list_within(0.0, 1e3, WHEEL_HARMONICS)
-    phases_deg: tuple[float, ...] = _list_within(-360.0, 360.0, WHEEL_HARMONICS)
+    keys: ClassVar = {
+        "amplitudes_microstrain": (numbers(0.0, 1e3, WHEEL_HARMONICS), ()),
+        "phases_deg": (numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
+    }
 
 
-@dataclass(frozen=True)
-class ForceVariation:
+class ForceVariation(Record):
     """The table [nuisances.force_variation] of a scenario: load that varies with the wheel's turn.
 
     The load is multiplied by 1 + sum of share cos(h (wheel angle) - phase).
     """
 
-    shares: tuple[float, ...] = _list_within(0.0, 0.1, WHEEL_HARMONICS)
-    phases_deg: tuple[float, ...] = _list_within(-360.0, 360.0, WHEEL_HARMONICS)
+    keys: ClassVar = {
+        "shares": (numbers(0.0, 0.1, WHEEL_HARMONICS), ()),
+        "phases_deg": (numbers(-360.0, 360.0, WHEEL_HARMONICS), ()),
+    }
 
 
-@dataclass(frozen=True)
-class LoadWander:
+class LoadWander(Record):
     """The table [nuisances.load_wander] of a scenario: grade and wind.
 
     The load is multiplied by 1 + an Ornstein-Uhlenbeck process of standard deviation `share`,
@@ -356,12 +346,13 @@ class LoadWander:
     [road] load_scatter.
     """
 
-    share: float = _within(0.0, 0.0, 0.1)
-    time_constant_s: float = _within(3.0, 1.0, 1e4)
+    keys: ClassVar = {
+        "share": (number(0.0, 0.1), 0.0),
+        "time_constant_s": (number(1.0, 1e4), 3.0),
+    }
 
 
-@dataclass(frozen=True)
-class Warming:
+class Warming(Record):
     """The table [nuisances.warming] of a scenario: what the tire's temperature changes.
 
     Relative changes per K of `warm_up_K` under [conditions]: foundation (the ring's both
@@ -370,43 +361,46 @@ class Warming:
     inflation_pressure or temperature follows.
     """
 
-    stiffness_per_K: float = _within(0.0, -0.02, 0.02)
-    bending_per_K: float = _within(0.0, -0.02, 0.02)
-    patch_length_per_K: float = _within(0.0, -0.02, 0.02)
-    pressure_per_K: float = _within(0.0, -0.02, 0.02)
-    strain_per_K: float = _within(0.0, -1e-4, 1e-4)
+    keys: ClassVar = {
+        "stiffness_per_K": (number(-0.02, 0.02), 0.0),
+        "bending_per_K": (number(-0.02, 0.02), 0.0),
+        "patch_length_per_K": (number(-0.02, 0.02), 0.0),
+        "pressure_per_K": (number(-0.02, 0.02), 0.0),
+        "strain_per_K": (number(-1e-4, 1e-4), 0.0),
+    }
 
 
-@dataclass(frozen=True)
-class RollingRadius:
+class RollingRadius(Record):
     """The table [nuisances.rolling_radius] of a scenario: the setup's radius is not the true one.
 
     True rolling radius = the setup's (1 + `error`) (1 + `growth` (v/`at_speed_m_s`)^2): the belt is
     longer at speed, so that the wheel turns less.
     """
 
-    error: float = _within(0.0, -0.1, 0.1)
-    growth: float = _within(0.0, 0.0, 0.1)
-    at_speed_m_s: float = _within(25.0, 1.0, 120.0)
+    keys: ClassVar = {
+        "error": (number(-0.1, 0.1), 0.0),
+        "growth": (number(0.0, 0.1), 0.0),
+        "at_speed_m_s": (number(1.0, 120.0), 25.0),
+    }
 
 
-@dataclass(frozen=True)
-class Nuisances:
+class Nuisances(Record):
     """The table [nuisances] of a scenario: what every car has and no model of the tire tells.
 
     Absent: none. What an instrument does (coloured noise, hum, digits, lost peaks) stands with its
     channel, scatter of the load with the road, the patch's exponent with the tire.
     """
 
-    run_out: RunOut = RunOut()
-    force_variation: ForceVariation = ForceVariation()
-    load_wander: LoadWander = LoadWander()
-    warming: Warming = Warming()
-    rolling_radius: RollingRadius = RollingRadius()
+    keys: ClassVar = {
+        "run_out": (table_of(RunOut), RunOut()),
+        "force_variation": (table_of(ForceVariation), ForceVariation()),
+        "load_wander": (table_of(LoadWander), LoadWander()),
+        "warming": (table_of(Warming), Warming()),
+        "rolling_radius": (table_of(RollingRadius), RollingRadius()),
+    }
 
 
-@dataclass(frozen=True)
-class Manoeuvre:
+class Manoeuvre(Record):
     """A manoeuvre, from [[manoeuvres]].
 
     `duration_s` seconds to `speed_m_s` at constant acceleration, corners rounded over
@@ -414,13 +408,14 @@ class Manoeuvre:
     drive, > -1.5 coast, else brake.
     """
 
-    duration_s: float = _within(5.0, 0.05, 1e5)
-    speed_m_s: float = _within(10.0, 0.0, 120.0)
-    regime: str | None = _one_of(None, *REGIMES)
+    keys: ClassVar = {
+        "duration_s": (number(0.05, 1e5), 5.0),
+        "speed_m_s": (number(0.0, 120.0), 10.0),
+        "regime": (words(*REGIMES), None),
+    }
 
 
-@dataclass(frozen=True)
-class Sensor:
+class Sensor(Record):
     """A sensor, from [channels.NAME].
 
     One instrument channel. `noise` and `quantisation` are in the unit that the file holds (nm,
@@ -437,46 +432,47 @@ class Sensor:
     `missing_teeth`, `extra_teeth`.
     """
 
-    kind: str = _one_of("", *SOURCE_UNITS)
-    source: str = ""
-    sampling_rate_Hz: float = _within(2500.0, 1.0, 1e6)
-    angle_deg: float = _within(0.0, -360.0, 360.0)
-    surface: str = _one_of("outer", "outer", "inner")
-    noise: float = _within(0.0, 0.0, 1e6)
-    noise_correlation: float = _within(0.0, 0.0, 0.999)
-    hum: float = _within(0.0, 0.0, 1e6)
-    hum_Hz: float = _within(50.0, 0.1, 1e5)
-    flicker: float = _within(0.0, 0.0, 1e6)
-    quantisation: float = _within(0.0, 0.0, 1e6)
-    lost_fraction: float = _within(0.0, 0.0, 0.9)
-    lost_run: float = _within(1.0, 1.0, 1e4)
-    lost_at_flanks: float = _within(0.0, 0.0, 0.9)
-    jitter_s: float = _within(0.0, 0.0, 0.1)
-    gauge_length_m: float = _within(0.0, 0.0, 0.2)
-    lag_s: float = _within(0.0, 0.0, 1.0)
-    delay_s: float = _within(0.0, 0.0, 1.0)
-    bandwidth_Hz: float | None = _within(None, 1.0, 1e6)
-    coupling_Hz: float = _within(0.0, 0.0, 100.0)
-    baseline: float = _within(0.0, -0.1, 0.1)
-    reference_wavelength_nm: float = _within(1550.0, 100.0, 1e5)
-    strain_gain: float = _within(1.27, 0.1, 100.0)
-    thermal_expansion_1_K: float = _within(0.0, -1.0, 1.0)
-    temperature_sensitivity_nm_K: float = _within(0.010, 1e-6, 10.0)
-    temperature_channel: str | None = None
-    range: float | None = _within(None, 1e-9, 1e9)
-    bits: int | None = _whole(None, 4, 32)
-    steps: int = _whole(48, 2, 10000)
-    signal: str = _one_of("sine", "sine", "square", "counter")
-    amplitude: float = _within(1.0, 1e-6, 1e3)
-    offset: float = _within(0.0, -1e3, 1e3)
-    pitch_error_deg: float = _within(0.0, 0.0, 5.0)
-    pitch_seed: int = _whole(0, 0, 2**31)
-    missing_teeth: tuple[int, ...] = key(numbers(0, whole=True), ())
-    extra_teeth: tuple[int, ...] = key(numbers(0, whole=True), ())
+    keys: ClassVar = {
+        "kind": (words(*SOURCE_UNITS), ""),
+        "source": (TEXT, ""),
+        "sampling_rate_Hz": (number(1.0, 1e6), 2500.0),
+        "angle_deg": (number(-360.0, 360.0), 0.0),
+        "surface": (words("outer", "inner"), "outer"),
+        "noise": (number(0.0, 1e6), 0.0),
+        "noise_correlation": (number(0.0, 0.999), 0.0),
+        "hum": (number(0.0, 1e6), 0.0),
+        "hum_Hz": (number(0.1, 1e5), 50.0),
+        "flicker": (number(0.0, 1e6), 0.0),
+        "quantisation": (number(0.0, 1e6), 0.0),
+        "lost_fraction": (number(0.0, 0.9), 0.0),
+        "lost_run": (number(1.0, 1e4), 1.0),
+        "lost_at_flanks": (number(0.0, 0.9), 0.0),
+        "jitter_s": (number(0.0, 0.1), 0.0),
+        "gauge_length_m": (number(0.0, 0.2), 0.0),
+        "lag_s": (number(0.0, 1.0), 0.0),
+        "delay_s": (number(0.0, 1.0), 0.0),
+        "bandwidth_Hz": (number(1.0, 1e6), None),
+        "coupling_Hz": (number(0.0, 100.0), 0.0),
+        "baseline": (number(-0.1, 0.1), 0.0),
+        "reference_wavelength_nm": (number(100.0, 1e5), 1550.0),
+        "strain_gain": (number(0.1, 100.0), 1.27),
+        "thermal_expansion_1_K": (number(-1.0, 1.0), 0.0),
+        "temperature_sensitivity_nm_K": (number(1e-6, 10.0), 0.010),
+        "temperature_channel": (TEXT, None),
+        "range": (number(1e-9, 1e9), None),
+        "bits": (number(4, 32, whole=True), None),
+        "steps": (number(2, 10000, whole=True), 48),
+        "signal": (words("sine", "square", "counter"), "sine"),
+        "amplitude": (number(1e-6, 1e3), 1.0),
+        "offset": (number(-1e3, 1e3), 0.0),
+        "pitch_error_deg": (number(0.0, 5.0), 0.0),
+        "pitch_seed": (number(0, 2**31, whole=True), 0),
+        "missing_teeth": (numbers(0, whole=True), ()),
+        "extra_teeth": (numbers(0, whole=True), ()),
+    }
 
 
-@dataclass(frozen=True)
-class Ramp:
+class Ramp(Record):
     """The table [ramp] of a scenario.
 
     A static inflation test: from `start_Pa` at `begin_s` to `end_Pa` at `end_s`, with stops of
@@ -484,62 +480,17 @@ class Ramp:
     times 1 + bend x rise.
     """
 
-    start_Pa: float = _within(1.7e5, 0.0, 1e8)
-    end_Pa: float = _within(2.3e5, 0.0, 1e8)
-    begin_s: float = _within(1.0, 0.0, 1e5)
-    end_s: float = _within(13.0, 0.1, 1e5)
-    stops_s: tuple[float, ...] = key(numbers(0.0), ())
-    stop_length_s: float = _within(1.0, 0.05, 1e4)
-    leak_Pa: float = _within(0.0, 0.0, 1e6)
-    strain_per_Pa: float = _within(1.0e-8, -1e-5, 1e-5)
-    bend_1_Pa: float = _within(0.0, -1e-4, 1e-4)
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """A whole scenario.
-
-    `seed` decides every random number; `grid_points` the fineness of the truth; `knot_s` how often,
-    in seconds of the log, the waveform is solved anew (beam and ring); `step_s` the coupled ring's
-    step in time, with an element of the belt for every eight of the grid's points.
-    """
-
-    manoeuvres: tuple[Manoeuvre, ...]
-    channels: Mapping[str, Sensor]
-    tire: TrueTire = TrueTire()
-    conditions: TrueConditions = TrueConditions()
-    vehicle: Vehicle = Vehicle()
-    road: Road = Road()
-    nuisances: Nuisances = Nuisances()
-    effects: tuple[Planted, ...] = ()
-    truth: str = _one_of("beam", *TRUTHS)
-    seed: int = _whole(0, 0, 2**62)
-    grid_points: int = _whole(2048, 256, 65536)
-    knot_s: float = _within(0.05, 0.005, 0.05)
-    step_s: float = _within(2.5e-5, 1e-7, 1e-2)
-    rounding_s: float = _within(0.5, 0.05, 5.0)
-    ramp: Ramp | None = None
-    load_steps: tuple[LoadStep, ...] = ()
-
-    def planted(self, name: str) -> Planted | None:
-        """The planted effect of that name, or None."""
-        return next((effect for effect in self.effects if effect.name == name), None)
-
-    @property
-    def duration_s(self) -> float:
-        return sum(m.duration_s for m in self.manoeuvres)
-
-
-# ---- The scenario file: TOML becomes a validated Scenario, or an error that says what is allowed.
-
-#: what must be left of a stiffness, a length or the pressure when the tire is warm: less is no
-#: tire; twice as much would refuse a foundation that loses half
-LEAST_WHEN_WARM = 0.3
-#: a drive of so long [s], and so many samples of one channel, are simulated at most: a sample takes
-#: up to 140 bytes, so that 850 MB suffice (ten minutes at 10 kHz); twice as many would take 1.7 GB
-LONGEST_S = 7200.0
-MOST_SAMPLES = 6_000_000
-_PLAIN = ("truth", "seed", "grid_points", "knot_s", "step_s", "rounding_s")
+    keys: ClassVar = {
+        "start_Pa": (number(0.0, 1e8), 1.7e5),
+        "end_Pa": (number(0.0, 1e8), 2.3e5),
+        "begin_s": (number(0.0, 1e5), 1.0),
+        "end_s": (number(0.1, 1e5), 13.0),
+        "stops_s": (numbers(0.0), ()),
+        "stop_length_s": (number(0.05, 1e4), 1.0),
+        "leak_Pa": (number(0.0, 1e6), 0.0),
+        "strain_per_Pa": (number(-1e-5, 1e-5), 1.0e-8),
+        "bend_1_Pa": (number(-1e-4, 1e-4), 0.0),
+    }
 
 
 class _Effect:
@@ -568,64 +519,98 @@ class _Effect:
         return Planted(name, form, {**planted.parameters, **given})
 
 
-_SCENARIO = Table(
-    {
-        **{name: kinds_of(Scenario)[name] for name in _PLAIN},
-        "tire": table_of(TrueTire),
-        "conditions": table_of(TrueConditions),
-        "vehicle": table_of(Vehicle),
-        "road": table_of(Road),
-        "nuisances": Table(
-            {f.name: table_of(type(getattr(Nuisances(), f.name))) for f in fields(Nuisances)},
-            Nuisances,
-        ),
-        "manoeuvres": Entries(table_of(Manoeuvre)),
-        "channels": Named(table_of(Sensor, "kind")),
-        "effects": Entries(_Effect()),
-        "ramp": table_of(Ramp),
-        "load_steps": Entries(table_of(LoadStep)),
-    }
-)
+@dataclass(frozen=True)
+class Scenario:
+    """A whole scenario.
+
+    `seed` decides every random number; `grid_points` the fineness of the truth; `knot_s` how often,
+    in seconds of the log, the waveform is solved anew (beam and ring); `step_s` the coupled ring's
+    step in time, with an element of the belt for every eight of the grid's points.
+    """
+
+    manoeuvres: tuple[Manoeuvre, ...] = key(Entries(table_of(Manoeuvre)), ())
+    channels: Mapping[str, Sensor] = field(
+        default_factory=dict, metadata={"kind": Named(table_of(Sensor, "kind"))}
+    )
+    tire: TrueTire = key(table_of(TrueTire), TrueTire())
+    conditions: TrueConditions = key(table_of(TrueConditions), TrueConditions())
+    vehicle: Vehicle = key(table_of(Vehicle), Vehicle())
+    road: Road = key(table_of(Road), Road())
+    nuisances: Nuisances = key(table_of(Nuisances), Nuisances())
+    effects: tuple[Planted, ...] = key(Entries(_Effect()), ())
+    truth: str = key(words(*TRUTHS), "beam")
+    seed: int = key(number(0, 2**62, whole=True), 0)
+    grid_points: int = key(number(256, 65536, whole=True), 2048)
+    knot_s: float = key(number(0.005, 0.05), 0.05)
+    step_s: float = key(number(1e-7, 1e-2), 2.5e-5)
+    rounding_s: float = key(number(0.05, 5.0), 0.5)
+    ramp: Ramp | None = key(table_of(Ramp))
+    load_steps: tuple[LoadStep, ...] = key(Entries(table_of(LoadStep)), ())
+
+    def planted(self, name: str) -> Planted | None:
+        """The planted effect of that name, or None."""
+        return next((effect for effect in self.effects if effect.name == name), None)
+
+    def late_s(self, sensor: Sensor) -> float:
+        """Delay [s] of a channel's values behind their stamps: its own, and planted telemetry's."""
+        delay = self.planted("telemetry_delay")
+        of_telemetry = delay is not None and sensor.kind == "radial_acceleration"
+        return sensor.delay_s + (delay["delay_s"] if delay and of_telemetry else 0.0)
+
+    @property
+    def duration_s(self) -> float:
+        return sum(m.duration_s for m in self.manoeuvres)
 
 
-def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
-    """The scenario in TOML tables `data`.  UsageError for anything that is not allowed."""
-    return _scenario(Document("", UsageError, "a scenario", file), data)
+# ---- The scenario file: TOML becomes a validated Scenario, or an error that says what is allowed.
+
+#: what must be left of a stiffness, a length or the pressure when the tire is warm: less is no
+#: tire; twice as much would refuse a foundation that loses half
+LEAST_WHEN_WARM = 0.3
+#: a drive of so long [s], and so many samples of one channel, are simulated at most: a sample takes
+#: up to 140 bytes, so that 850 MB suffice (ten minutes at 10 kHz); twice as many would take 1.7 GB
+LONGEST_S, MOST_SAMPLES = 7200.0, 6_000_000
 
 
 def load_scenario(path: Path | str) -> Scenario:
     """The scenario file at `path`."""
     text = toml_text(path, UsageError, what="a scenario", advice="give another")
-    document = Document(text, UsageError, "a scenario", str(path))
-    return _scenario(document, document.tables)
+    return scenario_of(None, str(path), text)
 
 
-def _scenario(document: Document, data: Mapping[str, Any]) -> Scenario:
-    """The scenario of the document's tables."""
-    place = FilePlace(document)
-    values = _SCENARIO.read(data, place)
+def scenario_of(
+    tables: Mapping[str, Any] | None, file: str | None = None, text: str = ""
+) -> Scenario:
+    """The scenario in TOML `tables`, or in a file's `text`.
+
+    UsageError for anything that is not allowed.
+    """
+    document = Document(text, UsageError, "a scenario", file)
+    data, place = document.tables if tables is None else tables, FilePlace(document)
+    scenario: Scenario = table_of(Scenario).read(data, place)
     place.refuse(
         (
-            not values.get("manoeuvres"),
+            not scenario.manoeuvres,
             "manoeuvres",
             "no manoeuvres",
             "a drive is a list of [[manoeuvres]] with duration_s and speed_m_s",
             "add one",
         ),
         (
-            not values.get("channels"),
+            not scenario.channels,
             "channels",
             "no channels",
             'a log has at least one [channels.NAME] with kind = "..."',
             "add one",
         ),
     )
-    steps = sorted(values.pop("load_steps", ()), key=lambda step: float(step.time_s))
-    scenario = Scenario(**values, load_steps=tuple(steps))
-    if scenario.road.file:
+    road = scenario.road
+    if road.file:
         # a profile stands beside its scenario
-        profile = Path(str(document.file or "")).parent / scenario.road.file
-        scenario = replace(scenario, road=replace(scenario.road, file=str(profile.resolve())))
+        profile = Path(str(document.file or "")).parent / road.file
+        road = replace(road, file=str(profile.resolve()))
+    steps = sorted(scenario.load_steps, key=lambda step: float(step.time_s))
+    scenario = replace(scenario, road=road, load_steps=tuple(steps))
     _check(scenario, place)
     return scenario
 

@@ -7,7 +7,10 @@ World --chunks of knots--> tables (b, points)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import partial
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,27 +18,21 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from tirelog.simulation.scenario.drive import GRAVITY_M_S2, force_of_road
-from tirelog.simulation.scenario.schema import Scenario, Sensor
+from tirelog.simulation.scenario.schema import PLANTABLE, Nuisances, Scenario, Sensor
 from tirelog.simulation.steady import waveforms
 from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S
-from tirelog.simulation.steady.waveforms import LOAD_STEP, World, chunks, family
+from tirelog.simulation.steady.waveforms import CHUNK, LOAD_STEP, World, chunks
+from tirelog.version import __version__
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
 # ---- The wheel as a body: longitudinal force, wind-up, passages of a sensor, and the encoder's
 # teeth.
 #
 # Sign: the phase shift is the wheel angle at the patch's middle minus its value at rest; drive
-# winds
-# the hub ahead of the belt, so it is positive in drive and negative in braking. A sensor at the
-# place
-# beta passes the patch centre when the wheel angle is beta + shift.
-
-
-def longitudinal_force(world: World, time_s: FloatArray) -> FloatArray:
-    """Longitudinal force of the road on the wheel [N], drive positive."""
-    return force_of_road(world.scenario, world.drive, time_s)
+# winds the hub ahead of the belt, so it is positive in drive and negative in braking. A sensor at
+# the place beta passes the patch centre when the wheel angle is beta + shift.
 
 
 def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
@@ -48,7 +45,7 @@ def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
     shift = np.zeros_like(time_s)
     stiffness = scenario.tire.torsional_stiffness_N_m2
     if stiffness is not None:
-        shift = shift + longitudinal_force(world, time_s) / (
+        shift = shift + world.longitudinal_force(time_s) / (
             2 * np.pi * world.drive.radius_m**2 * stiffness
         )
     trend, crosstalk = scenario.planted("speed_trend"), scenario.planted("load_crosstalk")
@@ -85,22 +82,25 @@ def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
     return time
 
 
-def pitch_table(world: World, sensor: Sensor) -> FloatArray:
-    """How far each tooth stands from its place [rad], shape (steps,).
+def pitch_tables(world: World) -> dict[str, FloatArray]:
+    """How far each tooth of every encoder stands from its place [rad], shape (steps,) each.
 
     Run-out and single teeth, zero mean, at most the given error. The tone wheel's own seed draws
     it, so that several logs share one wheel.
     """
-    random = np.random.default_rng(sensor.pitch_seed)
-    effect = world.scenario.planted("tooth_pitch")
-    largest = np.radians(effect["error_deg"] if effect is not None else sensor.pitch_error_deg)
-    place = 2 * np.pi * np.arange(sensor.steps) / sensor.steps
-    error = np.cos(place + random.uniform(0, 2 * np.pi)) + 0.4 * np.cos(
-        2 * place + random.uniform(0, 2 * np.pi)
-    )
-    error = error + 0.35 * random.standard_normal(sensor.steps)
-    error -= error.mean()
-    return np.asarray(error * (largest / max(np.abs(error).max(), 1e-12)))
+    tables, effect = {}, world.scenario.planted("tooth_pitch")
+    for name, sensor in world.scenario.channels.items():
+        if sensor.kind == "wheel_encoder":
+            random = np.random.default_rng(sensor.pitch_seed)
+            largest = np.radians(effect["error_deg"] if effect else sensor.pitch_error_deg)
+            place = 2 * np.pi * np.arange(sensor.steps) / sensor.steps
+            error = np.cos(place + random.uniform(0, 2 * np.pi)) + 0.4 * np.cos(
+                2 * place + random.uniform(0, 2 * np.pi)
+            )
+            error = error + 0.35 * random.standard_normal(sensor.steps)
+            error -= error.mean()
+            tables[name] = np.asarray(error * (largest / max(np.abs(error).max(), 1e-12)))
+    return tables
 
 
 def encoder_signal(
@@ -135,10 +135,12 @@ def encoder_signal(
     return np.asarray(sensor.offset + amplitude * wave, float)
 
 
+#: times by channel [s], (n,) each
+Times: TypeAlias = Mapping[str, FloatArray]
 #: kinds that ride on the tread and read a waveform
 RIDING = (*STRAIN_KINDS, *ACCELERATION_KINDS)
 #: values of the unit in the file per SI unit, if they are not one
-PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / GRAVITY_M_S2}
+PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / STANDARD_GRAVITY_M_S2}
 #: points around the sample in the angle's interpolation
 ANGLE_POINTS, TIME_POINTS = 6, 4
 #: share of the steepest strain from which on a grating's peak counts as on a flank of the patch,
@@ -160,163 +162,117 @@ def lagrange(place: FloatArray, points: int) -> FloatArray:
     return weights
 
 
-@dataclass(frozen=True)
-class KnotPlaces:
-    """Where n samples lie in a table of b knots and `points` angles.
+def read_tables(
+    tables: list[FloatArray], time_place: FloatArray, turns: FloatArray, fluctuation: FloatArray
+) -> FloatArray:
+    """Values (n,) of a parabola in the load's `fluctuation` (n,), by its coefficients' tables.
 
-    First flat index (n,) and weights.
+    tables      (b, points) each, over knots in time and angles round the wheel
+    time_place  (n,) in knots from the tables' first
+    turns       (n,) the tread angle in turns, zero at the patch centre
     """
-
-    index: NDArray[np.intp]
-    weights_time: FloatArray
-    weights_angle: FloatArray
-    width: int
-
-    @classmethod
-    def of(
-        cls, knots: int, points: int, time_place: FloatArray, angle_turns: FloatArray
-    ) -> KnotPlaces:
-        """The places of samples in the table.
-
-        `time_place` in knots from the table's first; `angle_turns` the tread angle in turns,
-        zero at the patch centre.
-        """
-        row = np.clip(np.floor(time_place).astype(np.intp), 1, knots - 3)
-        column = ((angle_turns + 0.5) % 1.0) * points
-        left = np.clip(np.floor(column).astype(np.intp), 0, points - 1)
-        width = points + ANGLE_POINTS
-        index = (row - 1) * width + left + 1
-        return cls(
-            index,
-            lagrange(time_place - row, TIME_POINTS),
-            lagrange(column - left, ANGLE_POINTS),
-            width,
-        )
-
-    def read(self, table: FloatArray) -> FloatArray:
-        """Values (n,) of a table (b, points) at the places."""
+    knots, points = tables[0].shape
+    row = np.clip(np.floor(time_place).astype(np.intp), 1, knots - 3)
+    column = ((turns + 0.5) % 1.0) * points
+    left = np.clip(np.floor(column).astype(np.intp), 0, points - 1)
+    width = points + ANGLE_POINTS
+    index = (row - 1) * width + left + 1
+    in_time = lagrange(time_place - row, TIME_POINTS)
+    in_angle = lagrange(column - left, ANGLE_POINTS)
+    value = np.zeros(index.size)
+    for table in reversed(tables):
         flat = np.pad(table, ((0, 0), (ANGLE_POINTS // 2, ANGLE_POINTS // 2)), mode="wrap").ravel()
-        total = np.zeros(self.index.size)
-        for i, weight in enumerate(self.weights_time):
-            row = np.zeros(self.index.size)
-            for j, share in enumerate(self.weights_angle):
-                row += share * flat[self.index + (i * self.width + j)]
-            total += weight * row
-        return total
+        total = np.zeros(index.size)
+        for i, weight in enumerate(in_time):
+            along = np.zeros(index.size)
+            for j, share in enumerate(in_angle):
+                along += share * flat[index + (i * width + j)]
+            total += weight * along
+        value = total + fluctuation * value
+    return value
 
 
-@dataclass(frozen=True)
-class Trace:
-    """One sensor's moments of sampling.
+def moments_of(scenario: Scenario, random: np.random.Generator) -> tuple[Times, Times]:
+    """(stamps, moments at which the values were true) of every channel [s], (n,) each.
 
-    `stamp_s` what the log says, `moment_s` when the value was true (jitter, delay).
+    Jitter and delay part them.
     """
-
-    sensor: Sensor
-    stamp_s: FloatArray
-    moment_s: FloatArray
-
-
-def traces(scenario: Scenario, random: np.random.Generator) -> dict[str, Trace]:
-    """Every channel's moments."""
-    delay = scenario.planted("telemetry_delay")
-    out = {}
+    stamps, moments = {}, {}
     for name, sensor in scenario.channels.items():
-        stamp = (
-            np.arange(round(scenario.duration_s * sensor.sampling_rate_Hz))
-            / sensor.sampling_rate_Hz
-        )
-        moment = (
-            stamp + sensor.jitter_s * random.standard_normal(stamp.size)
-            if sensor.jitter_s
-            else stamp
-        )
-        late = sensor.delay_s
-        if delay is not None and sensor.kind == "radial_acceleration":
-            late += delay["delay_s"]
-        out[name] = Trace(sensor, stamp, moment - late)
-    return out
+        stamp = np.arange(round(scenario.duration_s * sensor.sampling_rate_Hz))
+        stamps[name] = moment = stamp / sensor.sampling_rate_Hz
+        if sensor.jitter_s:
+            moment = moment + sensor.jitter_s * random.standard_normal(stamp.size)
+        moments[name] = moment - scenario.late_s(sensor)
+    return stamps, moments
 
 
-def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArray]:
+def riding_values(world: World, moments: Times) -> dict[str, FloatArray]:
     """Clean values in SI of every channel that rides on the tread.
 
     Gravity and the vehicle's acceleration are in the accelerometers'.
     """
-    riding = {name: trace for name, trace in moments.items() if trace.sensor.kind in RIDING}
+    channels = world.scenario.channels
+    riding = {name: time for name, time in moments.items() if channels[name].kind in RIDING}
     if not riding:
         return {}
-    start = min(float(trace.moment_s.min()) for trace in riding.values())
-    values = {name: np.zeros(trace.moment_s.size) for name, trace in riding.items()}
+    values = {name: np.zeros(time.size) for name, time in riding.items()}
     turns = {
-        name: tread_angle(world, t.sensor, t.moment_s) / (2 * np.pi) for name, t in riding.items()
+        name: tread_angle(world, channels[name], time) / (2 * np.pi)
+        for name, time in riding.items()
     }
-    end = max(float(trace.moment_s.max()) for trace in riding.values())
-    for chunk in chunks(world, start, end):
-        span = chunk.span
+    first = min(float(time.min()) for time in riding.values())
+    last = max(float(time.max()) for time in riding.values())
+    for (begin, end, steps), solutions in chunks(world, first, last):
         tables: dict[object, list[FloatArray]] = {}
-        for name, trace in riding.items():
-            here = np.flatnonzero((trace.moment_s >= span.start_s) & (trace.moment_s < span.end_s))
+        for name, time in riding.items():
+            here = np.flatnonzero((time >= begin) & (time < end))
             if not here.size:
                 continue
-            key = (*family(trace.sensor), world.behind_first(trace.sensor))
+            sensor = channels[name]
+            # sensors that are alike in this share their waveforms
+            alike = ("kind", "surface", "gauge_length_m", "lag_s", "bandwidth_Hz")
+            key = (*(getattr(sensor, of) for of in alike), world.behind_first(sensor))
             if key not in tables:
-                tables[key] = _parabola(
-                    [world.waveform(solution, trace.sensor) for solution in chunk.solutions]
-                )
-            moment = trace.moment_s[here]
-            after = (moment - span.start_s) / span.step_s + 1.0
-            places = KnotPlaces.of(chunk.knots, world.ring.points, after, turns[name][here])
-            values[name][here] = _with_load(places, tables[key], world.fluctuation(moment))
-    for name, trace in riding.items():
-        values[name] += _slow(world, trace, turns[name])
+                tables[key] = waves = [world.waveform(one, sensor) for one in solutions]
+                if len(waves) == 3:  # a parabola through them, in the load's fluctuation
+                    middle, more, less = waves
+                    slope = (more - less) / (2 * LOAD_STEP)
+                    bend = (more + less - 2 * middle) / (2 * LOAD_STEP**2)
+                    tables[key] = [middle, slope, bend]
+            after = (time[here] - begin) / ((end - begin) / steps) + 1.0
+            varies = world.fluctuation(time[here])
+            values[name][here] = read_tables(tables[key], after, turns[name][here], varies)
+    for name, time in riding.items():
+        values[name] += _slow(world, channels[name], time, turns[name])
     return values
 
 
-def _parabola(waves: list[FloatArray]) -> list[FloatArray]:
-    """Coefficients of the parabola through three waveforms, in the load's relative fluctuation."""
-    if len(waves) == 1:
-        return waves
-    middle, more, less = waves
-    return [
-        middle,
-        (more - less) / (2 * LOAD_STEP),
-        (more + less - 2 * middle) / (2 * LOAD_STEP**2),
-    ]
-
-
-def _with_load(places: KnotPlaces, tables: list[FloatArray], fluctuation: FloatArray) -> FloatArray:
-    value = places.read(tables[-1])
-    for table in reversed(tables[:-1]):
-        value = places.read(table) + fluctuation * value
-    return value
-
-
-def _slow(world: World, trace: Trace, turns: FloatArray) -> FloatArray:
+def _slow(world: World, sensor: Sensor, time_s: FloatArray, turns: FloatArray) -> FloatArray:
     """What is added to the waveform.
 
     The strain's baseline, or gravity and the vehicle's acceleration along the outward radius.
     """
-    if trace.sensor.kind != "radial_acceleration":
-        return world.baseline(trace.moment_s, trace.sensor)
+    if sensor.kind != "radial_acceleration":
+        return world.baseline(time_s, sensor)
     angle = 2 * np.pi * turns
     # an accelerometer feels acceleration minus gravity; outwards is down at the patch, and
     # backwards towards the exit
-    forwards = world.drive.acceleration_at(trace.moment_s)
-    outwards = -GRAVITY_M_S2 * np.cos(angle) - forwards * np.sin(angle)
-    tilt = world.tilt(world.drive.speed_at(trace.moment_s))
+    forwards = world.drive.acceleration_at(time_s)
+    outwards = -STANDARD_GRAVITY_M_S2 * np.cos(angle) - forwards * np.sin(angle)
+    tilt = world.tilt(world.drive.speed_at(time_s))
     if tilt is None:
         return outwards
-    return outwards + tilt * (GRAVITY_M_S2 * np.sin(angle) - forwards * np.cos(angle))
+    return outwards + tilt * (STANDARD_GRAVITY_M_S2 * np.sin(angle) - forwards * np.cos(angle))
 
 
 def vehicle_values(
-    world: World, name: str, trace: Trace, tables: dict[str, FloatArray]
+    world: World, sensor: Sensor, time: FloatArray, table: FloatArray | None
 ) -> FloatArray:
-    """Clean values in SI of a channel that does not ride on the tread."""
-    time, kind = trace.moment_s, trace.sensor.kind
-    if kind == "wheel_encoder":
-        return encoder_signal(world, trace.sensor, time, tables[name])
+    """Clean values in SI of a channel that does not ride on the tread; `table`: an encoder's."""
+    kind = sensor.kind
+    if table is not None:
+        return encoder_signal(world, sensor, time, table)
     if kind == "vehicle_speed":
         return world.drive.speed_at(time) / (1.0 - world.slip(time))
     if kind == "longitudinal_acceleration":
@@ -324,21 +280,22 @@ def vehicle_values(
     if kind == "vertical_load":
         return world.load(time) * (1.0 + world.fluctuation(time))
     if kind == "longitudinal_force":
-        return longitudinal_force(world, time)
+        return world.longitudinal_force(time)
     if kind == "inflation_pressure":
         course = world.scenario.ramp
         return world.pressure(time) if course is None else waveforms.ramp_pressure(course, time)
     return world.temperature(time)
 
 
-def in_source_units(world: World, trace: Trace, clean: FloatArray) -> FloatArray:
+def in_source_units(
+    world: World, sensor: Sensor, time_s: FloatArray, clean: FloatArray
+) -> FloatArray:
     """SI values as the file's unit, without noise.
 
     FBG: the wavelength [nm] that P1 (1) turns back into the strain.
     """
-    sensor = trace.sensor
     if sensor.kind == "fbg_strain":
-        warm = sensor.thermal_expansion_1_K * world.temperature(trace.moment_s)
+        warm = sensor.thermal_expansion_1_K * world.temperature(time_s)
         return sensor.reference_wavelength_nm * (1.0 + (clean + warm) / sensor.strain_gain)
     if sensor.kind == "fbg_temperature":
         return sensor.reference_wavelength_nm + sensor.temperature_sensitivity_nm_K * clean
@@ -347,13 +304,13 @@ def in_source_units(world: World, trace: Trace, clean: FloatArray) -> FloatArray
     return clean * PER_SI.get(sensor.kind, 1.0)
 
 
-def coupled(trace: Trace, values: FloatArray) -> FloatArray:
+def coupled(sensor: Sensor, values: FloatArray) -> FloatArray:
     """Values (n,) behind the high-pass of an AC-coupled instrument: a charge that leaks away.
 
     The charge follows the value with the time constant; at the log's start it has followed it
     for long.
     """
-    cut, rate = trace.sensor.coupling_Hz, trace.sensor.sampling_rate_Hz
+    cut, rate = sensor.coupling_Hz, sensor.sampling_rate_Hz
     if not cut or not values.size:
         return values
     kept = np.exp(-2.0 * np.pi * cut / rate)
@@ -362,16 +319,16 @@ def coupled(trace: Trace, values: FloatArray) -> FloatArray:
     return np.asarray(values - charge, float)
 
 
-def flanks(world: World, trace: Trace, told: FloatArray) -> NDArray[np.bool_]:
+def flanks(world: World, sensor: Sensor, time_s: FloatArray, told: FloatArray) -> NDArray[np.bool_]:
     """Where the strain changes along the tread by more than FLANK of the most, (n,).
 
     There the grating's peak is broad, whatever the speed.
     """
-    if not trace.sensor.lost_at_flanks or trace.sensor.kind not in STRAIN_KINDS or told.size < 2:
+    if not sensor.lost_at_flanks or sensor.kind not in STRAIN_KINDS or told.size < 2:
         return np.zeros(told.size, bool)
-    way = world.drive.speed_at(trace.moment_s) / trace.sensor.sampling_rate_Hz
+    way = world.drive.speed_at(time_s) / sensor.sampling_rate_Hz
     slope = np.abs(np.gradient(told)) / np.maximum(way, 1e-6)
-    moving = way * trace.sensor.sampling_rate_Hz > SLOWEST_M_S
+    moving = way * sensor.sampling_rate_Hz > SLOWEST_M_S
     most = np.quantile(slope[moving], 0.999) if moving.any() else np.inf
     return np.asarray(moving & (slope > FLANK * most), bool)
 
@@ -426,7 +383,139 @@ def spoiled(
     return values
 
 
-def pitch_tables(world: World) -> dict[str, FloatArray]:
-    """The tone wheel's pitch table of every encoder."""
-    encoders = {n: s for n, s in world.scenario.channels.items() if s.kind == "wheel_encoder"}
-    return {name: pitch_table(world, sensor) for name, sensor in encoders.items()}
+# ---- The truth of a simulated log, ready for JSON.
+#
+# Times are the log's own stamps. Arrays have one value per passage of the patch; angles grow in the
+# direction of rolling.
+
+#: a channel's name and its delay [s] -> what is true at each of its passages, columns (n,)
+#: beginning with `time_s` in its own stamps
+Passages = Callable[[str, float], dict[str, FloatArray]]
+
+
+def steady_truth(
+    world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages | None = None
+) -> dict[str, Any]:
+    """The whole truth of a log.
+
+    `passed` gives a channel's passages if they are not the steady world's.
+    """
+    scenario = world.scenario
+    passed = passed or partial(_steady_passages, world)
+    # step of the wheel's motion in the truth [s]; twice as long shows quick manoeuvres half as
+    # finely in the truth file alone
+    time = np.arange(0.0, scenario.duration_s, 0.05)
+    return {
+        "tirelog_version": __version__,
+        "seed": scenario.seed,
+        "truth": scenario.truth,
+        "contact": "parabola" if scenario.truth == "beam" else scenario.tire.contact,
+        "tire": asdict(scenario.tire),
+        "conditions": asdict(scenario.conditions),
+        "road": asdict(scenario.road),
+        **({} if scenario.nuisances == Nuisances() else {"nuisances": asdict(scenario.nuisances)}),
+        "ramp": None if scenario.ramp is None else asdict(scenario.ramp),
+        "effects": planted_truth(scenario),
+        "manoeuvres": [asdict(part) for part in world.drive.parts],
+        "motion": {
+            "time_s": _list(time),
+            "wheel_angle_rad": _list(world.drive.angle_at(time)),
+            "speed_m_s": _list(world.drive.speed_at(time)),
+            "acceleration_m_s2": _list(world.drive.acceleration_at(time)),
+        },
+        "channels": {
+            name: _channel(scenario, name, passed)
+            for name, s in scenario.channels.items()
+            if s.kind in RIDING
+        },
+        "pitch_error_deg": {name: _list(np.degrees(table)) for name, table in pitch_rad.items()},
+    }
+
+
+def planted_truth(scenario: Scenario) -> list[dict[str, Any]]:
+    """Every planted effect: name, form, strength, parameters.
+
+    For one outside the catalogue also where it shows, parity, speed exponent, frequency.
+    """
+    out = []
+    for effect in scenario.effects:
+        known = PLANTABLE[effect.name]
+        entry: dict[str, Any] = {
+            "name": effect.name,
+            "form": effect.form,
+            "in_catalogue": known.in_catalogue,
+            "strength": effect[next(iter(known.parameters))],
+            "parameters": dict(effect.parameters),
+        }
+        if not known.in_catalogue:
+            entry.update(
+                where=known.where, parity=known.parity, speed_exponent=effect["speed_exponent"]
+            )
+            entry["frequency_Hz"] = effect[known.fixed] if known.fixed else None
+        out.append(entry)
+    if scenario.truth == "ring" and scenario.tire.contact == "parabola":
+        out.append(
+            {
+                "name": "ring_curvature",
+                "form": "exact",
+                "in_catalogue": True,
+                "strength": 1.0,
+                "parameters": {},
+            }
+        )
+    return out
+
+
+def _channel(scenario: Scenario, name: str, passed: Passages) -> dict[str, Any]:
+    """The passages of one sensor, in its own stamps (a delay makes them later)."""
+    sensor = scenario.channels[name]
+    late = scenario.late_s(sensor)
+    return {
+        "kind": sensor.kind,
+        "angle_deg": sensor.angle_deg,
+        "surface": sensor.surface,
+        "delay_s": late,
+        "passages": {key: _list(value) for key, value in passed(name, late).items()},
+    }
+
+
+def _steady_passages(world: World, name: str, late_s: float) -> dict[str, FloatArray]:
+    """The passages of one sensor of a steady world."""
+    sensor = world.scenario.channels[name]
+    time = passages(world, sensor, world.scenario.duration_s - late_s)
+    columns: dict[str, list[FloatArray]] = {}
+    for first in range(0, time.size, CHUNK):
+        for key, value in _passages(world, sensor, time[first : first + CHUNK]).items():
+            columns.setdefault(key, []).append(value)
+    return {
+        "time_s": time + late_s,
+        **{key: np.concatenate(values) for key, values in columns.items()},
+    }
+
+
+def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, FloatArray]:
+    """What is true at each of the passages `time` (n,), each (n,)."""
+    at = world.instants(time, 1.0 + world.fluctuation(time))
+    solution = world.solve(at)
+    slope = world.ring.inverse(world.ring.derivatives[1] * world.strain(solution, sensor))
+    radius = world.drive.radius_at(at.speed)
+    return {
+        "speed_m_s": at.speed,
+        "acceleration_m_s2": at.acceleration,
+        "load_N": at.load,
+        "longitudinal_force_N": world.longitudinal_force(time),
+        "slip": at.slip,
+        "contact_length_m": solution.exit_m - solution.entry_m,
+        "entry_m": solution.entry_m,
+        "exit_m": solution.exit_m,
+        "slip_onset_m": solution.onset_m,
+        "dissipation_factor_1_m": (slope**2).sum(axis=1) * world.ring.step_m / at.stretch,
+        "wheel_angle_rad": world.drive.angle_at(time),
+        "phase_shift_deg": np.degrees(phase_shift(world, time)),
+        "patch_width_deg": np.degrees((solution.exit_m - solution.entry_m) / radius),
+    }
+
+
+def _list(values: FloatArray) -> list[float | None]:
+    """Numbers for JSON to ten digits, None if there is none."""
+    return [float(f"{v:.10g}") if np.isfinite(v) else None for v in values]

@@ -12,19 +12,16 @@ c d/dxi (errata). Arrays of transforms are (b, points/2 + 1); b instants.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from tirelog.errors import UsageError
-from tirelog.simulation.scenario.schema import Planted, Scenario, Warming
+from tirelog.simulation.scenario.schema import BENDING_N_M2, Scenario, Warming
 from tirelog.simulation.steady.loads import ComplexArray, Instants, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
-#: EJ of a scenario that gives none, by its truth [N m^2]
-BENDING_N_M2 = {"beam": 4.0, "ring": 2.0}
 #: lengths over which the other forms of damping and tension act [m]
 DAMPED_LENGTH_M, SHEAR_LENGTH_M = 0.02, 0.02
 #: iterations for the hardening foundation, and the change at which they end, over the largest
@@ -92,10 +89,6 @@ class Carcass:
             do="plant less",
         )
 
-    def shape(self, w: FloatArray, derivative: int) -> ComplexArray:
-        """Transform of a derivative of w."""
-        return self.ring.derivatives[derivative] * self.ring.transform(w)
-
 
 def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
     """Strain per metre of lever arm from inward w, shape (m,).
@@ -109,9 +102,7 @@ def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
 
 
 def _derivatives(ring: Ring, at: Instants) -> Sequence[ComplexArray]:
-    """Transforms of the derivatives by xi along the belt as long as it is, (m,) or (b, m)."""
-    if not at.stretches:
-        return ring.derivatives
+    """Transforms of the derivatives by xi along the belt as long as it is, (b, m) each."""
     return [d / at.stretch[:, None] ** m for m, d in enumerate(ring.derivatives)]
 
 
@@ -126,41 +117,26 @@ def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) 
     Force inwards per inward displacement.
     """
     mass = scenario.tire.line_mass_kg_m
-    one, d1, *_ = derivatives = _derivatives(ring, at)
+    one, d1, d2, d3, _ = _derivatives(ring, at)
     total = np.zeros((len(at), one.shape[-1]), complex)
     rate = 2.0 * mass * at.speed[:, None]
     if scenario.truth == "beam":
         total += rate * scenario.tire.damping_rate_1_s * d1
     for effect in scenario.effects:
-        quarter = ring.quarter_turn
-        total += _structural(effect, derivatives, quarter, at, stiffness, rate)
-        if effect.name == "thermal_drift" and effect["stiffness"]:
+        if effect.name == "viscous_damping":
+            # other: part of the loss in bending, where short waves weigh more
+            loss = 0.4 * d1 - 2.0 * DAMPED_LENGTH_M**2 * d3 if effect.other else d1
+            total += rate * effect["damping_rate_1_s"] * loss
+        elif effect.name == "hysteresis":
+            weight = 0.75 * one - 2.0 * DAMPED_LENGTH_M**2 * d2 if effect.other else one
+            total += stiffness * effect["loss_factor"] * ring.quarter_turn * weight
+        elif effect.name == "belt_tension":
+            tension = effect["tension_N"] + effect["tension_mass_kg_m"] * at.speed[:, None] ** 2
+            shear = 1.0 - SHEAR_LENGTH_M**2 * d2 if effect.other else one
+            total -= tension * d2 / shear
+        elif effect.name == "thermal_drift":
             total += stiffness * (effect["stiffness"] * at.warmed)[:, None] * one
     return total
-
-
-def _structural(
-    effect: Planted,
-    derivatives: Sequence[ComplexArray],
-    quarter_turn: ComplexArray,
-    at: Instants,
-    stiffness: FloatArray,
-    rate: FloatArray,
-) -> ComplexArray | float:
-    """One effect's operator, (b, m)."""
-    one, d1, d2, d3, _ = derivatives
-    if effect.name == "viscous_damping":
-        # other: part of the loss in bending, where short waves weigh more
-        loss = 0.4 * d1 - 2.0 * DAMPED_LENGTH_M**2 * d3 if effect.other else d1
-        return rate * effect["damping_rate_1_s"] * loss
-    if effect.name == "hysteresis":
-        weight = 0.75 * one - 2.0 * DAMPED_LENGTH_M**2 * d2 if effect.other else one
-        return stiffness * effect["loss_factor"] * quarter_turn * weight
-    if effect.name == "belt_tension":
-        tension = effect["tension_N"] + effect["tension_mass_kg_m"] * at.speed[:, None] ** 2
-        shear = 1.0 - SHEAR_LENGTH_M**2 * d2 if effect.other else one
-        return -tension * d2 / shear
-    return 0.0
 
 
 def _hardening(scenario: Scenario, stiffness: FloatArray) -> tuple[FloatArray, bool]:
@@ -255,23 +231,6 @@ SECTORS_RAD = (0.3, 0.6)
 KEPT = 128
 
 
-@dataclass(frozen=True)
-class Touch:
-    """Contact at b instants: pressure and edges.
-
-    `pressure` (b, points) [N/m], never negative; `entry_m`, `exit_m` (b,) its edges, below the
-    grid's step.
-    """
-
-    pressure: FloatArray
-    entry_m: FloatArray
-    exit_m: FloatArray
-
-
-class _TooNarrow(Exception):
-    """The contact reaches the end of the sector."""
-
-
 class FlatRoadContact:
     """The contact problem of one scenario's ring.
 
@@ -303,16 +262,18 @@ class FlatRoadContact:
         self._kept: dict[tuple[float, float, float], FloatArray] = {}
         self._active = self.ring.xi_m[self.sector] ** 2 < 0.05**2
 
-    def touch(self, at: Instants) -> Touch:
-        """The contact at every instant, at its load; lengths are the grid's (`Instants.on_grid`).
+    def touch(self, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(pressure (b, points) [N/m], entry and exit (b,) [m], finer than the grid), at the load.
+
+        The pressure is never negative; lengths are the grid's (`Instants.on_grid`).
 
         UsageError if the load is more than the ring can carry.
         """
         for angle_rad in SECTORS_RAD:
             if angle_rad > self.angle_rad:
                 self._look_within(angle_rad)
-            with suppress(_TooNarrow):
-                return self._touch(at)
+            if (found := self._touch(at)) is not None:
+                return found
         raise UsageError(
             f"at {at.load.max():.0f} N the contact is wider than +-"
             f"{np.degrees(self.angle_rad):.0f} degrees",
@@ -320,16 +281,18 @@ class FlatRoadContact:
             do="lower it, or give a stiffer ring",
         )
 
-    def _touch(self, at: Instants) -> Touch:
+    def _touch(self, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """As `touch`; None if a contact reaches the end of the sector."""
         pressure = np.zeros((len(at), self.ring.points))
         entry, exit_ = np.zeros(len(at)), np.zeros(len(at))
         for i in range(len(at)):
-            force, depth = self._solve(
-                self._response(at.take(slice(i, i + 1))), float(at.load[i]), float(at.stretch[i])
-            )
-            pressure[i, self.sector] = force
+            response = self._response(at.take(slice(i, i + 1)))
+            found = self._solve(response, float(at.load[i]), float(at.stretch[i]))
+            if found is None:
+                return None
+            pressure[i, self.sector], depth = found
             entry[i], exit_[i] = self._edges(depth)
-        return Touch(pressure, entry, exit_)
+        return pressure, entry, exit_
 
     def _response(self, at: Instants) -> FloatArray:
         """How far a point of the sector rises [m] per unit of line force [N/m] at another.
@@ -370,8 +333,8 @@ class FlatRoadContact:
 
     def _solve(
         self, compliance: FloatArray, load: float, stretch: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Line force (n,) and pressed depth of the springs (n,).
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Line force (n,) and pressed depth of the springs (n,); None beyond the sector.
 
         The depth is negative where the tread is clear of the road.
         """
@@ -398,7 +361,7 @@ class FlatRoadContact:
             pressed = np.where(active, force / stiffness, depth)
             again = pressed > 0
             if again[0] or again[-1] or not again.any():
-                raise _TooNarrow
+                return None
             if (again == active).all():
                 self._active = active
                 return force, pressed

@@ -58,14 +58,8 @@ class Instants:
     def __len__(self) -> int:
         return int(self.time_s.size)
 
-    @property
-    def stretches(self) -> bool:
-        return bool((self.stretch != 1.0).any())
-
     def on_grid(self) -> Instants:
         """The same in the grid's lengths: pressures [N/m] stay, so that forces shrink with them."""
-        if not self.stretches:
-            return self
         return replace(
             self,
             half_length=self.half_length / self.stretch,
@@ -236,21 +230,13 @@ def _smear(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> FloatArr
     return ring.inverse(ring.transform(p) * ring.transform(np.fft.ifftshift(kernel, axes=1)))
 
 
-@dataclass(frozen=True)
-class Friction:
-    """Traction of the bristles.
-
-    `tangential` (b, points) [N/m] towards the exit in braking; `radial` its load on the carcass
-    [N/m]; `onset_m` (b,) where sliding begins, NaN if nothing slides.
-    """
-
-    tangential: FloatArray
-    radial: FloatArray
-    onset_m: FloatArray
-
-
-def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Friction:
+def friction(
+    ring: Ring, effect: Planted, p: FloatArray, at: Instants
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The bristles' traction: adhesion up to f_s p, then sliding f_d p.
+
+    (traction (b, points) [N/m], towards the exit in braking; its load on the carcass, the same;
+    where sliding begins (b,) [m], NaN if nothing slides).
 
     Adhesion is tau = sigma C_x (xi + L) (P2 13, 17); other: no jump at the onset, and a tread that
     yields.
@@ -273,7 +259,7 @@ def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Fricti
     )
     if jump.any():
         radial += ring.point_load(np.nan_to_num(onset), effect["lever_m"] * jump)
-    return Friction(tangential, radial, onset)
+    return tangential, radial, onset
 
 
 def _traction(
@@ -284,7 +270,8 @@ def _traction(
     Under the pressure there; the jump is that at the onset of sliding.
     """
     length, slip = at.half_length[:, None], at.slip[:, None]
-    static, sliding = _grip(effect)
+    static = effect.parameters.get("static_friction", STATIC_FRICTION)
+    sliding = effect.parameters.get("sliding_friction", SLIDING_FRICTION)
     stiffness = 1.5 * static * at.load[:, None] / length**2
     stiffness = stiffness * effect.parameters.get("slip_stiffness_ratio", 1.0)
     position = np.maximum(borders_m + length, 0.0)
@@ -300,15 +287,6 @@ def _traction(
     slides = borders_m >= np.nan_to_num(onset, nan=np.inf)[:, None]
     tau = np.sign(slip) * np.where(slides, sliding * p, np.minimum(held, static * p))
     return tau, -(static - sliding) * pressed * np.sign(at.slip), onset
-
-
-def _grip(effect: Planted) -> tuple[float, float]:
-    """Friction that sticks and that slides on this scenario's road."""
-    own = effect.parameters
-    return (
-        own.get("static_friction", STATIC_FRICTION),
-        own.get("sliding_friction", SLIDING_FRICTION),
-    )
 
 
 def _onset(
@@ -347,12 +325,11 @@ def _onset(
 
 ComplexArray = NDArray[np.complex128]
 
-#: points on either side of the central stencils: order eight up to the fourth derivative
-HALF_WIDTH = 5
 
-
-def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray:
+def central_weights(derivative: int, half_width: int = 5) -> FloatArray:
     """Weights of the central difference of unit step, shape (2 half_width + 1,).
+
+    With 5 points on either side it is of order eight up to the fourth derivative.
 
     From the moment conditions sum_j w_j j^m = m! [m = derivative].
     """
@@ -468,8 +445,6 @@ class Ring:
 #: slower than this, time behind the patch counts as at this speed [m/s] (a ring-down at standstill
 #: has no meaning)
 SLOWEST_M_S = 0.2
-#: absolute temperature at which a log begins [K]: the speed of sound goes with its root
-ROOM_K = 293.0
 #: diameter of a fibre [m], and the strain with which it is drawn when it is glued at its ends
 _FIBRE_M, _DRAWN = 1.25e-4, 6.0e-4
 
@@ -535,7 +510,8 @@ def _cavity(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> Fl
     entry_m = exit_m - 2.0 * at.half_length
     speed = np.maximum(at.speed / at.stretch, SLOWEST_M_S)
     late = (ring.xi_m - entry_m[:, None]) % ring.circumference_m / speed[:, None]
-    warm = np.sqrt(1.0 + at.temperature_K / ROOM_K)[:, None]
+    # the speed of sound goes with the root of the temperature, which begins at 293 K
+    warm = np.sqrt(1.0 + at.temperature_K / 293.0)[:, None]
     swing = np.exp(-late / effect["decay_s"]) * np.sin(
         2.0 * np.pi * effect["frequency_Hz"] * warm * late
     )
@@ -559,8 +535,6 @@ def _even_bulge(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -
     return (u**2 * np.exp(1.0 - u**2))[None, :]
 
 
-#: power of the speed of what has none among its parameters
-_POWERS = {"cavity_resonance": 1.0}
 #: what is fixed to the tire, so that each sensor sees it from its own place
 _OF_TIRE = "splice"
 _EXTRA = {
@@ -583,7 +557,9 @@ def extra_strain(
     total: FloatArray | None = None
     for effect in scenario.effects:
         if effect.name in _EXTRA or effect.name == _OF_TIRE:
-            power = effect.parameters.get("speed_exponent", _POWERS.get(effect.name, 0.0))
+            # of what has none among its parameters, the cavity's grows with the speed
+            usual = 1.0 if effect.name == "cavity_resonance" else 0.0
+            power = effect.parameters.get("speed_exponent", usual)
             size = (
                 effect.parameters[next(iter(effect.parameters))]
                 * (np.maximum(at.speed, 1e-6) / REFERENCE_SPEED_M_S) ** power

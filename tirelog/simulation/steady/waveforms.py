@@ -11,21 +11,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from tirelog.simulation.scenario.drive import Roughness, TrueDrive, Wander, force_of_road
-from tirelog.simulation.scenario.schema import Planted, Ramp, Scenario, Sensor
+from tirelog.simulation.scenario.drive import (
+    Fluctuation,
+    TrueDrive,
+    stretch_of,
+)
+from tirelog.simulation.scenario.schema import BENDING_N_M2, Planted, Ramp, Scenario, Sensor
 from tirelog.simulation.steady.carcass import (
-    BENDING_N_M2,
     FlatRoadContact,
     carcass,
     curvature_operator,
 )
 from tirelog.simulation.steady.loads import (
     ComplexArray,
-    Friction,
     Instants,
     Ring,
     delaying,
@@ -37,6 +39,7 @@ from tirelog.simulation.steady.loads import (
 )
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
 # ---- A static test: the tire at rest is inflated (P2 4.1, Fig. 15).
 #
@@ -72,8 +75,6 @@ def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:
 
 #: the gravity in the catalogue's forms of load transfer and slip
 CATALOGUE_GRAVITY_M_S2 = 9.81
-#: the reference pressure of the planted effect `inflation` [Pa]
-REFERENCE_PRESSURE_PA = 2.0e5
 #: of the forms "apart": pitch of the tread's blocks [m], speed at which a wheel out of balance hops
 #: (13 Hz) [m/s], warming in which a soft adhesive grows e times softer [K], time in which a belt's
 #: textile cords creep [s]
@@ -103,11 +104,11 @@ class World:
         self,
         scenario: Scenario,
         drive: TrueDrive,
-        roughness: Roughness,
-        wander: Wander | None = None,
+        roughness: Fluctuation,
+        wander: Fluctuation = np.zeros_like,
     ) -> None:
-        self.scenario, self.drive, self.roughness = scenario, drive, roughness
-        self.wander = wander or Wander()
+        self.scenario, self.drive = scenario, drive
+        self.roughness, self.wander = roughness, wander
         self.ring = Ring(scenario.grid_points, 2.0 * np.pi * scenario.tire.rolling_radius_m)
         self.curvature = curvature_operator(scenario, self.ring)
         flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
@@ -121,8 +122,8 @@ class World:
         Scatter of the manoeuvres, wandering, load transfer, air.
         """
         drive, scenario = self.drive, self.scenario
-        load = scenario.conditions.load_N * drive.load_factor_at(time_s)
-        load = load * (1.0 + self.wander.at(time_s))
+        load = scenario.conditions.load_N * np.interp(time_s, drive.time_s, drive.load_factor)
+        load = load * (1.0 + self.wander(time_s))
         transfer, air = scenario.planted("load_transfer"), scenario.planted("aero_load")
         if transfer is not None:
             pitch = drive.acceleration_at(time_s)
@@ -148,7 +149,7 @@ class World:
         """What varies within the turn, relative to the load: the road, and the wheel's own."""
         total = np.zeros_like(time_s)
         if self.scenario.road.roughness:
-            total = self.roughness.at(self.drive.distance_at(time_s))
+            total = self.roughness(self.drive.distance_at(time_s))
         force = self.scenario.nuisances.force_variation
         if any(force.shares):
             angle = self.drive.angle_at(time_s)
@@ -175,6 +176,20 @@ class World:
             total += wave.real
         return total
 
+    def longitudinal_force(self, time_s: FloatArray) -> FloatArray:
+        """Longitudinal force of the road on the wheel [N], drive positive."""
+        vehicle, drive = self.scenario.vehicle, self.drive
+        speed = drive.speed_at(time_s)
+        moving = np.clip(speed / 0.5, 0.0, 1.0)
+        drag = (
+            vehicle.rolling_drag * vehicle.mass_kg * STANDARD_GRAVITY_M_S2 * moving
+            + vehicle.air_drag_kg_m * speed**2
+        )
+        demand = vehicle.mass_kg * drive.acceleration_at(time_s) + drag
+        demand = demand * (1.0 - np.interp(time_s, drive.time_s, drive.coasting))
+        share = 0.5 if self.scenario.conditions.driven else 0.0
+        return np.where(demand > 0, share, vehicle.brake_share) * demand
+
     def slip(self, time_s: FloatArray) -> FloatArray:
         """Longitudinal slip, braking positive: sigma = 1 - omega R / V (P2 (14)).
 
@@ -183,8 +198,7 @@ class World:
         """
         stiffness = self.scenario.tire.slip_stiffness_N
         if stiffness is not None:
-            force = force_of_road(self.scenario, self.drive, time_s)
-            return np.clip(-force / stiffness, -0.95, 0.95)
+            return np.clip(-self.longitudinal_force(time_s) / stiffness, -0.95, 0.95)
         effect = self.scenario.planted("traction")
         if effect is None:
             return np.zeros_like(time_s)
@@ -223,10 +237,8 @@ class World:
 
     def pressure(self, time_s: FloatArray) -> FloatArray:
         """Inflation pressure [Pa]; the tire's warmth raises it."""
-        per_K, cold = (
-            self.scenario.nuisances.warming.pressure_per_K,
-            self.scenario.conditions.inflation_pressure_Pa,
-        )
+        per_K = self.scenario.nuisances.warming.pressure_per_K
+        cold = self.scenario.conditions.inflation_pressure_Pa
         return cold * (1.0 + per_K * self.temperature(time_s))
 
     def _crept_pressure(self, time_s: FloatArray) -> FloatArray:
@@ -254,10 +266,8 @@ class World:
         if per_K:
             length = length * (1.0 + per_K * self.temperature(np.asarray(time_s)))
         if inflation is not None:
-            ratio, power = (
-                self.pressure(np.asarray(time_s)) / REFERENCE_PRESSURE_PA,
-                inflation["exponent"],
-            )
+            # over the reference pressure of the planted effect [Pa]
+            ratio, power = self.pressure(np.asarray(time_s)) / 2.0e5, inflation["exponent"]
             length = length * (
                 1.0 - 1.3 * power * (ratio - 1.0) if inflation.other else ratio**-power
             )
@@ -280,7 +290,7 @@ class World:
             conditions.water_depth_mm,
             self.scenario.tire.reference_load_N,
             self.temperature(time_s),
-            self.drive.stretch(speed),
+            stretch_of(self.drive.grows, speed),
         )
 
     # ---- solutions -------------------------------------------------------------------------------
@@ -291,21 +301,24 @@ class World:
         at = at.on_grid()
         entry, exit_ = -at.half_length, at.half_length
         if self.road is not None:
-            touch = self.road.touch(at)
-            base, entry, exit_ = touch.pressure, touch.entry_m, touch.exit_m
+            base, entry, exit_ = self.road.touch(at)
             at = replace(at, half_length=0.5 * (exit_ - entry))
         else:
             base = true_parabola(ring, at.half_length, at.load)
         p = pressure(ring, scenario.effects, base, at)
         traction = scenario.planted("traction")
-        rubbed = friction(ring, traction, p, at) if traction is not None else None
-        if rubbed is not None and at.stretches:
+        dragged, bent, onset = np.zeros_like(p), np.zeros_like(p), np.full(len(at), np.nan)
+        if traction is not None:
+            dragged, bent, onset = friction(ring, traction, p, at)
             # a slope along the grid is steeper than along the belt
-            rubbed = replace(rubbed, radial=rubbed.radial / stretch[:, None])
-        radial, along = self._components(p, rubbed)
+            bent = bent / stretch[:, None]
+        radial, along = p + bent, None
+        if scenario.truth != "beam":  # the road's force is vertical, not radial
+            angle = ring.xi_m / scenario.tire.rolling_radius_m
+            radial = p * np.cos(angle) + bent - dragged * np.sin(angle)
+            along = p * np.sin(angle) + dragged * np.cos(angle)
         belt = carcass(scenario, ring, at)
         w = belt.displacement(radial, along, start)
-        onset = np.full(len(at), np.nan) if rubbed is None else rubbed.onset_m
         blocks = scenario.planted("tread_pitch")
         between = None
         if blocks is not None and blocks.apart:
@@ -321,22 +334,6 @@ class World:
             )
         return Solution(w, at, entry * stretch, exit_ * stretch, onset * stretch, between)
 
-    def _components(
-        self, p: FloatArray, rubbed: Friction | None
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """Loads inwards and along the tread.
-
-        On the ring the road's force is vertical, not radial.
-        """
-        if self.scenario.truth == "beam":
-            return (p, None) if rubbed is None else (p + rubbed.radial, None)
-        angle = self.ring.xi_m / self.scenario.tire.rolling_radius_m
-        radial, along = p * np.cos(angle), p * np.sin(angle)
-        if rubbed is not None:
-            radial = radial + rubbed.radial - rubbed.tangential * np.sin(angle)
-            along = along + rubbed.tangential * np.cos(angle)
-        return radial, along
-
     # ---- what sensors read -----------------------------------------------------------------------
 
     def strain(self, solution: Solution, sensor: Sensor) -> ComplexArray:
@@ -346,22 +343,19 @@ class World:
         """
         stretch = solution.at.stretch
         bent = self.curvature * self.ring.transform(solution.w)
-        if solution.at.stretches:
-            bent = bent / stretch[:, None] ** 2
+        bent = bent / stretch[:, None] ** 2
         exit_m = solution.exit_m / stretch
         behind = self.behind_first(sensor)
         extra = extra_strain(self.ring, self.scenario, solution.at, exit_m, behind)
         lever = self.lever(sensor)
         blocks = self.scenario.planted("tread_pitch")
         if solution.between is not None and blocks is not None:
-            bent = bent + self._block_share(blocks) / lever * self.ring.transform(solution.between)
+            # a y of a pressure a p cos(2 pi s / P), by the strain per line load that it makes [m]
+            bending = self.scenario.tire.flexural_stiffness_N_m2
+            bending = bending or BENDING_N_M2[self.scenario.truth]
+            share = blocks["strain_m_N"] * bending * (2.0 * np.pi / PITCH_M) ** 2
+            bent = bent + share / lever * self.ring.transform(solution.between)
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
-
-    def _block_share(self, blocks: Planted) -> float:
-        """a y of a pressure a p cos(2 pi s / P) by the strain per line load that it makes [m]."""
-        tire, wave = self.scenario.tire, 2.0 * np.pi / PITCH_M
-        bending = tire.flexural_stiffness_N_m2 or BENDING_N_M2[self.scenario.truth]
-        return blocks["strain_m_N"] * bending * wave**2
 
     def behind_first(self, sensor: Sensor) -> float:
         """Angle [rad] on the tire by which a sensor stands behind the first.
@@ -497,17 +491,6 @@ def wheel_harmonics(
     return total
 
 
-def family(sensor: Sensor) -> tuple[object, ...]:
-    """Sensors of one family share their waveforms."""
-    return (
-        sensor.kind == "radial_acceleration",
-        sensor.surface,
-        sensor.gauge_length_m,
-        sensor.lag_s,
-        sensor.bandwidth_Hz,
-    )
-
-
 # ---- When the waveform is solved anew, and the solutions, chunk by chunk.
 #
 # drive --plan--> chunks of equal steps: the scenario's knot_s, or QUICK_STEP_S if the load changes
@@ -524,31 +507,8 @@ QUICK_STEP_S, QUICK_JERK_M_S3 = 0.01, 0.05
 LOAD_STEP = 0.03
 
 
-@dataclass(frozen=True)
-class Span:
-    """Times [start_s, end_s) of the log in `steps` equal steps."""
-
-    start_s: float
-    end_s: float
-    steps: int
-
-    @property
-    def step_s(self) -> float:
-        return (self.end_s - self.start_s) / self.steps
-
-
-@dataclass(frozen=True)
-class KnotChunk:
-    """One span of the drive with its solutions at knots.
-
-    The span's samples lie between the knots of `solutions`: its first knot is one step before the
-    span, its last two steps behind. Solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the
-    first alone on a smooth road.
-    """
-
-    span: Span
-    knots: int
-    solutions: list[Solution]
+#: from when to when in the log [s], in how many equal steps
+Span: TypeAlias = tuple[float, float, int]
 
 
 def plan_knots(
@@ -560,43 +520,36 @@ def plan_knots(
     """
     cell = CELL * step_s
     cells = np.arange(np.floor(start_s / cell), np.ceil(end_s / cell) + 1).astype(int)
-    jerks = np.abs(
-        drive.speed(
-            np.clip(
-                np.linspace(cells[:-1] - 0.1, cells[1:] + 0.1, 80) * cell, 0.0, drive.time_s[-1]
-            ),
-            2,
-        )
-    ).max(axis=0)
+    near = np.linspace(cells[:-1] - 0.1, cells[1:] + 0.1, 80) * cell
+    jerks = np.abs(drive.speed(np.clip(near, 0.0, drive.time_s[-1]), 2)).max(axis=0)
     fine = (jerks > QUICK_JERK_M_S3) & (quick and step_s > QUICK_STEP_S)
     spans: list[Span] = []
+    grows = False
     for number, finer in zip(cells[:-1].tolist(), fine.tolist(), strict=True):
-        span = Span(
-            number * cell, (number + 1) * cell, round(cell / QUICK_STEP_S) if finer else CELL
-        )
-        last = spans[-1] if spans else None
-        if (
-            last is not None
-            and not finer
-            and last.steps % CELL == 0
-            and last.step_s > 0.9 * step_s
-            and last.steps < CHUNK
-        ):
-            spans[-1] = Span(last.start_s, span.end_s, last.steps + CELL)
+        end = (number + 1) * cell
+        if grows and not finer and spans[-1][2] < CHUNK:
+            spans[-1] = spans[-1][0], end, spans[-1][2] + CELL
         else:
-            spans.append(span)
+            spans.append((number * cell, end, round(cell / QUICK_STEP_S) if finer else CELL))
+        grows = not finer
     return spans
 
 
-def chunks(world: World, start_s: float, end_s: float) -> Iterator[KnotChunk]:
-    """Every span of the plan with its solutions."""
+def chunks(world: World, start_s: float, end_s: float) -> Iterator[tuple[Span, list[Solution]]]:
+    """Every span of the plan with its solutions at knots.
+
+    The span's samples lie between these knots: the first is one step before the span, the last two
+    steps behind. Solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the first alone on a
+    smooth road.
+    """
     scenario = world.scenario
     quick = (
         scenario.planted("traction") is not None or scenario.planted("load_transfer") is not None
     )
     factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if world.fluctuates else (1.0,)
     for span in plan_knots(world.drive, scenario.knot_s, quick, start_s, end_s):
-        times = np.asarray(span.start_s + np.arange(-1, span.steps + 2) * span.step_s, float)
+        begin, end, steps = span
+        times = np.asarray(begin + np.arange(-1, steps + 2) * ((end - begin) / steps), float)
         middle = world.solve(world.instants(times))
         rest = [world.solve(world.instants(times, f), middle.w * f) for f in factors[1:]]
-        yield KnotChunk(span, times.size, [middle, *rest])
+        yield span, [middle, *rest]
