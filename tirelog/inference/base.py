@@ -27,7 +27,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import in_bins, joined_cells, parts_of, predicted, with_ratios
 from tirelog.inference.fit.by_observable import fits_apart
-from tirelog.inference.fit.cells import Fit, Problem, finish, fit_channels, fit_model, take_cells
+from tirelog.inference.fit.cells import Fit, Problem, finish, fit_channels, fit_model
 from tirelog.inference.floor import (
     Floor,
     UnweightedMetric,
@@ -81,7 +81,7 @@ def bends(cells: Cells, fit: Fit, whole: Cells | None = None) -> FloatArray:
     linear = shared.columns[..., own] @ fit.amplitudes[own]
     for c in range(len(cells)):
         factors = {name: 1.0 + float(change[c]) for name, change in changes.items()}
-        own_cell = take_cells(cells, np.array([c]))
+        own_cell = cells.take(np.array([c]))
         moved = or_refusal(moved_prediction)(own_cell, fit.model, factors)
         if not isinstance(moved, ModelError):
             change = moved[0] - fit.prediction[c] - linear[c]
@@ -212,13 +212,23 @@ class Base(FittedChannel):
 
     @cached_property
     def with_scatter_estimated(self) -> Base:
-        """The same model with the scatter between manoeuvres measured anew.
+        """The same model with the scatter between manoeuvres measured anew, of each observable.
 
         Once an effect is in, less is taken for scatter.
         """
-        raw = replace(self.raw or self.cells, phi=self.cells.phi, moved=self.cells.moved)
-        (anew,) = _with_scatter([raw], [self.fit], [self.white], [self.discrepancy])
-        return replace(_held_out(anew, raw), given=self.given)
+        parts, layout = bases_by_observable(self), self.cells.together
+        raws = [
+            replace(part.raw or part.cells, phi=part.cells.phi, moved=part.cells.moved)
+            for part in parts
+        ]
+        fits = [replace(part.fit, model=self.model) for part in parts]
+        anew = _with_scatter(
+            raws, fits, [part.white for part in parts], [part.discrepancy for part in parts]
+        )
+        if layout is None:
+            return replace(_held_out(anew[0], raws[0]), given=self.given)
+        drive = [self.cells.manoeuvre[self.cells.part == i] for i in range(len(parts))]
+        return replace(_joined(anew, raws, layout.scales, drive), given=self.given)
 
 
 @dataclass(frozen=True)
@@ -241,23 +251,6 @@ class JointBase(Base):
     def noise(self) -> Whitener:
         """Of each observable its own."""
         return whiteners_joined([one.noise for one in bases_by_observable(self)], self.cells)
-
-    @cached_property
-    def with_scatter_estimated(self) -> JointBase:
-        """As of one observable, each with its own scatter."""
-        parts = bases_by_observable(self)
-        raws = [
-            replace(part.raw or part.cells, phi=part.cells.phi, moved=part.cells.moved)
-            for part in parts
-        ]
-        fits = [replace(part.fit, model=self.model) for part in parts]
-        anew = _with_scatter(
-            raws, fits, [part.white for part in parts], [part.discrepancy for part in parts]
-        )
-        layout = self.cells.together
-        assert layout is not None
-        drive = [self.cells.manoeuvre[self.cells.part == i] for i in range(len(parts))]
-        return replace(_joined(anew, raws, layout.scales, drive), given=self.given)
 
 
 def prepare_together(
@@ -369,38 +362,21 @@ def _apart(base: JointBase, held_by_all: bool) -> tuple[Base, ...]:
 
 def whiteners_joined(whites: Sequence[Whitener], cells: Cells) -> Whitener:
     """The metrics of several observables as one on all their cells; none couples two of them."""
-    width, layout = cells.phi.shape[1], cells.together
+    (C, width), layout = cells.phi.shape, cells.together
     assert layout is not None
     most = max(white.basis.shape[2] for white in whites)
-    basis, shrink = [], []
-    groups: list[tuple[int, IntArray, FloatArray, FloatArray]] = []
-    for i, white in enumerate(whites):
-        rows = np.flatnonzero(cells.part == i)
-        count = white.basis.shape[2]
-        own = in_bins(white.basis, width, 0.0)
-        basis.append(np.concatenate([own, np.zeros((*own.shape[:2], most - count))], axis=-1))
-        shrink.append(np.concatenate([white.shrink, np.zeros((rows.size, most - count))], axis=-1))
-        for group, of_group, by in zip(
-            white.groups, white.group_basis, white.group_shrink, strict=True
-        ):
-            angles = in_bins(of_group.reshape(group.size, -1, of_group.shape[-1]), width, 0.0)
-            manoeuvre = int(cells.manoeuvre[rows[group[0]]]) if group.size else 0
-            groups.append((manoeuvre, rows[group], angles.reshape(-1, of_group.shape[-1]), by))
-    groups.sort(key=lambda group: group[0])
-    return Whitener(
-        np.concatenate(
-            [
-                in_bins(white.inverse_sd * scale, width, 0.0)
-                for white, scale in zip(whites, layout.scales, strict=True)
-            ]
-        ),
-        np.concatenate(basis),
-        np.concatenate(shrink),
-        tuple(group[1] for group in groups),
-        tuple(group[2] for group in groups),
-        tuple(group[3] for group in groups),
-        np.array([group[0] for group in groups], dtype=np.int64),
-    )
+    inverse, basis, shrink = np.zeros((C, width)), np.zeros((C, width, most)), np.zeros((C, most))
+    groups, group_basis = [], []
+    for i, (white, scale) in enumerate(zip(whites, layout.scales, strict=True)):
+        rows, (_, m, k) = np.flatnonzero(cells.part == i), white.basis.shape
+        inverse[rows, :m] = white.inverse_sd * scale
+        basis[rows, :m, :k], shrink[rows, :k] = white.basis, white.shrink
+        for group, angles in zip(white.groups, white.group_basis, strict=True):
+            groups.append(rows[group])
+            wide = in_bins(angles.reshape(group.size, m, -1), width, 0.0)
+            group_basis.append(wide.reshape(-1, angles.shape[-1]))
+    group_shrink = tuple(one for white in whites for one in white.group_shrink)
+    return Whitener(inverse, basis, shrink, tuple(groups), tuple(group_basis), group_shrink)
 
 
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
@@ -586,42 +562,29 @@ def refit(base: Base, model: Model, *, several: bool = False) -> Base:
 
 
 def with_fewer_cells(base: Base, most: int) -> Base:
-    """The same fit on at most `most` cells, for trying things.
+    """The same fit on about `most` cells, for trying things.
 
-    The cells span logs, manoeuvres and speeds.
+    The cells span logs, manoeuvres and speeds; no observable goes without.
     """
-    if len(base.cells) <= most:
+    cells, fit = base.cells, base.fit
+    if len(cells) <= most:
         return base
-    if isinstance(base, JointBase):
-        return _thinned_together(base, most)
-    rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
-    cells, fit = _on_rows(base, rows)
-    white = _metric(cells, base.discrepancy, scatter_columns(cells, fit), base.floor.scatter)
-    return replace(base, cells=cells, white=white, plain=UnweightedMetric.of(cells), fit=fit)
-
-
-def _on_rows(base: Base, rows: IntArray) -> tuple[Cells, Fit]:
-    """Some rows of the cells, their manoeuvres numbered anew, and what the fit says of them."""
-    cells, fit = take_cells(base.cells, rows), base.fit
-    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
-    kept = {name: getattr(fit, name)[rows] for name in ("prediction", "jacobian", "residual")}
-    return cells, replace(fit, cells=cells, **kept)
-
-
-def _thinned_together(base: JointBase, most: int) -> JointBase:
-    """The same fit on about `most` rows, shared out over the observables: none goes without."""
+    channels = base.channels if isinstance(base, JointBase) else (base,)
     chosen = []
-    for i in range(len(base.channels)):
-        own = np.flatnonzero(base.cells.part == i)
-        few = max(2, round(most * own.size / len(base.cells)))
+    for i in range(len(channels)):
+        own = np.flatnonzero(cells.part == i)
+        few = max(2, round(most * own.size / len(cells)))
         chosen.append(own[np.unique(np.linspace(0, own.size - 1, few).round().astype(int))])
     rows = np.concatenate(chosen)
-    cells, fit = _on_rows(base, rows)
+    cells = cells.take(rows)
+    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
+    kept = {name: getattr(fit, name)[rows] for name in ("prediction", "jacobian", "residual")}
+    fit = replace(fit, cells=cells, **kept)
     whites = [
         _metric(
             own.cells, channel.discrepancy, scatter_columns(own.cells, own), channel.floor.scatter
         )
-        for own, channel in zip(fits_apart(fit), base.channels, strict=True)
+        for own, channel in zip(fits_apart(fit), channels, strict=True)
     ]
-    white = whiteners_joined(whites, cells)
+    white = whites[0] if cells.together is None else whiteners_joined(whites, cells)
     return replace(base, cells=cells, white=white, plain=UnweightedMetric.of(cells), fit=fit)

@@ -67,9 +67,7 @@ class UnweightedMetric:
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) in this metric."""
-        flat = x.ndim == 2
-        x = in_blocks(self._of_cells, x[..., None] if flat else x)
-        return x[..., 0] if flat else x
+        return in_blocks(self._of_cells, x)
 
     def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
         weights, direction = self.weights[rows, :, None], self.direction[rows]
@@ -80,8 +78,8 @@ class UnweightedMetric:
         """The metric in which only these cells count."""
         return replace(self, weights=np.where(rows[:, None], self.weights, 0.0))
 
-    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> UnweightedMetric:
-        """The metric of some cells alone; the manoeuvres are for the other metric."""
+    def some(self, rows: NDArray[np.int64]) -> UnweightedMetric:
+        """The metric of some cells alone."""
         return replace(self, weights=self.weights[rows], direction=self.direction[rows])
 
     def mean_square(self, losses: FloatArray) -> float:
@@ -302,14 +300,11 @@ def _levelled(
         // _SOME_CELLS
     )
     for numbers in np.split(np.arange(cells.manoeuvres), np.flatnonzero(np.diff(last)) + 1):
-        manoeuvres = slice(int(numbers[0]), int(numbers[-1]) + 1)
-        rows = np.flatnonzero(
-            (cells.manoeuvre >= manoeuvres.start) & (cells.manoeuvre < manoeuvres.stop)
-        )
-        some, values = metric.some(rows, manoeuvres), cells.values[rows]
+        rows = np.flatnonzero(np.isin(cells.manoeuvre, numbers))
+        some, values = metric.some(rows), cells.values[rows]
         residual = some(np.where(np.isfinite(values), values - prediction[rows], 0.0))
         columns = side_by_side(some, [part[rows] for part in parts])
-        manoeuvre = cells.manoeuvre[rows] - manoeuvres.start
+        manoeuvre = cells.manoeuvre[rows] - numbers[0]
         of_model = Normal.of(columns, residual, manoeuvre)
         for more, of_more in zip(additions, made, strict=True):
             normal = of_model

@@ -25,7 +25,6 @@ from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, tra
 from tirelog.inference.shared_samples import once_each
 from tirelog.inference.stacks.cut import (
     STRETCH,
-    Places,
     Stacks,
     joined,
     observe_channel,
@@ -117,7 +116,7 @@ def measured_gratings(
                 are left
     """
     found: dict[str, Stacks] = {}
-    places: dict[str, Places] = {}
+    given: dict[str, float] = {}
     surfaces: dict[str, str] = {}
     for number, recording in enumerate(recordings):
         own = [channel.name for channel in recording.of_kind(*STRAIN_KINDS)]
@@ -140,7 +139,9 @@ def measured_gratings(
             stacks.add(recording.log, one.stacks.of_log(0))
             for note in one.notes:
                 stacks.note(note)
-            places.setdefault(name, Places(name)).add(recording, number, stacks, found[asked[0]])
+            channel = recording.setup.channels.get(name)
+            if channel is not None and channel.angle_deg is not None:
+                given.setdefault(name, float(np.radians(channel.angle_deg)))
             surfaces[name] = recording.channels[name].surface
     if len(set(surfaces.values())) > 1:
         raise UsageError(
@@ -150,7 +151,7 @@ def measured_gratings(
             do="name those of one",
         )
     first, *others = found.values()
-    angles, said = places_of(list(places.values()))
+    angles, said = places_of(found, given)
     for sentence in said:
         first.note(sentence)
     return MeasuredLogs(first, (), tuple(others), angles)

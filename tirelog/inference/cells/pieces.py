@@ -16,9 +16,9 @@ of its revolutions; a mixed log of two minutes makes some 30 of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,93 +78,95 @@ _FEWEST_KNOTS = 8
 #: noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half of
 #: it would leave 0.002
 DITHERED = 0.6
-#: fields of Pieces that are not a row per piece
-_APART = (
-    "observable",
-    "channel",
-    "surface",
-    "radius_m",
-    "coefficients",
-    "conditions",
-    "cell",
-    "logs",
-    "notes",
-)
 #: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads
 #: them evenly
 _GOLDEN = 0.6180339887498949
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """Means of like revolutions, P pieces x m angles, from one log or several.
+#: marks a field with a value per row
+ROW: Mapping[str, Any] = {"empty": None}
 
-    Rows are in the order of log, manoeuvre, time.
 
-    mean, phi, variance, count (P, m)  mean waveform, mean angle and variance of its samples,
-                                       samples; NaN if there are none
-    random         (P, m, 3)  P, phi P', rms of P;  shift (P, m)  -P', whose mean coefficient is
-                   zero
+def binned(power: int, empty: float) -> Mapping[str, Any]:
+    """Marks a field with bins: the power of the unit in it, what a bin without samples has."""
+    return {"power": power, "empty": empty}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Means:
+    """Means of like revolutions, n rows x m angles, in the order of log, manoeuvre, time.
+
+    values, phi, phi_variance (n, m)  mean waveform, mean angle and variance of its samples; NaN if
+                                      there are none
+    random         (n, m, 3)  P, phi P', rms of P;  shift (n, m)  -P'; zero with one angle only
+    speed_mean, speed_square (n, m)  mean and mean square of a bin's samples' speed about the row's
+                                     mean speed [m/s], [m^2/s^2]
+    speed_angle    (n, m)  covariance of a bin's samples' speed and angle [rad m/s]
+    conditions     means;  log, manoeuvre, regime (n,)
+    cell           the row of each revolution of the stack, empty if only the rows are left
+    notes          sentences on what was set apart, taken together or left out of the logs
+    """
+
+    observable: str
+    surface: str
+    radius_m: float
+    values: FloatArray = field(metadata=binned(1, np.nan))
+    phi: FloatArray = field(metadata=binned(0, np.nan))
+    phi_variance: FloatArray = field(metadata=binned(0, 0.0))
+    random: FloatArray = field(metadata=binned(1, 0.0))
+    shift: FloatArray = field(metadata=binned(1, 0.0))
+    speed_mean: FloatArray = field(metadata=binned(0, 0.0))
+    speed_square: FloatArray = field(metadata=binned(0, 0.0))
+    speed_angle: FloatArray = field(metadata=binned(0, 0.0))
+    conditions: Conditions
+    log: IntArray = field(metadata=ROW)
+    manoeuvre: IntArray = field(metadata=ROW)
+    regime: NDArray[np.str_] = field(metadata=ROW)
+    cell: IntArray
+    logs: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.values.shape[0])
+
+    def take(self, which: NDArray[Any]) -> Self:
+        """Some of the rows (mask or indices)."""
+        rows = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.metadata}
+        conditions = self.conditions.take(which)
+        return replace(self, conditions=conditions, cell=np.zeros(0, np.int64), **rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pieces(Means):
+    """Means of like revolutions from one log or several, P of them.
+
+    count          (P, m)  samples
     residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard
                                  deviation, with one angle only
-    speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the
-                                     piece's mean speed [m/s], [m^2/s^2]
-    speed_angle    (P, m)  covariance of a bin's samples' speed and angle [rad m/s]
     step           (P,)  in which the channel's values come, 0 if it is not seen
     still          (P, m)  mean of exp(2 pi i y) over the samples, y their values without noise in
                    steps: of size 1 if all of them are rounded at one place between two steps, so
                    that their errors do not average out; complex, 0 if it cannot matter
     number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces; with
                    one angle only the last is the number less its piece's mean
-    conditions, log, manoeuvre, regime  a value per piece;  cell (n,) the piece of each revolution
-                                        of the stack, empty if it is not known
-    notes          sentences on what was set apart, taken together or left out on the way here
     """
 
-    observable: str
     channel: str
-    surface: str
-    radius_m: float
-    mean: FloatArray
-    phi: FloatArray
-    variance: FloatArray
-    count: FloatArray
-    random: FloatArray
-    shift: FloatArray
-    residual_ss: FloatArray
-    freedom: FloatArray
-    scatter: FloatArray
-    speed_mean: FloatArray
-    speed_square: FloatArray
-    speed_angle: FloatArray
-    still: ComplexArray
-    step: FloatArray
-    number: IntArray
+    count: FloatArray = field(metadata=ROW)
+    residual_ss: FloatArray = field(metadata=ROW)
+    freedom: FloatArray = field(metadata=ROW)
+    scatter: FloatArray = field(metadata=ROW)
+    still: ComplexArray = field(metadata=ROW)
+    step: FloatArray = field(metadata=ROW)
+    number: IntArray = field(metadata=ROW)
     coefficients: FloatArray
-    conditions: Conditions
-    log: IntArray
-    manoeuvre: IntArray
-    regime: NDArray[np.str_]
-    cell: IntArray
-    logs: tuple[str, ...]
-    notes: tuple[str, ...] = ()
 
-    def __len__(self) -> int:
-        return int(self.number.size)
-
-    def take(self, which: NDArray[Any]) -> Pieces:
+    def take(self, which: NDArray[Any]) -> Self:
         """Some of the pieces (mask or ascending indices)."""
         kept = np.zeros(len(self), bool)
         kept[which] = True
-        rows = {f.name: getattr(self, f.name)[kept] for f in fields(self) if f.name not in _APART}
         mine = np.repeat(kept, self.number)
-        return replace(
-            self,
-            coefficients=self.coefficients[mine],
-            conditions=self.conditions.take(kept),
-            cell=np.zeros(0, np.int64),
-            **rows,
-        )
+        return replace(super().take(kept), coefficients=self.coefficients[mine])
 
     def thinned(self, most: int, turn: int = 0) -> Pieces:
         """At most `most` pieces, evenly over the speeds.
@@ -204,7 +206,7 @@ def concatenated_pieces(parts: Sequence[Pieces]) -> Pieces:
     rows: dict[str, Any] = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Pieces)
-        if f.name not in _APART or f.name == "coefficients"
+        if f.metadata or f.name == "coefficients"
     }
     first = np.cumsum([0, *(len(part) for part in parts[:-1])])
     cell = np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)])
@@ -413,9 +415,9 @@ def one_waveform(
     about = (speed - speed.mean())[:, None]
     share = count / np.maximum(total, 1e-12)
     return {
-        "mean": mean,
+        "values": mean,
         "phi": angle,
-        "variance": spread,
+        "phi_variance": spread,
         "count": total,
         "random": own[:, [0, 1, 3]],
         "shift": own[:, 2],
@@ -487,9 +489,9 @@ def _one_number(values: FloatArray) -> PieceRow:
     scatter = np.array([scatter_about_line(values[good])])
     about = np.zeros((len(values), 3))
     about[:, 2] = np.nan_to_num(values[:, 0] - mean)
-    names = "phi variance shift residual_ss freedom speed_mean speed_square speed_angle still"
+    names = "phi phi_variance shift residual_ss freedom speed_mean speed_square speed_angle still"
     return dict.fromkeys(names.split(), np.zeros(1)) | {
-        "mean": mean,
+        "values": mean,
         "count": good.sum(axis=0).astype(float),
         "random": np.zeros((1, 3)),
         "coefficients": about,

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.joint import at_lever, own_amplitudes, parts_of
+from tirelog.inference.cells.joint import at_lever, own_amplitudes, own_rows, parts_of
 from tirelog.inference.fit.cells import Fit
 
 
@@ -22,33 +21,27 @@ def fits_apart(fit: Fit) -> tuple[Fit, ...]:
     logs = np.unique(cells.log)
     found = []
     for i, own in enumerate(parts_of(cells)):
-        rows, width, scale = np.flatnonzero(cells.part == i), layout.widths[i], layout.scales[i]
-        residual = fit.residual[rows][:, :width]
+        residual = own_rows(cells, i, fit.residual, 0)
         mine = logs // len(layout.logs) == i
+        waves = layout.widths[i] > 1 and fit.offsets.size
         amplitudes = fit.amplitudes[:0]
         if cells.shared is not None and fit.amplitudes.size:
             amplitudes = fit.amplitudes[own_amplitudes(cells.shared, cells, i)]
+        others = tuple(name for name in fit.model.observables if name != own.observable)
         found.append(
             replace(
                 fit,
                 model=at_lever(
-                    replace(fit.model, observable=own.observable, beside=_others(fit, own)),
-                    own.member,
+                    replace(fit.model, observable=own.observable, beside=others), own.member
                 ),
                 chi2=float((residual**2).sum()),
                 freedom=fit.freedom * residual.size / max(fit.residual.size, 1),
                 residual=residual,
-                prediction=fit.prediction[rows][:, :width] * scale,
-                jacobian=fit.jacobian[rows][:, :width] * scale,
-                offsets=fit.offsets[mine] * scale
-                if width > 1 and fit.offsets.size
-                else np.zeros(0),
+                prediction=own_rows(cells, i, fit.prediction),
+                jacobian=own_rows(cells, i, fit.jacobian),
+                offsets=fit.offsets[mine] * layout.scales[i] if waves else np.zeros(0),
                 amplitudes=amplitudes,
                 cells=own,
             )
         )
     return tuple(found)
-
-
-def _others(fit: Fit, own: Cells) -> tuple[str, ...]:
-    return tuple(name for name in fit.model.observables if name != own.observable)

@@ -635,25 +635,14 @@ def _few(cells: Cells, white: Whitener) -> Problem:
     """A few cells of a channel, without the scatter between manoeuvres."""
     rows = few_cells(cells)
     return Problem(
-        take_cells(cells, rows),
+        cells.take(rows),
         Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
     )
 
 
 def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
-    names = (
-        "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions",
-        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square",
-        "speed_angle", "rounding",
-    )  # fmt: skip
-    return replace(
-        cells,
-        conditions=cells.conditions.take(rows),
-        part=cells.part[rows] if cells.together is not None else cells.part,
-        shared=None if cells.shared is None else cells.shared.take(rows),
-        **{name: getattr(cells, name)[rows] for name in names},
-    )
+    return cells.take(rows)
 
 
 def finish(
