@@ -47,7 +47,7 @@ def test_two_bins_at_one_place_do_not_make_a_slope():
         truth = waveform(part.phi)
         near = np.abs(part.phi) < 0.4
         assert (
-            np.abs(part.mean - truth * np.mean(part.mean * truth) / np.mean(truth**2))[near].max()
+            np.abs(part.values - truth * np.mean(part.values * truth) / np.mean(truth**2))[near].max()
             < 0.02
         )
         steepest = np.abs(np.gradient(waveform(part.phi), part.phi)).max()

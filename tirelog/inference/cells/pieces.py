@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.stacks.align import knots_of, nearest_curve
-from tirelog.inference.stacks.cut import ANGLES, Stacks, outlines
+from tirelog.inference.stacks.cut import ANGLES, outlines
 from tirelog.process_pool import shared_out
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -173,20 +173,21 @@ class Pieces(Means):
 
         Another `turn` (the number of a log, say) takes them at other speeds.
         """
-        return self if len(self) <= most else self.take(self.spread(most, turn))
-
-    def spread(self, most: int, turn: int = 0) -> IntArray:
-        """The pieces, ascending, that `with_fewer_cells` keeps."""
         if len(self) <= most:
-            return np.arange(len(self))
-        place = (np.arange(most) + (turn * _GOLDEN) % 1.0) / most * len(self)
-        return np.sort(np.argsort(self.conditions.speed_m_s, kind="stable")[place.astype(int)])
+            return self
+        return self.take(evenly_over(self.conditions.speed_m_s, most, turn))
+
+
+def evenly_over(speed_m_s: FloatArray, most: int, turn: int) -> IntArray:
+    """At most `most` of these speeds (n,), evenly over them: their numbers, ascending."""
+    if speed_m_s.size <= most:
+        return np.arange(speed_m_s.size)
+    place = (np.arange(most) + (turn * _GOLDEN) % 1.0) / most * speed_m_s.size
+    return np.sort(np.argsort(speed_m_s, kind="stable")[place.astype(int)])
 
 
 def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
     """The pieces of several logs as one; logs and manoeuvres are numbered through."""
-    if len(parts) == 1:
-        return parts[0]
     rows: dict[str, Any] = {}
     for name in ("log", "manoeuvre"):
         numbers = [getattr(part, name) for part in parts]
@@ -194,28 +195,18 @@ def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
         rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
     notes = tuple(note for part in parts for note in part.notes)
     logs = tuple(log for part in parts for log in part.logs)
-    return replace(
-        concatenated_pieces(parts), cell=np.zeros(0, np.int64), logs=logs, notes=notes, **rows
-    )
+    return replace(concatenated_pieces(parts), logs=logs, notes=notes, **rows)
 
 
 def concatenated_pieces(parts: Sequence[Pieces]) -> Pieces:
-    """All pieces under each other, cells numbered through; logs and manoeuvres have been."""
-    if len(parts) == 1:
-        return parts[0]
+    """All pieces under each other, without their revolutions' cells; logs have been numbered."""
     rows: dict[str, Any] = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Pieces)
         if f.metadata or f.name == "coefficients"
     }
-    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
-    cell = np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)])
-    return replace(
-        parts[0],
-        conditions=Conditions.concatenate([part.conditions for part in parts]),
-        cell=cell,
-        **rows,
-    )
+    conditions = Conditions.concatenate([part.conditions for part in parts])
+    return replace(parts[0], conditions=conditions, cell=np.zeros(0, np.int64), **rows)
 
 
 def assign_pieces(stack: Stack) -> IntArray:
@@ -548,33 +539,21 @@ LEAST_SHARE = 2
 
 
 def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
-    """The pieces of all logs of the stacks, at most `most`.
-
-    Each log is gathered by itself; several share the room.
-    """
-    outline = outlines(stacks)
-    of_log = room(outline[0].phi_rad.size, min(most, LOG_PIECES))
-    most = room(outline[0].phi_rad.size, most)
-    parts: list[Pieces] = []
-    for places in _places_of_logs(outline):
-        part = _pieces(stacks, places, outline, of_log)
-        first = parts[-1].manoeuvre.max() + 1 if parts else 0
-        parts.append(
-            replace(part, manoeuvre=np.unique(part.manoeuvre, return_inverse=True)[1] + first)
-        )
-    chosen = chosen_logs(len(parts), most)
-    shares = dict(zip(chosen, share_out([len(parts[i]) for i in chosen], most), strict=True))
-    kept, cells, before = [], [], 0
-    for number, part in enumerate(parts):
-        share = shares.get(number, 0)
-        rows = part.spread(share, chosen.index(number)) if share else np.zeros(0, np.int64)
-        if rows.size:
-            kept.append(part if rows.size == len(part) else part.take(rows))
-        cells.append(_nearest(part, rows, before))
-        before += rows.size
-    said = left_out(before, sum(len(parts[i]) for i in chosen), len(kept), len(parts))
-    notes = (*_notes(stacks), *(note for part in kept for note in part.notes), *said)
-    return replace(concatenated_pieces(kept), cell=np.concatenate(cells), notes=notes)
+    """The pieces of all logs of the stacks, at most `most`, for which several share the room."""
+    pieces = pieces_of_all(stacks, min(most, LOG_PIECES))
+    most, speed = room(pieces.phi.shape[1], most), pieces.conditions.speed_m_s
+    of_log = [np.flatnonzero(pieces.log == log) for log in np.unique(pieces.log)]
+    chosen = [of_log[i] for i in chosen_logs(len(of_log), most)]
+    shares = share_out([rows.size for rows in chosen], most)
+    each = enumerate(zip(chosen, shares, strict=True))
+    kept = np.concatenate([rows[evenly_over(speed[rows], n, turn)] for turn, (rows, n) in each])
+    if kept.size == len(pieces):
+        return pieces
+    said = left_out(kept.size, sum(rows.size for rows in chosen), len(chosen), len(of_log))
+    number = np.full(len(pieces), -1)
+    number[kept] = np.arange(kept.size)
+    some = replace(pieces.take(kept), notes=(*pieces.notes, *said))
+    return replace(some, cell=_nearest_cells(some, number[pieces.cell], outlines(stacks)))
 
 
 def room(angles: int, most: int = MOST_PIECES) -> int:
@@ -613,94 +592,56 @@ def left_out(used: int, of: int, logs_used: int, logs: int) -> tuple[str, ...]:
     )
 
 
-def _places_of_logs(stacks: Sequence[Stack]) -> list[list[int]]:
-    """The stacks of each log, by their place; all together if one stack holds several logs."""
-    logs = [np.unique(stack.log) for stack in stacks]
-    if any(names.size > 1 for names in logs):
-        return [list(range(len(stacks)))]
-    return [
-        [i for i, names in enumerate(logs) if names[0] == log]
-        for log in dict.fromkeys(int(names[0]) for names in logs)
-    ]
-
-
-def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
-    """The piece of each revolution of a log, numbered on from `before`.
-
-    `kept` pieces of the log are left: a revolution has its own, or the one nearest in speed; -1 if
-    none is left.
-    """
-    if not kept.size:
-        return np.full(part.cell.size, -1)
-    if kept.size == len(part):
-        return part.cell + before
-    speed = part.conditions.speed_m_s
-    nearest = np.abs(speed[:, None] - speed[kept]).argmin(axis=1)
-    nearest[kept] = np.arange(kept.size)
-    gathered: IntArray = before + nearest[part.cell]
-    return gathered
-
-
 def pieces_of_all(stacks: Sequence[Stack], most: int = LOG_PIECES) -> Pieces:
-    """The pieces of stacks that are numbered through, about `most` of each log at most."""
-    outline = outlines(stacks)
-    pieces = _pieces(stacks, range(len(stacks)), outline, room(outline[0].phi_rad.size, most))
-    return replace(pieces, notes=(*_notes(stacks), *pieces.notes))
+    """The pieces of stacks that are numbered through, about `most` of each log at most.
 
-
-def _notes(stacks: Sequence[Stack]) -> tuple[str, ...]:
-    return stacks.notes if isinstance(stacks, Stacks) else ()
-
-
-def _pieces(
-    stacks: Sequence[Stack], places: Sequence[int], outline: Sequence[Stack], most: int
-) -> Pieces:
-    """`pieces_of_all` of the stacks at `places`; `outline` all stacks without waveforms.
-
-    Those of which no manoeuvre is used are not read.
+    Stacks of which no manoeuvre is used are not read.
     """
-    own = [outline[i] for i in places]
-    manoeuvre = np.concatenate([stack.manoeuvre for stack in own])
-    kept, some = _kept_manoeuvres(own, manoeuvre, most)
-    parts: list[Pieces] = []
-    cell = np.full(manoeuvre.size, -1)
-    used = [np.flatnonzero(np.isin(outline[i].manoeuvre, kept)) for i in places]
-    read = [k for k, rows in enumerate(used) if rows.size]
+    outline = outlines(stacks)
+    kept, some = _kept_manoeuvres(outline, room(outline[0].phi_rad.size, most))
+    used = [np.flatnonzero(np.isin(stack.manoeuvre, kept)) for stack in outline]
+    read = [i for i, rows in enumerate(used) if rows.size]
 
     def part_of(number: int) -> Pieces:
-        stack, rows = stacks[places[read[number]]], used[read[number]]
+        stack, rows = stacks[read[number]], used[read[number]]
         return pieces_of(stack if rows.size == len(stack) else stack.take(rows))
 
-    before = np.cumsum([0, *(len(stack) for stack in own)])
-    for k, part in zip(read, shared_out(len(read), part_of), strict=True):
-        cell[before[k] + used[k]] = part.cell + sum(len(one) for one in parts)
+    parts: list[Pieces] = []
+    cells = [np.full(len(stack), -1) for stack in outline]
+    for i, part in zip(read, shared_out(len(read), part_of), strict=True):
+        cells[i][used[i]] = part.cell + sum(len(one) for one in parts)
         parts.append(part)
     pieces = concatenated_pieces(parts)
-    log = np.concatenate([stack.log for stack in own])
-    speed = np.concatenate([stack.conditions.speed_m_s for stack in own])
-    for number in np.unique(log[cell < 0]):
-        rows, there = np.flatnonzero((cell < 0) & (log == number)), pieces.log == number
-        cell[rows] = np.flatnonzero(there)[
-            _nearest_in_speed(speed[rows], pieces.conditions.speed_m_s[there])
-        ]
     notes = (
         f"{pieces.logs[number]}: {used} of {of} manoeuvres are used, spread over the speeds of "
         "each regime; errors are those of what is used"
         for number, (used, of) in some.items()
     )
-    return replace(pieces, cell=cell, notes=tuple(notes))
+    return replace(
+        pieces,
+        cell=_nearest_cells(pieces, np.concatenate(cells), outline),
+        notes=(*getattr(stacks, "notes", ()), *notes),
+    )
 
 
-def _nearest_in_speed(speed_m_s: FloatArray, among: FloatArray) -> IntArray:
-    """Which of the speeds `among` is nearest to each, (n,)."""
-    order = np.argsort(among, kind="stable")
-    middle = 0.5 * (among[order][1:] + among[order][:-1])
-    nearest: IntArray = order[np.searchsorted(middle, speed_m_s)]
-    return nearest
+def _nearest_cells(pieces: Pieces, cell: IntArray, outline: Sequence[Stack]) -> IntArray:
+    """The piece of each revolution, (n,): its own or, of none (-1), the nearest in speed.
+
+    Of its log; -1 if the log gives no piece.
+    """
+    log = np.concatenate([stack.log for stack in outline])
+    speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
+    for number in np.unique(log[cell < 0]):
+        rows, there = (cell < 0) & (log == number), np.flatnonzero(pieces.log == number)
+        if there.size:
+            there = there[np.argsort(pieces.conditions.speed_m_s[there], kind="stable")]
+            among = pieces.conditions.speed_m_s[there]
+            cell[rows] = there[np.searchsorted(0.5 * (among[1:] + among[:-1]), speed[rows])]
+    return cell
 
 
 def _kept_manoeuvres(
-    outline: Sequence[Stack], manoeuvre: IntArray, most: int
+    outline: Sequence[Stack], most: int
 ) -> tuple[IntArray, dict[int, tuple[int, int]]]:
     """The manoeuvres that are used, ascending; of logs with others: how many, and of how many.
 
@@ -710,6 +651,7 @@ def _kept_manoeuvres(
     log = np.concatenate([stack.log for stack in outline])
     regime = np.concatenate([stack.regime for stack in outline])
     speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
+    manoeuvre = np.concatenate([stack.manoeuvre for stack in outline])
     names, first, which = np.unique(manoeuvre, return_index=True, return_inverse=True)
 
     def mean_of(x: FloatArray) -> FloatArray:
