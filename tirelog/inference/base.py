@@ -427,32 +427,20 @@ def _with_scatter(
     cells = [at_mean_speed(*channel) for channel in zip(raw, fits, strict=True)]
     values = [channel.values for channel in cells]
     plain = [UnweightedMetric.of(channel) for channel in cells]
-    loads = [np.zeros(len(channel)) for channel in cells]
-    bent = [np.zeros(channel.values.shape) for channel in cells]
-    for number in range(_MOST_ROUNDS):
-        known = [
-            _in_scatter(*channel)
-            for channel in zip(cells, values, plain, fits, used, missed, strict=True)
-        ]
+    known: list[FittedChannel] = []
+    for _ in range(_MOST_ROUNDS):
+        before, known = (
+            known,
+            [
+                _in_scatter(*channel)
+                for channel in zip(cells, values, plain, fits, used, missed, strict=True)
+            ],
+        )
         in_metric = [(channel.cells, channel.white) for channel in known]
         fits = fit_channels(in_metric, fits[0].model, several=False, steps=_STEPS_OF_ROUND)
         cells, used = [fit.cells for fit in fits], [channel.white for channel in known]
         missed = [channel.discrepancy for channel in known]
-        before, loads = loads, [channel.floor.scatter.load for channel in known]
-        moved = max(float(np.abs(a - b).max()) for a, b in zip(loads, before, strict=True))
-        last, bent = (
-            bent,
-            [
-                measured - channel.cells.values
-                for measured, channel in zip(values, known, strict=True)
-            ],
-        )
-        turned = max(
-            float((channel.plain(now - then) ** 2).sum())
-            / (channel.plain.weight * channel.floor.square)
-            for channel, then, now in zip(known, last, bent, strict=True)
-        )
-        if number > 0 and moved < _SAME_LOAD and turned < _SAME_BEND:
+        if before and all(map(_unmoved, known, before)):
             break
     if not fits[0].settled:
         in_metric = [(fit.cells, channel.white) for fit, channel in zip(fits, known, strict=True)]
@@ -460,6 +448,13 @@ def _with_scatter(
     return [
         replace(channel, cells=fit.cells, fit=fit) for channel, fit in zip(known, fits, strict=True)
     ]
+
+
+def _unmoved(now: FittedChannel, then: FittedChannel) -> bool:
+    """Have loads, and what they and the nuisances bend, settled since the round before?"""
+    moved = np.abs(now.floor.scatter.load - then.floor.scatter.load).max()
+    turned = (now.plain(now.cells.values - then.cells.values) ** 2).sum() / now.plain.weight
+    return bool(moved < _SAME_LOAD and turned < _SAME_BEND * now.floor.square)
 
 
 def _in_scatter(
@@ -476,14 +471,20 @@ def _in_scatter(
     Random effects are linear, a waveform is not quite: of the measured `values` (C, m) goes what
     its load and its nuisances bend. The columns of these are of the fitted model.
     """
-    cells = _with_columns_of(fit, _with_shift_of(fit, cells))
+    cells = _with_shift_of(fit, cells)
+    if cells.shared is not None:  # the columns as the fitted model has them
+        anew = shared_by(cells, fit, cells.shared.groups)
+        if anew is not None and anew.names == cells.shared.names:
+            cells = replace(cells, shared=anew)
     slope, bend = load_slopes(cells, fit)
     columns = np.stack([slope, np.ones_like(slope)], axis=-1)
     scatter = measure_scatter(cells, fit, used, columns, missed)
     bent = 0.5 * bend * scatter.load[:, None] ** 2 + bends(cells, fit)
     cells = replace(cells, values=values - bent)
     floor = measure_floor(cells, plain, columns, scatter)
-    discrepancy = _discrepancy(cells, plain, fit, floor)
+    left = np.nan_to_num(cells.values - fit.prediction - fit.beside)
+    beyond = plain.mean_square((plain(left) ** 2).sum()) - floor.between
+    discrepancy = beyond if beyond > _LEAST_DISCREPANCY * floor.square else 0.0
     white = _metric(cells, discrepancy, columns, scatter)
     return FittedChannel(cells, white, plain, floor, fit, discrepancy)
 
@@ -503,15 +504,6 @@ def _with_shift_of(fit: Fit, cells: Cells) -> Cells:
     return replace(cells, shift=np.nan_to_num((down - up) / (2.0 * _STEP)))
 
 
-def _with_columns_of(fit: Fit, cells: Cells) -> Cells:
-    """The cells with the columns of their shared effects as the fitted model has them."""
-    if cells.shared is None:
-        return cells
-    anew = shared_by(cells, fit, cells.shared.groups)
-    same = anew is not None and anew.names == cells.shared.names
-    return replace(cells, shared=anew) if same else cells
-
-
 def _metric(cells: Cells, missed: float, columns: FloatArray, scatter: Scatter) -> Whitener:
     """The metric of cells in which a model misses `missed` [unit^2] and manoeuvres scatter."""
     return whitener(cells, missed, scatter.wander_sd * columns[..., 0]).with_manoeuvres(
@@ -526,16 +518,6 @@ def _held_out(
     white, plain = held or held_out_losses(channel.cells, channel.white, channel.plain, channel.fit)
     own: dict[str, Any] = {f.name: getattr(channel, f.name) for f in fields(FittedChannel)}
     return Base(**own, held_white=white, held_plain=plain, raw=raw)
-
-
-def _discrepancy(cells: Cells, plain: UnweightedMetric, fit: Fit, floor: Floor) -> float:
-    """Mean square [unit^2] that the fit leaves above the floor.
-
-    Nothing if it is too small to matter.
-    """
-    residual = cells.values - fit.prediction - fit.beside
-    left = plain.mean_square((plain(np.nan_to_num(residual)) ** 2).sum()) - floor.between
-    return left if left > _LEAST_DISCREPANCY * floor.square else 0.0
 
 
 def change_to(base: Base, model: Model) -> FloatArray | ModelError:

@@ -488,7 +488,8 @@ def _slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
 
 def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
     """Change of the prediction per relative change of each parameter, (C, m, k)."""
-    return _slopes(cells, model, names) * np.array([model.values[name] for name in names])
+    slopes: FloatArray = _slopes(cells, model, names) * np.array([model.values[name] for name in names])
+    return slopes
 
 
 def _moved_slope(cells: Cells, model: Model, name: str) -> FloatArray | None:

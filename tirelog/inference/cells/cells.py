@@ -285,9 +285,8 @@ class Cells(Means):
     @property
     def level(self) -> FloatArray:
         """Where an offset of its log is in a cell, (C, m): 1, of a number per revolution 0."""
-        if self.together is None:
-            return np.full(self.phi.shape, float(self.phi.shape[1] > 1))
-        waves = np.array(self.together.widths)[self.part] > 1
+        widths = self.phi.shape[1:] if self.together is None else self.together.widths
+        waves = np.array(widths)[self.part] > 1
         return np.repeat(waves[:, None].astype(np.float64), self.phi.shape[1], axis=1)
 
     @property

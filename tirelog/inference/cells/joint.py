@@ -517,12 +517,9 @@ def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
 
 def rows_by_observable(cells: Cells) -> dict[str, NDArray[np.int64]]:
     """The rows of each observable."""
-    if cells.together is None:
-        return {cells.observable: np.arange(len(cells))}
-    return {
-        observable: np.flatnonzero(cells.part == i)
-        for i, observable in enumerate(cells.together.observables)
-    }
+    layout = cells.together
+    observables = (cells.observable,) if layout is None else layout.observables
+    return {name: np.flatnonzero(cells.part == i) for i, name in enumerate(observables)}
 
 
 def model_of(model: Model, observable: str, member: str = "") -> Model:

@@ -108,9 +108,9 @@ class Stacks(Sequence[Stack]):
                 self._keep(replace(stretch, log=number, manoeuvre=stretch.manoeuvre + first))
         self.logs = (*self.logs, log)
 
-    def note(self, sentence: str) -> None:
-        """A sentence that whoever reads a result of these stacks must see, once."""
-        self.notes = tuple(dict.fromkeys((*self.notes, sentence)))
+    def note(self, *sentences: str) -> None:
+        """Sentences that whoever reads a result of these stacks must see, each once."""
+        self.notes = tuple(dict.fromkeys((*self.notes, *sentences)))
 
     def of_log(self, number: int) -> Iterator[Stack]:
         """The stacks of one log, in order."""
@@ -238,33 +238,26 @@ def outward(channel: Channel) -> tuple[Channel, str]:
 def with_level(stretches: Iterable[Stack], log: str) -> Iterator[Stack]:
     """The stacks of one log as they come.
 
-    UsageError: an acceleration without the level of a turning sensor.
+    UsageError: the median level of an acceleration outside the patch is not about -v^2 / R.
     """
     for stack in stretches:
         if stack.observable == "radial_acceleration":
-            _check_level(stack, log)
+            turning = stack.conditions.speed_m_s**2 / stack.radius_m
+            full = np.isfinite(stack.values).any(axis=1, keepdims=True)
+            with np.errstate(invalid="ignore"):
+                level = np.nanmedian(np.where(full, stack.values, 0.0), axis=1)
+            usual, off = float(np.median(turning)), float(np.median(level + turning))
+            if abs(off) > max(LEVEL_OFF * usual, ZERO_M_S2):
+                raise UsageError(
+                    f"channel {stack.channel} reads {off - usual:.4g} m/s^2 outside the patch "
+                    f"(median) and a turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
+                    allowed=f"allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed "
+                    "(AC coupling, a piezo element), or the unit is wrong",
+                    do="mend unit, scale or offset, or give the model coupling_Hz, the sensor's "
+                    "high-pass",
+                    file=log,
+                )
         yield stack
-
-
-def _check_level(stack: Stack, log: str) -> None:
-    """UsageError if the median level outside the patch is not about -v^2 / R."""
-    turning = stack.conditions.speed_m_s**2 / stack.radius_m
-    with np.errstate(invalid="ignore"):
-        level = np.nanmedian(
-            np.where(np.isfinite(stack.values).any(axis=1, keepdims=True), stack.values, 0.0),
-            axis=1,
-        )
-    usual, off = float(np.median(turning)), float(np.median(level + turning))
-    if abs(off) <= max(LEVEL_OFF * usual, ZERO_M_S2):
-        return
-    raise UsageError(
-        f"channel {stack.channel} reads {off - usual:.4g} m/s^2 outside the patch (median) and a "
-        f"turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
-        allowed=f"allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed (AC coupling, "
-        "a piezo element), or the unit is wrong",
-        do="mend unit, scale or offset, or give the model coupling_Hz, the sensor's high-pass",
-        file=log,
-    )
 
 
 #: bins of the angle over a revolution; twice as many need twice the samples per revolution to be
@@ -351,20 +344,18 @@ def stacks_from_logs(
                 f"{', '.join(others)} (--channel NAME takes another one"
                 f"{', --channel all fits them together' if observable == STRAIN else ''})"
             )
+        heard: list[Line] = []
         if observable in SCALARS:
             stack, said = scalar_stack(recording, source, observable)
             stacks.add(recording.log, [stack])
         else:
             source, said = outward(source)
-            heard: list[Line] = []
             stretches = stretches_of(
                 recording, source, observable, angles=angles, most=most, heard=heard
             )
             stacks.add(recording.log, with_level(stretches, recording.log) if level else stretches)
-            if heard:
-                stacks.note(f"{recording.log}: {source.name}: {lines_said(heard, observable)}")
-        if said:
-            stacks.note(f"{recording.log}: {said}")
+        hum = f"{source.name}: {lines_said(heard, observable)}" if heard else ""
+        stacks.note(*(f"{recording.log}: {note}" for note in (hum, said) if note))
     return stacks
 
 
