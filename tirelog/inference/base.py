@@ -26,8 +26,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import in_bins, joined_cells, parts_of, predicted, with_ratios
-from tirelog.inference.fit.by_observable import fits_apart
-from tirelog.inference.fit.cells import Fit, Problem, finish, fit_channels, fit_model
+from tirelog.inference.fit.cells import Fit, Problem, finish, fit_channels, fit_model, fits_apart
 from tirelog.inference.floor import (
     Floor,
     UnweightedMetric,

@@ -35,7 +35,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: singular values below this share of the largest are no directions: EJ, k, mu, y and load share
 #: one scale; twice as much drops directions that are seen 1.4 times as well
 RANK = 1e-7
-#: cells that are worked on at a time
+#: cells, and manoeuvres that are left out, that are worked on at a time
 _BLOCK = 32
 #: columns of free shapes that are worked on at a time
 SOME_COLUMNS = 8
@@ -323,8 +323,6 @@ def whitener(
 #: columns of which this share of the norm is left beside the offsets are offsets; twice as much
 #: takes for offsets what is seen to 0.06 % beside them
 _NOTHING = 3e-4
-#: manoeuvres that are left out at a time
-_OFFSET_BLOCK = 32
 
 
 @dataclass(frozen=True)
@@ -511,8 +509,8 @@ class LeaveOneOut:
         of_logs = _without_offset(gram_of_log, right_of_log)
         whole = [part.sum(axis=0) for part in of_logs]
         diagonal = np.einsum("mii->i", normal.gram)[1:]
-        for start in range(0, self.log.size, _OFFSET_BLOCK):
-            rows = slice(start, start + _OFFSET_BLOCK)
+        for start in range(0, self.log.size, _BLOCK):
+            rows = slice(start, start + _BLOCK)
             log, own = self.log[rows], normal.gram[rows]
             gram, right = gram_of_log[log] - own, right_of_log[log] - normal.right[rows]
             alone = gram[:, 0, 0] <= 1e-12 * own[:, 0, 0]

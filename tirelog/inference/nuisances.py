@@ -30,8 +30,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
-from tirelog.inference.fit.by_observable import fits_apart
-from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
+from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, fits_apart, free_names
 from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import BY_NAME, Model, Nuisance
@@ -488,8 +487,8 @@ def _slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
 
 def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
     """Change of the prediction per relative change of each parameter, (C, m, k)."""
-    slopes: FloatArray = _slopes(cells, model, names) * np.array([model.values[name] for name in names])
-    return slopes
+    values = np.array([model.values[name] for name in names])
+    return np.asarray(_slopes(cells, model, names) * values)
 
 
 def _moved_slope(cells: Cells, model: Model, name: str) -> FloatArray | None:

@@ -78,9 +78,6 @@ _FEWEST_KNOTS = 8
 #: noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half of
 #: it would leave 0.002
 DITHERED = 0.6
-#: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads
-#: them evenly
-_GOLDEN = 0.6180339887498949
 
 
 #: marks a field with a value per row
@@ -179,10 +176,13 @@ class Pieces(Means):
 
 
 def evenly_over(speed_m_s: FloatArray, most: int, turn: int) -> IntArray:
-    """At most `most` of these speeds (n,), evenly over them: their numbers, ascending."""
+    """At most `most` of these speeds (n,), evenly over them: their numbers, ascending.
+
+    Another `turn` takes others: the golden ratio's fraction spreads successive ones evenly.
+    """
     if speed_m_s.size <= most:
         return np.arange(speed_m_s.size)
-    place = (np.arange(most) + (turn * _GOLDEN) % 1.0) / most * speed_m_s.size
+    place = (np.arange(most) + (turn * 0.5 * (np.sqrt(5.0) - 1.0)) % 1.0) / most * speed_m_s.size
     return np.sort(np.argsort(speed_m_s, kind="stable")[place.astype(int)])
 
 

@@ -14,6 +14,7 @@ is learnt from absolute position.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -44,9 +45,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 CHUNK_SAMPLES = 1 << 16
 #: of the times of an axis every so many are kept, to find the others
 _STRIDE = 1 << 13
-#: turns to either side of a chunk whose samples are looked at too: what a refined passage moves is
-#: far less
-_MARGIN = 1
 #: a channel's step is looked for in so many of its samples, in so many runs from all over it;
 #: twice as many look twice as long
 _LOOKED_AT, _RUNS = 4096, 8
@@ -132,8 +130,9 @@ class Samples:
         around = np.concatenate(
             [[2 * centre_s[0] - centre_s[1]], centre_s, [2 * centre_s[-1] - centre_s[-2]]]
         )
-        low = np.maximum(edges[:-1] - _MARGIN, 0)
-        high = np.minimum(edges[1:] + 1 + _MARGIN, around.size - 1)
+        # and a turn to either side: what a refined passage moves is far less
+        low = np.maximum(edges[:-1] - 1, 0)
+        high = np.minimum(edges[1:] + 2, around.size - 1)
         low, high = self.before(around[low]), self.before(around[high])
         return [
             TurnChunk(*(int(x) for x in row))
@@ -151,7 +150,7 @@ class Samples:
 #     times, values --turns_of--> turn, phi, value of each sample
 #         --by_angle--> sums of the log by angle
 #         --by_front--> sums of each turn against a template near the patch
-#         --by_bin--> means of each turn's bins
+#         --by_bin--> sums of each turn's bins
 #
 # numpy takes a dozen arrays of the samples' length for each. Refining the passages of an hour of
 # one
@@ -161,7 +160,7 @@ class Samples:
 
 
 #: a turn of the wheel [rad]
-TURN = 2.0 * np.pi
+TURN = math.tau
 
 
 @compiled
@@ -282,30 +281,18 @@ def by_bin(
     angle: FloatArray,
     variance: FloatArray,
 ) -> None:
-    """Fills each turn's bins, (n, m) each: samples, mean value, mean and variance of the angle.
+    """Adds samples (N,) to the sums of each turn's bins, (n, m) each.
 
-    A bin without a sample has NaN; all of them begin at 0.
+    Their number, value, angle off the bin's middle, and the square of that.
     """
     m = count.shape[1]
     for i in range(phi.size):
         k, place = turn[i], min(np.int64((phi[i] + np.pi) * (m / TURN)), m - 1)
+        off = phi[i] + np.pi - (place + 0.5) * (TURN / m)
         count[k, place] += 1
         mean[k, place] += values[i]
-        angle[k, place] += phi[i]
-    for k in range(count.shape[0]):
-        for place in range(m):
-            if count[k, place] == 0:
-                mean[k, place], angle[k, place], variance[k, place] = np.nan, np.nan, np.nan
-            else:
-                mean[k, place] /= count[k, place]
-                angle[k, place] /= count[k, place]
-    for i in range(phi.size):
-        k, place = turn[i], min(np.int64((phi[i] + np.pi) * (m / TURN)), m - 1)
-        variance[k, place] += (phi[i] - angle[k, place]) ** 2
-    for k in range(count.shape[0]):
-        for place in range(m):
-            if count[k, place] > 0:
-                variance[k, place] /= count[k, place]
+        angle[k, place] += off
+        variance[k, place] += off * off
 
 
 #: angles [rad] that the matched filter looks at, and the template's grid; twice as far looks at

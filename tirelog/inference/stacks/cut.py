@@ -520,6 +520,10 @@ def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> 
             here = slice(chunk.first - more, chunk.stop - more)
             bins = (count[here], mean[here], phi[here], variance[here])
             by_bin(*turned(samples, angle, chunk), *bins)
+    with np.errstate(invalid="ignore"):  # NaN in a bin without a sample
+        off = phi / count
+        mean, variance = mean / count, np.maximum(variance / count - off**2, 0.0)
+    phi = off + (np.arange(m) + 0.5) * (2.0 * np.pi / m) - np.pi
     return {"values": mean, "phi_mean": phi, "phi_variance": variance, "count": count}
 
 

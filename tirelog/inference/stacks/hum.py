@@ -86,10 +86,6 @@ _ROUNDS = 10
 #: differences beyond this are left out [robust standard deviations]: of hum alone none reaches 2;
 #: at twice as many they outweigh the line where samples are lost at flanks
 _FAR = 5.0
-#: the median of a power that is exponentially distributed, over its mean
-_MEDIAN = float(np.log(2.0))
-#: median absolute deviations to a standard one
-_TO_SD = 1.4826
 
 
 @dataclass(frozen=True)
@@ -164,7 +160,7 @@ class _Pairs:
         rise = values[first + 1] - values[first]
         there = np.isfinite(rise)
         rise = np.where(there, rise, 0.0)
-        spread = _TO_SD * np.median(np.abs(rise), axis=0)
+        spread = 1.4826 * np.median(np.abs(rise), axis=0)  # to a standard deviation
         least = np.median(spread[spread > 0]) if (spread > 0).any() else 1.0
         # a flank's bins scatter by where their samples fall, and say little of a line
         scale = np.maximum(spread, 0.3 * least)
@@ -234,7 +230,8 @@ class _Pairs:
         if not near.any():
             return None
         best = int(np.flatnonzero(near)[np.argmax(found[near, 1])])
-        around = float(np.median(found[:, 1])) / _MEDIAN
+        # of a power that is exponentially distributed the mean is the median over log 2
+        around = float(np.median(found[:, 1]) / np.log(2.0))
         if found[best, 1] <= _ABOVE * around:
             return None
         if not 0 < best < len(found) - 1:
