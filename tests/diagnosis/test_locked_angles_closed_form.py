@@ -46,10 +46,8 @@ def test_two_bins_at_one_place_do_not_make_a_slope():
         part = SimpleNamespace(**one_waveform(*given))
         truth = waveform(part.phi)
         near = np.abs(part.phi) < 0.4
-        assert (
-            np.abs(part.values - truth * np.mean(part.values * truth) / np.mean(truth**2))[near].max()
-            < 0.02
-        )
+        size = np.mean(part.values * truth) / np.mean(truth**2)
+        assert np.abs(part.values - truth * size)[near].max() < 0.02
         steepest = np.abs(np.gradient(waveform(part.phi), part.phi)).max()
         assert np.abs(part.shift).max() < 1.3 * steepest
 

@@ -31,7 +31,7 @@ from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
 from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, fits_apart, free_names
-from tirelog.inference.scatter import load_derivative
+from tirelog.inference.floor import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import BY_NAME, Model, Nuisance
 from tirelog.physics.model.model import FORM as FORM

@@ -540,20 +540,22 @@ LEAST_SHARE = 2
 
 def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
     """The pieces of all logs of the stacks, at most `most`, for which several share the room."""
-    pieces = pieces_of_all(stacks, min(most, LOG_PIECES))
-    most, speed = room(pieces.phi.shape[1], most), pieces.conditions.speed_m_s
-    of_log = [np.flatnonzero(pieces.log == log) for log in np.unique(pieces.log)]
-    chosen = [of_log[i] for i in chosen_logs(len(of_log), most)]
-    shares = share_out([rows.size for rows in chosen], most)
-    each = enumerate(zip(chosen, shares, strict=True))
-    kept = np.concatenate([rows[evenly_over(speed[rows], n, turn)] for turn, (rows, n) in each])
-    if kept.size == len(pieces):
-        return pieces
-    said = left_out(kept.size, sum(rows.size for rows in chosen), len(chosen), len(of_log))
-    number = np.full(len(pieces), -1)
+    outline = outlines(stacks)
+    logs = np.unique(np.concatenate([stack.log for stack in outline]))
+    share, most = min(most, LOG_PIECES), room(outline[0].phi_rad.size, most)
+    chosen = logs[chosen_logs(logs.size, most)]
+    pieces = pieces_of_all(stacks, share, chosen)
+    of_log = [np.flatnonzero(pieces.log == log) for log in chosen]
+    each = zip(of_log, share_out([rows.size for rows in of_log], most), strict=True)
+    speed = pieces.conditions.speed_m_s
+    kept = np.concatenate(
+        [rows[evenly_over(speed[rows], n, turn)] for turn, (rows, n) in enumerate(each)]
+    )
+    said = left_out(kept.size, len(pieces), chosen.size, logs.size)
+    number = np.full(len(pieces) + 1, -1)  # the last is that of no piece
     number[kept] = np.arange(kept.size)
     some = replace(pieces.take(kept), notes=(*pieces.notes, *said))
-    return replace(some, cell=_nearest_cells(some, number[pieces.cell], outlines(stacks)))
+    return replace(some, cell=_nearest_cells(some, number[pieces.cell], outline))
 
 
 def room(angles: int, most: int = MOST_PIECES) -> int:
@@ -592,13 +594,15 @@ def left_out(used: int, of: int, logs_used: int, logs: int) -> tuple[str, ...]:
     )
 
 
-def pieces_of_all(stacks: Sequence[Stack], most: int = LOG_PIECES) -> Pieces:
+def pieces_of_all(
+    stacks: Sequence[Stack], most: int = LOG_PIECES, logs: IntArray | None = None
+) -> Pieces:
     """The pieces of stacks that are numbered through, about `most` of each log at most.
 
-    Stacks of which no manoeuvre is used are not read.
+    Of some `logs` alone, if they are given. Stacks of which no manoeuvre is used are not read.
     """
     outline = outlines(stacks)
-    kept, some = _kept_manoeuvres(outline, room(outline[0].phi_rad.size, most))
+    kept, some = _kept_manoeuvres(outline, room(outline[0].phi_rad.size, most), logs)
     used = [np.flatnonzero(np.isin(stack.manoeuvre, kept)) for stack in outline]
     read = [i for i, rows in enumerate(used) if rows.size]
 
@@ -641,7 +645,7 @@ def _nearest_cells(pieces: Pieces, cell: IntArray, outline: Sequence[Stack]) -> 
 
 
 def _kept_manoeuvres(
-    outline: Sequence[Stack], most: int
+    outline: Sequence[Stack], most: int, logs: IntArray | None
 ) -> tuple[IntArray, dict[int, tuple[int, int]]]:
     """The manoeuvres that are used, ascending; of logs with others: how many, and of how many.
 
@@ -668,8 +672,9 @@ def _kept_manoeuvres(
     for stack in outline:
         own = np.unique(np.stack([stack.manoeuvre, assign_pieces(stack)]), axis=1)[0]
         pieces += np.bincount(np.searchsorted(names, own), minlength=names.size)
-    kept, used = np.ones(names.size, bool), dict[int, tuple[int, int]]()
-    for number in np.unique(log):
+    logs = np.unique(log) if logs is None else logs
+    kept, used = np.isin(log[first], logs), dict[int, tuple[int, int]]()
+    for number in logs:
         of_log = np.flatnonzero(log[first] == number)
         if pieces[of_log].sum() <= most:
             continue
