@@ -283,6 +283,11 @@ class Cells(Means):
         return self.member or self.observable
 
     @property
+    def observables(self) -> tuple[str, ...]:
+        """The observable of each part; the one, if they are of one."""
+        return (self.observable,) if self.together is None else self.together.observables
+
+    @property
     def level(self) -> FloatArray:
         """Where an offset of its log is in a cell, (C, m): 1, of a number per revolution 0."""
         widths = self.phi.shape[1:] if self.together is None else self.together.widths

@@ -376,16 +376,9 @@ def _tied(placed: Sequence[SharedEffects]) -> SharedEffects | None:
     if not placed:
         return None
     joined = SharedEffects.joined(placed)
-    first = {name: i for i, name in reversed(list(enumerate(joined.names)))}
-    kept = sorted(first.values())
-    if len(kept) == len(joined):
-        return joined
-    columns = joined.columns[..., kept]
-    place = {joined.names[i]: k for k, i in enumerate(kept)}
-    for i, name in enumerate(joined.names):
-        if first[name] != i:
-            columns[..., place[name]] += joined.columns[..., i]
-    return replace(joined.of(kept), columns=columns)
+    kept = [joined.names.index(name) for name in dict.fromkeys(joined.names)]
+    of_name = np.equal.outer(joined.names, [joined.names[k] for k in kept]).astype(np.float64)
+    return replace(joined.of(kept), columns=joined.columns @ of_name)
 
 
 def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffects | None:
@@ -503,23 +496,17 @@ def _each(model: Model, cells: Cells) -> Any:
 
 def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
     """What an effect needs to be known, and some revolution that it acts on does not know."""
-    if cells.together is None:
-        if model.beside and not model.acts_on(effect, cells.observable):
-            return []
-        return effect.missing(cells.conditions)
+    alone = cells.together is None and not model.beside
     missing: dict[str, None] = {}
-    for i, observable in enumerate(cells.together.observables):
-        if model.acts_on(effect, observable):
-            rows = np.flatnonzero(cells.part == i)
-            missing |= dict.fromkeys(effect.missing(cells.conditions.take(rows)))
+    for i, observable in enumerate(cells.observables):
+        if alone or model.acts_on(effect, observable):
+            missing |= dict.fromkeys(effect.missing(cells.conditions.take(cells.part == i)))
     return list(missing)
 
 
 def rows_by_observable(cells: Cells) -> dict[str, NDArray[np.int64]]:
     """The rows of each observable."""
-    layout = cells.together
-    observables = (cells.observable,) if layout is None else layout.observables
-    return {name: np.flatnonzero(cells.part == i) for i, name in enumerate(observables)}
+    return {name: np.flatnonzero(cells.part == i) for i, name in enumerate(cells.observables)}
 
 
 def model_of(model: Model, observable: str, member: str = "") -> Model:

@@ -53,17 +53,8 @@ _LOOKED_AT, _RUNS = 4096, 8
 _FEWEST_VALUES, _OFF_STEP = 12, 0.01
 
 
-@dataclass(frozen=True)
-class TurnChunk:
-    """Turns [first, stop) of a run of passages.
-
-    All their samples are among [low, high).
-    """
-
-    first: int
-    stop: int
-    low: int
-    high: int
+#: some turns of a run of passages, and the samples among which all of theirs are
+TurnChunk = tuple[slice, slice]
 
 
 def step_of(channel: Channel) -> tuple[float, float]:
@@ -135,14 +126,16 @@ class Samples:
         high = np.minimum(edges[1:] + 2, around.size - 1)
         low, high = self.before(around[low]), self.before(around[high])
         return [
-            TurnChunk(*(int(x) for x in row))
-            for row in zip(edges[:-1], edges[1:], low, high, strict=True)
+            (slice(int(first), int(stop)), slice(int(start), int(end)))
+            for first, stop, start, end in zip(edges[:-1], edges[1:], low, high, strict=True)
         ]
 
     def read(self, chunk: TurnChunk) -> tuple[FloatArray, FloatArray]:
         """Times and values of a chunk's samples."""
-        time_s = self.channel.axis.time(chunk.low, chunk.high)
-        return time_s, self.channel.read(chunk.low, chunk.high)
+        rows = chunk[1]
+        return self.channel.axis.time(rows.start, rows.stop), self.channel.read(
+            rows.start, rows.stop
+        )
 
 
 # ---- Compiled passes over the samples of some turns: each goes through them once.
@@ -377,8 +370,8 @@ def turned(
         spline.x,
         spline.c,
         spline(ends, 1),
-        chunk.first,
-        chunk.stop,
+        chunk[0].start,
+        chunk[0].stop,
         turn,
         phi,
         kept,
@@ -501,8 +494,9 @@ def _shifts(
         return angle_sums(*turned(samples, angle, chunks[number])[1:])
 
     def shifts(number: int) -> FloatArray:
-        chunk = chunks[number]
-        return front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0]
+        turns = chunks[number][0]
+        found = turned(samples, angle, chunks[number])
+        return front_fit(*found, shape, turns.stop - turns.start)[0]
 
     of_log = sum(shared_out(len(chunks), sums, shared), np.zeros((3, _TEMPLATE_POINTS)))
     shape = mean_waveform(of_log, knots)

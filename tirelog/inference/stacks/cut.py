@@ -24,7 +24,7 @@ import os
 import tempfile
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, overload
 
 import numpy as np
@@ -273,19 +273,9 @@ FEWEST = 6
 _SHORTEST_RUN = 5
 
 
-@dataclass(frozen=True)
-class Turns:
-    """The revolutions of one unbroken run.
-
-    Ordinal of each passage in the log (k,), refined times (k,) and the angle between them. Its k -
-    2 whole revolutions are the turns 1 ... k - 2.
-    """
-
-    ordinal: NDArray[np.int64]
-    angle: PassageAngle
-
-    def __len__(self) -> int:
-        return int(self.ordinal.size) - 2
+#: one unbroken run: the ordinals in the log of its passages (k,), and the wheel's angle through
+#: them; its k - 2 whole revolutions are the turns 1 ... k - 2
+Run = tuple[NDArray[np.int64], PassageAngle]
 
 
 def observe_channel(recording: Recording, observable: str, name: str | None = None) -> Channel:
@@ -378,7 +368,7 @@ def stretches_of(
     passages = trusted_passages(recording, channel)
     samples = Samples(channel)
     runs = list(_runs(passages, samples))
-    n = sum(len(run) for run in runs)
+    n = sum(ordinal.size - 2 for ordinal, _ in runs)
     if n < FEWEST:
         refuse_swapped_surface(recording, channel, radius)
         seen = int(np.isfinite(passages.time_s).sum())
@@ -422,7 +412,7 @@ def _course(
     recording: Recording,
     channel: Channel,
     observable: str,
-    runs: Sequence[Turns],
+    runs: Sequence[Run],
     noise: float,
     angles: int,
 ) -> Stack:
@@ -431,12 +421,12 @@ def _course(
     It holds what a revolution has one value of.
     """
     radius = recording.setup.tire.radius_m
-    times = [run.angle.centre_s[1:-1] for run in runs]
-    speeds = [run.angle.speed_rad_s(time) for run, time in zip(runs, times, strict=True)]
+    times = [angle.centre_s[1:-1] for _, angle in runs]
+    speeds = [angle.speed_rad_s(angle.centre_s[1:-1]) for _, angle in runs]
     acceleration = np.concatenate(
         [accelerations(time, speed * radius) for time, speed in zip(times, speeds, strict=True)]
     )
-    breaks = np.concatenate([np.r_[True, np.zeros(len(run) - 1, bool)] for run in runs])
+    breaks = np.concatenate([np.arange(time.size) == 0 for time in times])
     manoeuvre, regime = segment(regimes(acceleration), breaks)
     centre, speed = np.concatenate(times), np.concatenate(speeds)
     n = centre.size
@@ -458,7 +448,7 @@ def _course(
         conditions=conditions_of(recording, centre, speed * radius, acceleration),
         log=np.zeros(n, np.int64),
         manoeuvre=manoeuvre,
-        revolution=np.concatenate([run.ordinal[1:-1] for run in runs]),
+        revolution=np.concatenate([ordinal[1:-1] for ordinal, _ in runs]),
         regime=regime,
         logs=(recording.log,),
         step=step,
@@ -486,38 +476,38 @@ def _cuts(manoeuvre: NDArray[np.int64], most: int) -> Iterator[slice]:
     yield slice(low, n)
 
 
-def _runs(passages: Passages, samples: Samples) -> Iterator[Turns]:
+def _runs(passages: Passages, samples: Samples) -> Iterator[Run]:
     """Unbroken runs of passages one turn apart, refined by the matched filter."""
     known = np.flatnonzero(np.isfinite(passages.time_s))
     cut = np.flatnonzero(~(passages.turn_after[known[:-1]] & (np.diff(known) == 1))) + 1
     for index in np.split(known, cut):
         if index.size >= _SHORTEST_RUN:
-            yield Turns(
-                index, PassageAngle.through(refine_passages(samples, passages.time_s[index]))
-            )
+            refined = refine_passages(samples, passages.time_s[index])
+            yield index, PassageAngle.through(refined)
 
 
-def _of_runs(runs: Sequence[Turns], rows: slice) -> Iterator[tuple[PassageAngle, int, int, int]]:
+def _of_runs(runs: Sequence[Run], rows: slice) -> Iterator[tuple[PassageAngle, int, int, int]]:
     """Of the revolutions `rows` of a log those of each run.
 
     Its angle, their first turn and the one after their last, and by how much the number of a turn
     is more than that of its row.
     """
     before = 0
-    for run in runs:
-        first, stop = max(rows.start - before, 0), min(rows.stop - before, len(run))
+    for ordinal, angle in runs:
+        turns = ordinal.size - 2
+        first, stop = max(rows.start - before, 0), min(rows.stop - before, turns)
         if first < stop:
-            yield run.angle, first + 1, stop + 1, rows.start + 1 - before
-        before += len(run)
+            yield angle, first + 1, stop + 1, rows.start + 1 - before
+        before += turns
 
 
-def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> dict[str, Any]:
+def _waveforms(samples: Samples, runs: Sequence[Run], rows: slice, m: int) -> dict[str, Any]:
     """Bin means, mean angles, variances and counts (k, m) of the k revolutions `rows` of a log."""
     k = rows.stop - rows.start
     count, (mean, phi, variance) = np.zeros((k, m), np.int64), np.zeros((3, k, m))
     for angle, first, stop, more in _of_runs(runs, rows):
         for chunk in samples.chunks(angle.centre_s, first, stop):
-            here = slice(chunk.first - more, chunk.stop - more)
+            here = slice(chunk[0].start - more, chunk[0].stop - more)
             bins = (count[here], mean[here], phi[here], variance[here])
             by_bin(*turned(samples, angle, chunk), *bins)
     with np.errstate(invalid="ignore"):  # NaN in a bin without a sample
@@ -527,7 +517,7 @@ def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> 
     return {"values": mean, "phi_mean": phi, "phi_variance": variance, "count": count}
 
 
-def _times(runs: Sequence[Turns], rows: slice, phi: FloatArray) -> FloatArray:
+def _times(runs: Sequence[Run], rows: slice, phi: FloatArray) -> FloatArray:
     """The times [s] of angles phi (k, m) of the k revolutions `rows` of a log."""
     return np.concatenate(
         [
