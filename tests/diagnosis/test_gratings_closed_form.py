@@ -159,8 +159,8 @@ def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
 
 
 def test_one_grating_alone_has_the_wave_of_its_own_angle():
+    from tests.diagnosis.toy import make_cells
     from tirelog.inference.base import prepare
-    from tirelog.inference.cells.cells import make_cells
 
     base = prepare(make_cells(grating(0)), MODEL, several=False)
     plain = shared_effects(base.cells, base.fit, "wheel")

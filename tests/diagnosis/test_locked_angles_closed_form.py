@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.diagnosis.toy import stack, waveform
+from tests.diagnosis.toy import make_cells, stack, waveform
 from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
-from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.pieces import one_waveform
 from tirelog.inference.floor import at_mean_speed
 from tirelog.inference.stacks.align import Samples, refine_passages

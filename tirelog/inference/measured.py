@@ -335,7 +335,6 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
         )
         if stack.observable in WAVEFORMS:
             obstacles.append(found)
-    steady.number_through()  # a manoeuvre may have gone with its revolutions
     return MeasuredLogs(steady, tuple(obstacles))
 
 

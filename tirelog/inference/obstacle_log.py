@@ -118,7 +118,7 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
     good = np.isfinite(values)
     time_s, values = time_s[good], values[good]
     passages, turns = _numbered(stack)
-    wheel = _wheel(passages, turns)
+    wheel = PassageAngle.through(passages, turns)
     inside = (time_s >= wheel.centre_s[0]) & (time_s <= wheel.centre_s[-1])
     time_s, values = time_s[inside], values[inside]
     spin = float(np.median(stack.conditions.speed_m_s)) / stack.radius_m
@@ -164,10 +164,6 @@ def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
     return time[longest], np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _wheel(passages_s: FloatArray, turns: FloatArray) -> PassageAngle:
-    return PassageAngle(passages_s, CubicSpline(passages_s, 2.0 * np.pi * turns, bc_type="natural"))
-
-
 def _with_steady(log: TransientLog) -> TransientLog:
     """The log with T from the calm samples.
 
@@ -211,7 +207,7 @@ def _calmed(log: TransientLog, hits_s: FloatArray) -> TransientLog:
     kept = _off(log.passages_s, hits_s, DISTURBED[0] * turn, DISTURBED[1] * turn)
     wheel = log.wheel
     if kept.sum() >= _FEWEST_STEADY:
-        wheel = _wheel(log.passages_s[kept], log.turns[kept])
+        wheel = PassageAngle.through(log.passages_s[kept], log.turns[kept])
     calm = _off(log.time_s, hits_s, -turn, WINDOW_S + turn)
     return replace(log, calm=calm, hits_s=hits_s, wheel=wheel)
 

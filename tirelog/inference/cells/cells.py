@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
-from tirelog.data.recording import Stack
 from tirelog.errors import ModelError
-from tirelog.inference.cells.pieces import ROW, Means, Pieces, binned, pieces_of, without_line
+from tirelog.inference.cells.pieces import ROW, Means, Pieces, binned, without_line
 from tirelog.physics.spectral import Angles
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -323,11 +322,6 @@ class Cells(Means):
     @property
     def manoeuvres(self) -> int:
         return int(self.manoeuvre.max()) + 1 if self.manoeuvre.size else 0
-
-
-def make_cells(stack: Stack) -> Cells:
-    """The cells of a stack."""
-    return cells_of(pieces_of(stack))
 
 
 def cells_of(pieces: Pieces) -> Cells:

@@ -241,9 +241,27 @@ def _merge_small(band: IntArray) -> IntArray:
 def pieces_of(stack: Stack) -> Pieces:
     """The pieces of a stack."""
     cell = assign_pieces(stack)
-    rows_of = [np.flatnonzero(cell == c) for c in range(int(cell.max()) + 1)]
-    parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
-    first = np.array([rows_of_one[0] for rows_of_one in rows_of])
+    rows_of = [np.flatnonzero(cell == number) for number in range(int(cell.max()) + 1)]
+    parts = [
+        one_waveform(
+            stack.values[one],
+            stack.phi_mean[one],
+            stack.phi_variance[one],
+            stack.count[one],
+            stack.conditions.speed_m_s[one],
+            step=stack.step,
+            step_from=stack.step_from,
+        )
+        if stack.phi_rad.size > 1
+        else _one_number(stack.values[one])
+        for one in rows_of
+    ]
+    first = np.array([one[0] for one in rows_of])
+    number = np.array([one.size for one in rows_of])
+    means = {
+        f.name: np.bincount(cell, getattr(stack.conditions, f.name)) / number
+        for f in fields(Conditions)
+    }
     rows: dict[str, Any] = {  # in one order, whoever made them: sums go along it
         name: np.ascontiguousarray(np.stack([part[name] for part in parts]))
         for name in parts[0]
@@ -255,9 +273,9 @@ def pieces_of(stack: Stack) -> Pieces:
         surface=stack.surface,
         radius_m=stack.radius_m,
         step=np.full(len(parts), stack.step),
-        number=np.array([rows_of_one.size for rows_of_one in rows_of]),
+        number=number,
         coefficients=np.concatenate([part["coefficients"] for part in parts]),
-        conditions=_mean_conditions(stack.conditions, cell, len(parts)),
+        conditions=Conditions(**means),
         log=stack.log[first],
         manoeuvre=stack.manoeuvre[first],
         regime=stack.regime[first],
@@ -342,20 +360,6 @@ def _bin_means(
         angle = np.einsum("km,km->m", np.where(count > 0, phi, 0.0), count) / total
         second = np.where(count > 0, variance + (phi - angle) ** 2, 0.0)
         return mean, angle, np.einsum("km,km->m", second, count) / total, total
-
-
-def _one_piece(stack: Stack, rows: IntArray) -> PieceRow:
-    """The piece of the revolutions `rows`."""
-    if stack.phi_rad.size == 1:
-        return _one_number(stack.values[rows])
-    speed = stack.conditions.speed_m_s[rows]
-    revolutions = (
-        stack.values[rows],
-        stack.phi_mean[rows],
-        stack.phi_variance[rows],
-        stack.count[rows],
-    )
-    return one_waveform(*revolutions, speed, step=stack.step, step_from=stack.step_from)
 
 
 def one_waveform(
@@ -488,17 +492,6 @@ def _one_number(values: FloatArray) -> PieceRow:
         "coefficients": about,
         "scatter": scatter,
     }
-
-
-def _mean_conditions(conditions: Conditions, cell: IntArray, C: int) -> Conditions:
-    """Means over each cell."""
-    number = np.bincount(cell, minlength=C)
-    return Conditions(
-        **{
-            name: np.bincount(cell, getattr(conditions, name), C) / number
-            for name in Conditions.__dataclass_fields__
-        }
-    )
 
 
 # ---- The pieces of all logs under two limits: `LOG_PIECES` of each log, `MOST_PIECES` of all.

@@ -143,7 +143,7 @@ class Samples:
 #     times, values --turns_of--> turn, phi, value of each sample
 #         --by_angle--> sums of the log by angle
 #         --by_front--> sums of each turn against a template near the patch
-#         --by_bin--> sums of each turn's bins
+#         --by_bin--> means of each turn's bins
 #
 # numpy takes a dozen arrays of the samples' length for each. Refining the passages of an hour of
 # one
@@ -274,18 +274,30 @@ def by_bin(
     angle: FloatArray,
     variance: FloatArray,
 ) -> None:
-    """Adds samples (N,) to the sums of each turn's bins, (n, m) each.
+    """Fills each turn's bins, (n, m) each: samples, mean value, mean and variance of the angle.
 
-    Their number, value, angle off the bin's middle, and the square of that.
+    A bin without a sample has NaN; all of them begin at 0.
     """
     m = count.shape[1]
     for i in range(phi.size):
         k, place = turn[i], min(np.int64((phi[i] + np.pi) * (m / TURN)), m - 1)
-        off = phi[i] + np.pi - (place + 0.5) * (TURN / m)
         count[k, place] += 1
         mean[k, place] += values[i]
-        angle[k, place] += off
-        variance[k, place] += off * off
+        angle[k, place] += phi[i]
+    for k in range(count.shape[0]):
+        for place in range(m):
+            if count[k, place] == 0:
+                mean[k, place], angle[k, place], variance[k, place] = np.nan, np.nan, np.nan
+            else:
+                mean[k, place] /= count[k, place]
+                angle[k, place] /= count[k, place]
+    for i in range(phi.size):
+        k, place = turn[i], min(np.int64((phi[i] + np.pi) * (m / TURN)), m - 1)
+        variance[k, place] += (phi[i] - angle[k, place]) ** 2
+    for k in range(count.shape[0]):
+        for place in range(m):
+            if count[k, place] > 0:
+                variance[k, place] /= count[k, place]
 
 
 #: angles [rad] that the matched filter looks at, and the template's grid; twice as far looks at
@@ -327,9 +339,10 @@ class PassageAngle:
     spline: CubicSpline
 
     @classmethod
-    def through(cls, centre_s: FloatArray) -> PassageAngle:
-        turns = 2.0 * np.pi * np.arange(centre_s.size)
-        return cls(centre_s, CubicSpline(centre_s, turns, bc_type="natural"))
+    def through(cls, centre_s: FloatArray, turns: FloatArray | None = None) -> PassageAngle:
+        """Through passages of these `turns` (n,), or of one after the other."""
+        turns = np.arange(centre_s.size) if turns is None else turns
+        return cls(centre_s, CubicSpline(centre_s, 2.0 * np.pi * turns, bc_type="natural"))
 
     def theta(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at times [s], any shape."""

@@ -120,16 +120,6 @@ class Stacks(Sequence[Stack]):
         """The stacks without their waveforms."""
         return list(self._stacks)
 
-    def number_through(self) -> None:
-        """Manoeuvres 0, 1, 2, ... when some have gone with their revolutions."""
-        names = np.unique(
-            np.concatenate([np.zeros(0, np.int64), *(stack.manoeuvre for stack in self._stacks)])
-        )
-        self._stacks = [
-            replace(stack, manoeuvre=np.searchsorted(names, stack.manoeuvre))
-            for stack in self._stacks
-        ]
-
     def __len__(self) -> int:
         return len(self._stacks)
 
@@ -510,10 +500,6 @@ def _waveforms(samples: Samples, runs: Sequence[Run], rows: slice, m: int) -> di
             here = slice(chunk[0].start - more, chunk[0].stop - more)
             bins = (count[here], mean[here], phi[here], variance[here])
             by_bin(*turned(samples, angle, chunk), *bins)
-    with np.errstate(invalid="ignore"):  # NaN in a bin without a sample
-        off = phi / count
-        mean, variance = mean / count, np.maximum(variance / count - off**2, 0.0)
-    phi = off + (np.arange(m) + 0.5) * (2.0 * np.pi / m) - np.pi
     return {"values": mean, "phi_mean": phi, "phi_variance": variance, "count": count}
 
 
