@@ -60,20 +60,18 @@ def with_ratios(model: Model, cells: Sequence[Cells]) -> Model:
     """The model with a free ratio for every grating beside the first, near what is measured."""
     gratings = [own for own in cells if own.member and own.observable == STRAIN]
     sizes = [float(np.nanstd(own.values)) for own in gratings]
-    new = []
-    for own, size in zip(gratings[1:], sizes[1:], strict=True):
-        start = float(np.clip(size / max(sizes[0], 1e-300), 2.0 * _LEAST, 0.5 * _MOST))
-        new.append(
-            Parameter(
-                ratio_name(own.member),
-                "1",
-                f"lever arm of {own.member} over that of {gratings[0].member}",
-                start,
-                _LEAST,
-                _MOST,
-                1.0,
-            )
+    new = [
+        Parameter(
+            ratio_name(own.member),
+            "1",
+            f"lever arm of {own.member} over that of {gratings[0].member}",
+            float(np.clip(size / max(sizes[0], 1e-300), 2.0 * _LEAST, 0.5 * _MOST)),
+            _LEAST,
+            _MOST,
+            1.0,
         )
+        for own, size in zip(gratings[1:], sizes[1:], strict=True)
+    ]
     kept = tuple(p for p in model.base if not p.name.startswith(_OWN))
     return replace(model, base=(*kept, *new)) if LEVER in model.parameters else model
 

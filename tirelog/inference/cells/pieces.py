@@ -310,40 +310,36 @@ def _curve(
     turns their noise into a slope.
     """
     full = np.isfinite(values) & (count > 0)
-    x, y, n = phi[full], values[full], count[full]
+    points = np.stack([phi[full], values[full], count[full]])
     if knots is not None:
-        return nearest_curve(x, y, n, knots)
-    few = LEAST_COUNT * np.median(n)
+        return nearest_curve(*points, knots)
+    few = LEAST_COUNT * np.median(points[2])
     width = 2.0 * np.pi / phi.size
-    while x.size > _FEWEST_KNOTS:
+    while points.shape[1] > _FEWEST_KNOTS:
+        x, _, n = points
         gap = np.diff(np.append(x, x[0] + 2.0 * np.pi))  # to the next one
         lone = np.minimum(n, np.roll(n, -1)) < few
         close = gap / width < np.where(lone, _NEIGHBOUR, CLOSEST)
         if not close.any():
             break
-        first = int(np.argmin(np.where(close, gap, np.inf)))
-        x, y, n = _joined(x, y, n, first)
+        points = _merged(points, int(np.argmin(np.where(close, gap, np.inf))))
+    x, y, _ = points
     return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
 
 
-def _joined(
-    x: FloatArray, y: FloatArray, n: FloatArray, first: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The knots with `first` and the one after it (round the turn) as one.
+def _merged(points: FloatArray, first: int) -> FloatArray:
+    """Knots (3, k), angle, value, samples, with `first` and the next (round the turn) as one.
 
-    The joined knot lies at the mean of their samples.
+    It lies at the mean of their samples.
     """
-    last = (first + 1) % x.size
-    total = n[first] + n[last]
-    share = n[last] / total
-    x, y, n = x.copy(), y.copy(), n.copy()
-    x[first] += share * ((x[last] - x[first]) % (2.0 * np.pi))
-    y[first] += share * (y[last] - y[first])
-    n[first] = total
-    left = np.arange(x.size) != last
-    x, y, n = x[left], y[left], n[left]
-    order = np.argsort(x)
-    return x[order], y[order], n[order]
+    points, last = points.copy(), (first + 1) % points.shape[1]
+    step = points[:, last] - points[:, first]
+    step[0] %= 2.0 * np.pi
+    total = points[2, first] + points[2, last]
+    points[:2, first] += points[2, last] / total * step[:2]
+    points[2, first] = total
+    points = np.delete(points, last, axis=1)
+    return points[:, np.argsort(points[0])]
 
 
 def _bin_means(
