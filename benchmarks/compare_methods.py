@@ -28,7 +28,8 @@ from tirelog.diagnosis.candidates.assessment import (
 )
 from tirelog.diagnosis.candidates.naming import next_step
 from tirelog.inference.base import Base, prepare
-from tirelog.inference.cells.cells import make_cells
+from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.stacks.cut import joined, stacks_from_logs
 from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
@@ -149,7 +150,7 @@ def main() -> None:
         stacks = stacks_from_logs(
             [to_recording(simulate(log), str(k)) for k, log in enumerate(logs)]
         )
-        seen = Seen(prepare(make_cells(joined(stacks)), Model.new("beam", radius_m=0.305)))
+        seen = Seen(prepare(cells_of(pieces_of(joined(stacks))), Model.new("beam", radius_m=0.305)))
         of[kind] += 1
         for name, rule in rules.items():
             said = rule(seen)

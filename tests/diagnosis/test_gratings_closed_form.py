@@ -31,7 +31,7 @@ from tirelog.inference.base import JointBase
 from tirelog.inference.cells.joint import JointStacks, ratio_name, ratio_of
 from tirelog.inference.measured import measured_gratings, several_channels
 from tirelog.inference.nuisances import shared_effects
-from tirelog.inference.stacks.cut import Places, Stacks, places_of
+from tirelog.inference.stacks.cut import Stacks, places_of
 from tirelog.physics import Model
 from tirelog.simulation import scenario_of, simulate, to_recording
 from tirelog.vocabulary.arrays import FloatArray
@@ -159,8 +159,8 @@ def test_run_out_is_one_wave_that_each_grating_sees_from_its_place():
 
 
 def test_one_grating_alone_has_the_wave_of_its_own_angle():
+    from tests.diagnosis.toy import make_cells
     from tirelog.inference.base import prepare
-    from tirelog.inference.cells.cells import make_cells
 
     base = prepare(make_cells(grating(0)), MODEL, several=False)
     plain = shared_effects(base.cells, base.fit, "wheel")
@@ -302,19 +302,17 @@ def recording(**angles: float | None) -> Recording:
     return Recording("a.csv", channels, parse_setup(text, "a.toml"))
 
 
-def placed(given: dict[str, float | None], behind: dict[str, float]) -> list[Places]:
+def placed(
+    given: dict[str, float | None], behind: dict[str, float]
+) -> tuple[tuple[float, ...], list[str]]:
+    """What is said of gratings that so many degrees are given of, and that stand so far behind."""
     stacks = {name: passages(name, np.radians(b), k) for k, (name, b) in enumerate(behind.items())}
-    log, first = recording(**given), next(iter(stacks.values()))
-    found = []
-    for name, own in stacks.items():
-        found.append(Places(name))
-        found[-1].add(log, 0, own, first)
-    return found
+    return places_of(stacks, {n: float(np.radians(a)) for n, a in given.items() if a is not None})
 
 
 def test_passages_tell_where_gratings_stand():
     behind = {"g1": 0.0, "g2": 97.3, "g3": 341.9}
-    angles, said = places_of(placed(dict.fromkeys(behind), behind))
+    angles, said = placed(dict.fromkeys(behind), behind)
     np.testing.assert_allclose(np.degrees(angles), [0.0, 97.3, 341.9], atol=0.1)
     assert len(said) == 2
     assert said[0].startswith("g2 stands 97.")
@@ -322,19 +320,18 @@ def test_passages_tell_where_gratings_stand():
 
 def test_the_setup_goes_before_the_passages_and_is_doubted():
     behind = {"g1": 0.0, "g2": 97.3, "g3": 200.0}
-    angles, said = places_of(placed({"g1": 30.0, "g2": 127.0, "g3": None}, behind))
+    angles, said = placed({"g1": 30.0, "g2": 127.0, "g3": None}, behind)
     np.testing.assert_allclose(np.degrees(angles), [30.0, 127.0, 230.0], atol=0.1)
     assert [s.split()[0] for s in said] == ["g3"]
-    _, doubted = places_of(placed({"g1": 30.0, "g2": 217.0, "g3": 230.0}, behind))
+    _, doubted = placed({"g1": 30.0, "g2": 217.0, "g3": 230.0}, behind)
     (one,) = doubted
     assert one.startswith("g2 stands 97.")
     assert "187.0" in one
 
 
 def test_a_grating_whose_place_nothing_tells_is_refused():
-    alone = Places("g2")
     with pytest.raises(UsageError, match=r"no passage tells where g2 stands.*angle_deg"):
-        places_of([Places("g1"), alone])
+        places_of({"g1": Stacks(), "g2": Stacks()}, {})
 
 
 def test_gratings_that_a_log_lacks_or_that_are_on_both_surfaces_are_refused():

@@ -14,7 +14,7 @@ from tirelog.inference.base import prepare
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.pieces import pieces_of_all
 from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric import LeaveOneOut
+from tirelog.inference.metric import LeaveOneOut, Normal
 from tirelog.inference.stacks import align as samples_of
 from tirelog.inference.stacks.align import (
     PassageAngle,
@@ -160,15 +160,15 @@ def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):
     base = prepare(cells_of(pieces_of_all(stacks)), Model.new("beam", radius_m=0.305))
     more = np.cos(base.cells.phi[..., None] * np.arange(1, 12))
     cells, left = base.cells, np.nan_to_num(base.cells.values - base.fit.prediction)
+    log, p = np.zeros(cells.manoeuvres, int), base.fit.jacobian.shape[-1]
+    log[cells.manoeuvre] = cells.log
+    none = np.zeros(1 + p + more.shape[-1])
+    columns = np.concatenate([np.ones((*left.shape, 1)), base.fit.jacobian, more], axis=-1)
     whole = [
-        LeaveOneOut.of(
-            np.concatenate([metric(base.fit.jacobian), metric(more)], axis=-1),
-            metric(left), metric(np.ones_like(left)), cells.manoeuvre, cells.log,
-        )
+        LeaveOneOut(Normal.of(metric(columns), metric(left), cells.manoeuvre), log, (none, none))
         for metric in (base.white, base.plain)
-    ]  # fmt: skip
-    left_out, of_all = whole[0].left_out(), whole[0].step_of_all(base.fit.jacobian.shape[-1])
-    solution = [one - every for one, every in zip(left_out, of_all, strict=True)]
+    ]
+    solution = whole[0].left_out() - whole[0].step_of_all(p)
     assert len(cells) > 20
     assert cells.manoeuvres > 10
     for size in (1, 10, 10_000):
@@ -177,4 +177,4 @@ def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):
             cells, base.white, base.plain, base.fit, more[..., :9], more[..., 9:]
         )
         for part, expected in zip(found, whole, strict=True):
-            np.testing.assert_allclose(part, expected.loss(*solution), rtol=1e-8)
+            np.testing.assert_allclose(part, expected.loss(solution), rtol=1e-8)

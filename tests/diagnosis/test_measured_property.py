@@ -244,7 +244,7 @@ def test_a_campaign_s_pieces_are_those_of_its_logs_together(most, monkeypatch):
     ledger = SimpleNamespace(folder=SimpleNamespace(read=files.get, root="results"))
     joined, about = models._pieces(tasks, "strain", ledger)
     assert len(joined) == len(whole) <= max(most, 3 * 2)
-    for name in ("mean", "phi", "count", "number", "coefficients", "regime"):
+    for name in ("values", "phi", "count", "number", "coefficients", "regime"):
         np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name), name)
     names = np.array(stacks.logs)
     np.testing.assert_array_equal(np.array(joined.logs)[joined.log], names[whole.log])

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.diagnosis.toy import stack
-from tirelog.inference.cells.cells import SharedEffects, make_cells
+from tests.diagnosis.toy import make_cells, stack
+from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.metric import (
     LeaveOneOut,
     Normal,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.test_together_closed_form import SPEEDS, measured
-from tirelog.inference.cells.cells import make_cells
+from tests.diagnosis.toy import make_cells
 
 SCATTER = 1e-3
 

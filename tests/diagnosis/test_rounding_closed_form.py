@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.diagnosis.toy import stack, waveform
+from tests.diagnosis.toy import make_cells, stack, waveform
 from tirelog.data.recording import Channel, Stack, TimeAxis
-from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.stacks.align import step_of
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from tirelog.inference.floor import Scatter, _deviations, agreement
 from tirelog.inference.metric import RANK, LeaveOneOut, Normal, solve_scaled
-from tirelog.inference.scatter import Scatter, _deviations, agreement
 
 
 def hat_of(columns):

@@ -108,7 +108,7 @@ def test_pieces_without_a_log_are_those_of_the_others():
     assert rest.logs == ("a", "c")
     assert np.unique(rest.log).tolist() == [0, 1]
     assert np.unique(rest.manoeuvre).tolist() == list(range(16))
-    assert np.array_equal(rest.mean, pieces.mean[pieces.log != 1], equal_nan=True)
+    assert np.array_equal(rest.values, pieces.values[pieces.log != 1], equal_nan=True)
     with pytest.raises(UsageError, match="no log is left"):
         diagnosing.of_logs(pieces, [])
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.diagnosis.toy import channel, stack, waveform
-from tirelog.inference.cells.cells import make_cells
+from tests.diagnosis.toy import channel, make_cells, stack, waveform
 from tirelog.inference.stacks.align import PassageAngle, Samples, refine_passages, split_turns
 from tirelog.inference.stacks.manoeuvres import SHORTEST, accelerations, regimes, segment
 

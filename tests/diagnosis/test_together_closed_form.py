@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.diagnosis.toy import stack_of
+from tests.diagnosis.toy import make_cells, stack_of
 from tirelog.cli.pages import comparison_page
 from tirelog.data.recording import Channel, Conditions, Recording, Stack, TimeAxis
 from tirelog.data.setup import parse_setup
@@ -23,7 +23,6 @@ from tirelog.inference.base import (
     refit,
     with_fewer_cells,
 )
-from tirelog.inference.cells.cells import make_cells
 from tirelog.inference.cells.joint import JointStacks, joined_cells, one_drive, parts_of
 from tirelog.inference.cells.pieces import pieces_of
 from tirelog.inference.measured import measured_together

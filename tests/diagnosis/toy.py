@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
+from tirelog.inference.cells.cells import Cells, cells_of
+from tirelog.inference.cells.pieces import pieces_of
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 
@@ -81,3 +83,8 @@ def stack(
     )
     named = {"channel": "toy", "logs": ("toy",), "phi_mean": phi}
     return stack_of(values, conditions, number, noise, **named)
+
+
+def make_cells(stack: Stack) -> Cells:
+    """The cells of a stack."""
+    return cells_of(pieces_of(stack))

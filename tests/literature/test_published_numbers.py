@@ -12,8 +12,8 @@ import pytest
 from tests.diagnosis.planted import MODEL, stack
 from tirelog.data.recording import Channel, Conditions, TimeAxis
 from tirelog.diagnosis.compare import start
+from tirelog.inference.floor import load_derivative
 from tirelog.inference.nuisances import shared_effects
-from tirelog.inference.scatter import load_derivative
 from tirelog.physics import Model
 from tirelog.physics.carcass.contact import solve_contact
 from tirelog.physics.model.presets import preset_model

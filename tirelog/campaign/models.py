@@ -198,7 +198,7 @@ def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Piec
     for task in chosen:  # read twice: all of them at once may not fit
         kept = _kept(task, observable, ledger)
         sizes.append(len(kept))
-        same = seen.setdefault(_digest(kept.mean.tobytes()), task.name)
+        same = seen.setdefault(_digest(kept.values.tobytes()), task.name)
         if same != task.name:
             raise UsageError(
                 f"{task.name} holds the same samples as {same}",

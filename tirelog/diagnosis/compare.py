@@ -55,10 +55,9 @@ from tirelog.inference.cells.joint import (
 )
 from tirelog.inference.cells.pieces import MOST_PIECES, Pieces, pieces_of_logs
 from tirelog.inference.fit.cells import centred, take_cells
-from tirelog.inference.floor import UnweightedMetric, at_mean_speed
+from tirelog.inference.floor import UnweightedMetric, at_mean_speed, scatter_columns
 from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.nuisances import shared_by
-from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.file import unit_remarks
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray, IntArray

@@ -32,12 +32,11 @@ from tirelog.diagnosis.compare import (
 from tirelog.diagnosis.obstacles import FittedMotion
 from tirelog.diagnosis.rules import QUIET_CHI2
 from tirelog.errors import ModelError, UsageError
-from tirelog.inference.base import FittedChannel, JointBase, fit_together
+from tirelog.inference.base import FitResult, FittedChannel, JointBase, fit_together, result_of
 from tirelog.inference.cells.cells import cells_of, with_nuisances
 from tirelog.inference.cells.joint import JointPieces, model_of, without_ratios
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.cells import Fit, bounds, inequalities
-from tirelog.inference.fit.result import FitResult, result_of
 from tirelog.inference.measured import without_motion_parameters
 from tirelog.inference.nuisances import FORM, bound, frees
 from tirelog.physics.model.model import Model

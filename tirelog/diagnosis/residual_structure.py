@@ -42,10 +42,9 @@ from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to, with_fewer_cells
 from tirelog.inference.cells.joint import model_of
-from tirelog.inference.floor import held_out_losses, held_out_losses_with
+from tirelog.inference.floor import held_out_losses, held_out_losses_with, load_derivative
 from tirelog.inference.metric import Offsets, ProjectedOut, side_by_side, solve_scaled
 from tirelog.inference.nuisances import condition_slopes
-from tirelog.inference.scatter import load_derivative
 from tirelog.physics.effects import Drive, Effect, Site
 from tirelog.physics.effects.base import Values
 from tirelog.physics.pressure import bell

@@ -36,8 +36,8 @@ from tirelog.errors import ModelError, UsageError, or_refusal, refuse_unknown
 from tirelog.inference.base import Base, JointBase, bases_by_observable, change_to
 from tirelog.inference.cells.joint import model_of
 from tirelog.inference.fit.cells import NULL, errors_of
+from tirelog.inference.floor import scatter_columns
 from tirelog.inference.metric import Offsets
-from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import shown

@@ -2,7 +2,7 @@
 
     within    repeatability of revolutions inside a manoeuvre, by angle: noise and the random
               effects of revolutions
-    between   scatter between manoeuvres (`tirelog.inference.scatter`), as it came out in these data
+    between   scatter between manoeuvres, as it came out in these data
     floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
 
 rmse is that of one revolution's value at one angle. A cell's mean shows it as
@@ -18,22 +18,352 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc  # tail of F; scipy.stats takes a second to import
 
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
-from tirelog.inference.cells.joint import predicted
+from tirelog.inference.cells.joint import model_of, predicted
 from tirelog.inference.fit.cells import Fit, priors
 from tirelog.inference.metric import (
     LeaveOneOut,
     Normal,
+    Offsets,
+    ProjectedOut,
     Whitener,
     in_blocks,
     per_group,
     side_by_side,
     solve_scaled,
+    whitener,
 )
-from tirelog.inference.scatter import Scatter
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import STRAIN
+
+# ---- What scatters: load and baseline from manoeuvre to manoeuvre, the load within manoeuvres.
+#
+# cells, the model fitted to them -> load and baseline of each manoeuvre, and the load of each
+#                                    cell, as the residual has them
+#     -> less what follows log, speed, acceleration and time, if it surely does (that is physics,
+#        and for the candidates to explain)
+#     -> standard deviations (of the random effects in the metric), and the deviations themselves
+#        (of the floor, which is that of these data)
+
+
+#: relative step of the load for its derivatives; the error of a central difference is its square:
+#: four times as large with twice the step
+_STEP = 0.01
+#: degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
+#: many would leave short logs without it
+FEWEST_WANDERING = 8.0
+#: standard deviations of chi-square by which it must be told: nulls stay below 2, a wander of 3 %
+#: shows with 18 and more; below it, what the model's shape lacks would pass for a wander; twice as
+#: many would leave wanders of up to 2 % unsaid
+SURE_SIGMAS = 4.0
+#: probability with which manoeuvres that only scatter look as if they followed something: below it
+#: they do, and what follows is no scatter. Effects of two floors follow with 1e-8 and less; loads
+#: that wander are alike in neighbours, which looks like 1e-3
+_FOLLOWS_P = 1e-4
+#: of a load that follows the speed within manoeuvres: if cells were a sample, it surely does with
+#: the first (misfits do with 1e-6 to 1e-31), and a wander, alike in neighbours, looks like 1e-5;
+#: between that and _FOLLOWS_P it does if manoeuvres agree by chance with the second at most
+_SURELY_FOLLOWS_P, _AGREE_P = 1e-6, 0.01
+#: flips of signs: 2,000 tell a probability of 0.01 to a fifth; twice as many tell it to a sixth
+_FLIPS = 2000
+#: a load that is estimated farther off than this is not what scatters; twice as much would take a
+#: fault of the fit for a load
+_MOST_LOAD = 0.2
+#: nor do loads scatter by more than themselves: what asks for that is a model that is wrong in
+#: size, and as scatter it would hide every misfit. Half and twice say the same of all logs seen
+_MOST_SCATTER = 1.0
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Random effects of manoeuvres and of cells, as measured.
+
+    `load_sd` and `wander_sd` relative, `baseline_sd` [unit]: standard deviations between
+    manoeuvres, of the load between the cells of one, of the baseline between manoeuvres.
+    `load` (C,): how far each cell's load is off by them, relative; `load_square`,
+    `baseline_square` (C,): their squares as they came out in these cells, less what noise does.
+    """
+
+    load_sd: float
+    baseline_sd: float
+    wander_sd: float
+    load: FloatArray
+    load_square: FloatArray
+    baseline_square: FloatArray
+
+    def square(self, columns: FloatArray) -> FloatArray:
+        """Mean square (C, m) [unit^2] that it makes, by `scatter_columns` (C, m, 2)."""
+        return (
+            self.load_square[:, None] * columns[..., 0] ** 2
+            + self.baseline_square[:, None] * columns[..., 1] ** 2
+        )
+
+
+def load_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """First and second derivative (C, m) of the prediction by the relative load.
+
+    Its amplitude, which does not bend, if the model does not know what a load does. Of a number per
+    revolution as that alone tells of loads: what they do to a phase shift by the fronts of a belt
+    that leans is far below its noise, and would make any rest a load.
+    """
+    conditions, model, here = cells.conditions, fit.model, fit.prediction
+    if model.beside and cells.phi.shape[1] == 1:
+        alone = replace(model, observable=cells.observable, beside=())
+        model = model_of(alone, cells.observable, cells.member)
+        here = predicted(model, cells)
+    load = np.where(
+        np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan)
+    )
+    up, down = (
+        or_refusal(predicted)(
+            model, cells, conditions=replace(conditions, load_N=load * (1.0 + s * _STEP))
+        )
+        for s in (1, -1)
+    )
+    if isinstance(up, ModelError) or isinstance(down, ModelError):
+        return fit.prediction, np.zeros(fit.prediction.shape)
+    slope = (up - down) / (2.0 * _STEP)
+    if not np.isfinite(slope).all() and cells.phi.shape[1] == 1:
+        return fit.prediction, np.zeros(fit.prediction.shape)
+    return slope, (up + down - 2.0 * here) / _STEP**2
+
+
+def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
+    """Change of the prediction per relative change of the load, (C, m)."""
+    return load_slopes(cells, fit)[0]
+
+
+def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
+    """Columns of the random effects of manoeuvres: relative load, baseline; (C, m, 2)."""
+    return np.stack([load_derivative(cells, fit), np.ones_like(cells.phi)], axis=-1)
+
+
+def measure_scatter(
+    cells: Cells, fit: Fit, used: Whitener, columns: FloatArray, missed: float
+) -> Scatter:
+    """The scatter that a fit in the metric `used` leaves.
+
+    It misses a mean square `missed` [unit^2] besides.
+    """
+    wander_sd, wander = wander_within(cells, whitener(cells), fit, columns)
+    white = whitener(cells, missed, wander_sd * columns[..., 0])
+    (load_sd, load), (baseline_sd, baseline) = scatter_between(cells, white, fit, used, columns)
+    own = load[cells.manoeuvre]
+    deviation = np.where(np.abs(own + wander) < _MOST_LOAD, own + wander, 0.0)
+    return Scatter(
+        load_sd,
+        baseline_sd,
+        wander_sd,
+        deviation,
+        _scaled(load_sd, load)[cells.manoeuvre] + _scaled(wander_sd, wander),
+        _scaled(baseline_sd, baseline)[cells.manoeuvre],
+    )
+
+
+def _scaled(sd: float, deviations: FloatArray) -> FloatArray:
+    """Squares of the deviations, of which the mean is the variance."""
+    square = deviations**2
+    mean = float(square.mean())
+    return square * (sd**2 / mean) if mean > 0.0 else np.full(square.shape, sd**2)
+
+
+def trend_columns(cells: Cells) -> FloatArray:
+    """What physics may follow, one row per manoeuvre (M, k).
+
+    Each log's level, acceleration, time, and v, v^2 log by log. What follows speed may follow a
+    log's load, pressure, water or age besides. The last columns come only if enough manoeuvres are
+    left to show scatter.
+    """
+    M = cells.manoeuvres
+    number = np.bincount(cells.manoeuvre, cells.revolutions, M)
+    log = np.zeros(M, np.int64)
+    log[cells.manoeuvre] = cells.log
+    per_log = (log[:, None] == np.unique(cells.log)).astype(float)
+
+    def mean(x: FloatArray) -> FloatArray:
+        level = np.bincount(cells.manoeuvre, cells.revolutions * x, M) / number
+        scaled: FloatArray = (level - level.mean()) / (level.std() + 1e-12)
+        return scaled
+
+    c = cells.conditions
+    v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)
+    columns = [per_log]
+    for more in (
+        v[:, None],
+        a[:, None],
+        np.stack([v**2, t], axis=1),
+        per_log * v[:, None],
+        per_log * (v**2)[:, None],
+    ):
+        if sum(x.shape[1] for x in (*columns, more)) <= 0.6 * M:
+            columns.append(more)
+    return np.hstack(columns)
+
+
+def scatter_between(
+    cells: Cells, white: Whitener, fit: Fit, used: Whitener, columns: FloatArray
+) -> tuple[tuple[float, FloatArray], tuple[float, FloatArray]]:
+    """Of the relative load and of the baseline: (standard deviation, (M,) of each manoeuvre).
+
+    By the method of moments. What the fit took of them, in the metric that it `used`, is a loss of
+    degrees of freedom.
+    """
+    residual = white(cells.values - fit.prediction - fit.beside)
+    normal = Normal.of(white(columns), residual, cells.manoeuvre)
+    values = solve_scaled(normal.gram, normal.right)
+    trend = trend_columns(cells)
+    hat = trend @ np.linalg.pinv(trend)
+    other, seen = ProjectedOut.of(Offsets.of(cells, used), used(fit.jacobian)), used(columns)
+    between = []
+    for i in range(2):
+        unit = np.broadcast_to(np.eye(2)[i], normal.right.shape)
+        noise = solve_scaled(normal.gram, unit)[:, i]
+        taken = _taken(cells, other, seen[..., i])
+        between.append(_deviations(values[:, i], noise, hat, taken))
+    if between[0][0] > _MOST_SCATTER:  # the baseline takes the other part of such a misfit
+        return (0.0, np.zeros(cells.manoeuvres)), (0.0, np.zeros(cells.manoeuvres))
+    return between[0], between[1]
+
+
+def _taken(cells: Cells, other: ProjectedOut, column: FloatArray) -> float:
+    """How many of the effects of single manoeuvres the fit and the offsets take, at most all.
+
+    By the share of each one's whitened `column` (C, m) that lies in their span.
+    """
+    basis = other.basis.reshape(*column.shape, -1)
+    along = per_group((np.swapaxes(basis, 1, 2) @ column[..., None])[..., 0], cells.manoeuvre)
+    level = np.bincount(
+        cells.manoeuvre, (other.offsets.direction * column).sum(axis=1), cells.manoeuvres
+    )
+    size = np.bincount(cells.manoeuvre, (column**2).sum(axis=1), cells.manoeuvres)
+    inside = ((along**2).sum(axis=1) + level**2) / np.maximum(size, 1e-300)
+    return float(np.minimum(inside, 1.0).sum())
+
+
+def _deviations(
+    values: FloatArray, noise: FloatArray, hat: FloatArray, taken: float
+) -> tuple[float, FloatArray]:
+    """Standard deviation, and deviations (M,), of values that scatter by more than their `noise`.
+
+    `noise` (M,) variances; `hat` (M, M) projects onto what they may follow, `taken` of them are
+    free no more.
+    """
+    followed = float(np.trace(hat))
+    free, rest = max(values.size - max(taken, 1.0), 2.0), values.size - followed
+    if rest < 2.0:
+        return 0.0, np.zeros(values.size)
+    left, about = values - hat @ values, values - values.mean()
+    of_all, of_rest = float(about @ about), float(left @ left)
+    more = followed - 1.0
+    ratio = (of_all - of_rest) / max(more, 1e-9) / max(of_rest / rest, 1e-300)
+    if more < 0.5 or fdtrc(more, rest, max(ratio, 0.0)) > _FOLLOWS_P:
+        expected = float(noise.sum()) * free / values.size
+        sd = float(np.sqrt(max((of_all - expected) / free, 0.0)))
+        if abs(values.mean()) > sd:
+            return sd, about
+        # a mean that no parameter could take is the scatter's own: loads that wander are few
+        return float(np.sqrt(max((float(values @ values) - expected) / free, 0.0))), values
+    expected = float(((1.0 - np.diag(hat)) * noise).sum())
+    return float(np.sqrt(max((of_rest - expected) / rest, 0.0))), left
+
+
+def wander_within(
+    cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
+) -> tuple[float, FloatArray]:
+    """Of the relative load between the cells of a manoeuvre: standard deviation, and (C,) each.
+
+    By the method of moments, weighted by what each cell knows (DerSimonian and Laird 1986, with
+    covariates). Each manoeuvre has its own level, and what surely follows speed, log by log, is no
+    wander; 0 if too few cells are left to show one, or they do not surely. Only of strain: an
+    acceleration's size follows the speed squared, so that a speed that is 0.3 % off looks like a
+    load.
+    """
+    none = 0.0, np.zeros(len(cells))
+    if cells.phi.shape[1] == 1 or cells.observable != STRAIN:
+        return none
+    residual = white(cells.values - fit.prediction - fit.beside)
+    own = np.arange(len(cells))
+    normal = Normal.of(white(columns), residual, own)
+    load = solve_scaled(normal.gram, normal.right)[:, 0]
+    variance = solve_scaled(normal.gram, np.broadcast_to([1.0, 0.0], normal.right.shape))[:, 0]
+    known = variance > 0.0
+    variance = variance + _load_of_revolutions(cells, columns[..., 0])
+    speed = cells.conditions.speed_m_s / max(float(np.mean(cells.conditions.speed_m_s)), 1e-9) - 1.0
+    level = (cells.manoeuvre[:, None] == np.arange(cells.manoeuvres)).astype(float)
+    log = (cells.log[:, None] == np.unique(cells.log)).astype(float)
+    weight = 1.0 / variance[known]
+    root, scaled = np.sqrt(weight), np.sqrt(weight) * load[known]
+    followed = np.hstack([level, log * speed[:, None], log * speed[:, None] ** 2])[known]
+    hat, left = _left_beside(root[:, None] * level[known], scaled)
+    hat_followed, left_followed = _left_beside(root[:, None] * followed, scaled)
+    more = float(np.trace(hat_followed) - np.trace(hat))
+    rest = float(weight.size - np.trace(hat_followed))
+    with_speed = _left_beside(root[:, None] * level[known], root * speed[known])[1]
+    if more > 0.5 and rest > 0.5:
+        gone = float(left @ left - left_followed @ left_followed) / more
+        ratio = gone / max(float(left_followed @ left_followed) / rest, 1e-300)
+        p = float(fdtrc(more, rest, max(ratio, 0.0)))
+        if p <= _SURELY_FOLLOWS_P or (
+            p <= _FOLLOWS_P
+            and agreement(with_speed * left, cells.manoeuvre[known], cells.log[known]) <= _AGREE_P
+        ):
+            hat, left = hat_followed, left_followed
+    freedom = float(weight.size - np.trace(hat))
+    if freedom < FEWEST_WANDERING:
+        return none
+    spread = float((weight * (1.0 - np.diag(hat))).sum())
+    if float(left @ left) < freedom + SURE_SIGMAS * np.sqrt(2.0 * freedom):
+        return none
+    deviations = np.zeros(len(cells))
+    deviations[known] = left / root
+    square = max((float(left @ left) - freedom) / max(spread, 1e-300), 0.0)
+    return float(np.sqrt(square)), deviations
+
+
+def agreement(products: FloatArray, manoeuvre: NDArray[np.int64], log: NDArray[np.int64]) -> float:
+    """How often chance alone makes a log's manoeuvres agree so well on load against speed.
+
+    `products` (n,) of cells: load x speed, whitened. A load that wanders is alike in neighbouring
+    cells, so that it follows the speed within one manoeuvre, up in this and down in the next: the
+    manoeuvres are the sample, and their signs are flipped.
+    """
+    scores = np.bincount(manoeuvre, products)
+    of_log = np.zeros((scores.size, int(log.max()) + 1))
+    of_log[manoeuvre, log] = 1.0
+    square = np.maximum(scores**2 @ of_log, 1e-300)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (_FLIPS, scores.size))
+    flipped = ((signs * scores @ of_log) ** 2 / square).sum(axis=1)
+    measured = ((scores @ of_log) ** 2 / square).sum()
+    return (1.0 + float(np.sum(flipped >= measured * (1.0 - 1e-12)))) / (1.0 + _FLIPS)
+
+
+def _left_beside(design: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The projection (n, n) onto a design's columns, and what it leaves of values (n,)."""
+    hat = design @ np.linalg.pinv(design)
+    return hat, values - hat @ values
+
+
+def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
+    """Variance (C,) of each cell's relative load from the scatter of its revolutions.
+
+    Amplitude, width and baseline scatter together as far as a load does it: their covariance along
+    what a `load` derivative (C, m) is made of.
+    """
+    good = np.isfinite(cells.values)[..., None]
+    columns, slope = np.where(good, cells.random, 0.0), np.where(good[..., 0], load, 0.0)
+    made_of = solve_scaled(
+        np.swapaxes(columns, 1, 2) @ columns, np.einsum("cmk,cm->ck", columns, slope)
+    )
+    along = np.einsum("ck,ckl,cl->c", made_of, cells.random_cov, made_of)
+    square = (made_of**2).sum(axis=1) ** 2  # zero where a load changes nothing
+    return np.asarray(along / np.maximum(square, 1e-300), dtype=np.float64)
+
+
+# ---- The metric of size, the floor, and losses on manoeuvres left out.
+
 
 #: cells whose columns are worked on at a time, about
 _SOME_CELLS = 64
@@ -67,9 +397,7 @@ class UnweightedMetric:
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) in this metric."""
-        flat = x.ndim == 2
-        x = in_blocks(self._of_cells, x[..., None] if flat else x)
-        return x[..., 0] if flat else x
+        return in_blocks(self._of_cells, x)
 
     def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
         weights, direction = self.weights[rows, :, None], self.direction[rows]
@@ -80,8 +408,8 @@ class UnweightedMetric:
         """The metric in which only these cells count."""
         return replace(self, weights=np.where(rows[:, None], self.weights, 0.0))
 
-    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> UnweightedMetric:
-        """The metric of some cells alone; the manoeuvres are for the other metric."""
+    def some(self, rows: NDArray[np.int64]) -> UnweightedMetric:
+        """The metric of some cells alone."""
         return replace(self, weights=self.weights[rows], direction=self.direction[rows])
 
     def mean_square(self, losses: FloatArray) -> float:
@@ -302,14 +630,11 @@ def _levelled(
         // _SOME_CELLS
     )
     for numbers in np.split(np.arange(cells.manoeuvres), np.flatnonzero(np.diff(last)) + 1):
-        manoeuvres = slice(int(numbers[0]), int(numbers[-1]) + 1)
-        rows = np.flatnonzero(
-            (cells.manoeuvre >= manoeuvres.start) & (cells.manoeuvre < manoeuvres.stop)
-        )
-        some, values = metric.some(rows, manoeuvres), cells.values[rows]
+        rows = np.flatnonzero(np.isin(cells.manoeuvre, numbers))
+        some, values = metric.some(rows), cells.values[rows]
         residual = some(np.where(np.isfinite(values), values - prediction[rows], 0.0))
         columns = side_by_side(some, [part[rows] for part in parts])
-        manoeuvre = cells.manoeuvre[rows] - manoeuvres.start
+        manoeuvre = cells.manoeuvre[rows] - numbers[0]
         of_model = Normal.of(columns, residual, manoeuvre)
         for more, of_more in zip(additions, made, strict=True):
             normal = of_model

@@ -18,14 +18,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.data.recording import Channel, Recording, Stack, TimeAxis
+from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.errors import UsageError, nearest
 from tirelog.inference.cells.joint import JointStacks
 from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, transient_log
 from tirelog.inference.shared_samples import once_each
 from tirelog.inference.stacks.cut import (
     STRETCH,
-    Places,
     Stacks,
     joined,
     observe_channel,
@@ -117,7 +116,7 @@ def measured_gratings(
                 are left
     """
     found: dict[str, Stacks] = {}
-    places: dict[str, Places] = {}
+    given: dict[str, float] = {}
     surfaces: dict[str, str] = {}
     for number, recording in enumerate(recordings):
         own = [channel.name for channel in recording.of_kind(*STRAIN_KINDS)]
@@ -133,14 +132,21 @@ def measured_gratings(
                 do="name those that all logs have, or one alone" if lacking else "name it",
                 file=recording.log,
             )
-        _refuse_obstacle(recording)
+        if recording.setup.road.kind != "flat":
+            raise UsageError(
+                "a log with a [road] and several gratings",
+                allowed="an obstacle is compared with one grating",
+                do="name one channel, or leave the log out",
+                file=recording.log,
+            )
         for name in asked:
             one = measured([recording], STRAIN, name, most=most)
             stacks = found.setdefault(name, Stacks())
             stacks.add(recording.log, one.stacks.of_log(0))
-            for note in one.notes:
-                stacks.note(note)
-            places.setdefault(name, Places(name)).add(recording, number, stacks, found[asked[0]])
+            stacks.note(*one.notes)
+            channel = recording.setup.channels.get(name)
+            if channel is not None and channel.angle_deg is not None:
+                given.setdefault(name, float(np.radians(channel.angle_deg)))
             surfaces[name] = recording.channels[name].surface
     if len(set(surfaces.values())) > 1:
         raise UsageError(
@@ -150,21 +156,9 @@ def measured_gratings(
             do="name those of one",
         )
     first, *others = found.values()
-    angles, said = places_of(list(places.values()))
-    for sentence in said:
-        first.note(sentence)
+    angles, said = places_of(found, given)
+    first.note(*said)
     return MeasuredLogs(first, (), tuple(others), angles)
-
-
-def _refuse_obstacle(recording: Recording) -> None:
-    """UsageError: the log met an obstacle, which several gratings do not answer for together."""
-    if recording.setup.road.kind != "flat":
-        raise UsageError(
-            "a log with a [road] and several gratings",
-            allowed="an obstacle is compared with one grating",
-            do="name one channel, or leave the log out",
-            file=recording.log,
-        )
 
 
 def measured_together(
@@ -189,15 +183,14 @@ def measured_together(
             if not _measures(recording, observable):
                 stacks.note(f"{recording.log}: measures no {observable}")
                 continue
-            mine = (
-                channel if own is not None and own.kind in OBSERVABLES[observable].kinds else None
+            fits = own is not None and own.kind in OBSERVABLES[observable].kinds
+            named = named or fits
+            one = measured(
+                [recording], observable, channel if fits else None, most=most, level=level
             )
-            named = named or mine is not None
-            one = measured([recording], observable, mine, most=most, level=level)
             stacks.add(recording.log, one.stacks.of_log(0))
             obstacles += one.obstacles
-            for note in one.notes:
-                stacks.note(note)
+            stacks.note(*one.notes)
     for stacks, observable in zip(found, observables, strict=True):
         if not len(stacks):
             known = OBSERVABLES[observable]
@@ -250,8 +243,7 @@ def measured_for(
         found = measured_together(recordings, observables, channel, level=level)
     else:
         found = measured(recordings, observables[0], channel, level=level)
-    for note in notes:
-        found.stacks.note(note)
+    found.stacks.note(*notes)
     return found
 
 
@@ -288,9 +280,7 @@ def measured(
         most=most,
         level=level,
     )
-    if not kept:
-        return MeasuredLogs(stacks)
-    return _parted(stacks, kept)
+    return _parted(stacks, kept) if kept else MeasuredLogs(stacks)
 
 
 def _watched(
@@ -318,8 +308,7 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
     """The stacks without the revolutions that an obstacle disturbs, and the logs that met one."""
     obstacles: list[TransientLog] = []
     steady = Stacks()
-    for note in stacks.notes:
-        steady.note(note)
+    steady.note(*stacks.notes)
     for number, log in enumerate(stacks.logs):
         recording = kept.get(log)
         if recording is None:
@@ -327,7 +316,10 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
             continue
         stack = joined(stacks.of_log(number))  # its samples are in memory as a whole too
         source = recording.channels[stack.channel]
-        found = transient_log(recording, source, _waveforms(recording, source, stack))
+        waveforms = stack  # an obstacle shows in those of which numbers per revolution are made
+        if stack.observable not in WAVEFORMS:
+            waveforms = joined(stretches_of(recording, source, waveform_of([source.kind])))
+        found = transient_log(recording, source, waveforms)
         rest = steady_revolutions(stack, found.hits_s)
         if not len(rest):
             raise UsageError(
@@ -343,19 +335,7 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
         )
         if stack.observable in WAVEFORMS:
             obstacles.append(found)
-    steady.number_through()  # a manoeuvre may have gone with its revolutions
     return MeasuredLogs(steady, tuple(obstacles))
-
-
-def _waveforms(recording: Recording, source: Channel, stack: Stack) -> Stack:
-    """The stack itself, or that of the channel from which its numbers per revolution come.
-
-    An obstacle shows in a waveform.
-    """
-    if stack.observable in WAVEFORMS:
-        return stack
-    observable = waveform_of([source.kind])
-    return joined(stretches_of(recording, source, observable))
 
 
 # ---- Parameters that only a motion tells.

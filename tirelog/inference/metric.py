@@ -35,7 +35,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: singular values below this share of the largest are no directions: EJ, k, mu, y and load share
 #: one scale; twice as much drops directions that are seen 1.4 times as well
 RANK = 1e-7
-#: cells that are worked on at a time
+#: cells, and manoeuvres that are left out, that are worked on at a time
 _BLOCK = 32
 #: columns of free shapes that are worked on at a time
 SOME_COLUMNS = 8
@@ -66,23 +66,28 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     return basis
 
 
-def projected_out(basis: FloatArray, x: FloatArray) -> FloatArray:
-    """x (C, m) or (C, m, k) with its part in the span of `basis` (N, r) taken out."""
+def projected_out(basis: FloatArray, x: FloatArray, shrink: FloatArray | None = None) -> FloatArray:
+    """x (C, m) or (C, m, k) with its part in the span of `basis` (N, r) taken out.
+
+    `shrink` (r,): the share of it along each direction, all if there is none.
+    """
     flat = x.reshape(basis.shape[0], -1)
-    taken = basis @ (basis.T @ flat)
+    along = basis.T @ flat
+    taken = basis @ (along if shrink is None else shrink[:, None] * along)
     return np.subtract(flat, taken, out=taken).reshape(x.shape)
 
 
 def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """operator(rows, x[rows]) for all cells of x (C, m, k), some at a time.
+    """operator(rows, x[rows]) for all cells of x (C, m) or (C, m, k), some at a time.
 
-    What it needs besides its result stays small.
+    It gets x with columns; what it needs besides its result stays small.
     """
-    result = np.empty(x.shape)
+    columns = x.reshape(*x.shape[:2], math.prod(x.shape[2:]))
+    result = np.empty(columns.shape)
     for start in range(0, x.shape[0], _BLOCK):
         rows = slice(start, start + _BLOCK)
-        result[rows] = operator(rows, x[rows])
-    return result
+        result[rows] = operator(rows, columns[rows])
+    return result.reshape(x.shape)
 
 
 def side_by_side(
@@ -217,8 +222,7 @@ class Whitener:
     """What whitens cells: noise, and shrinkage along correlated errors.
 
     `inverse_sd` (C, m), zero if empty; per cell basis (C, m, k) and shrinkage (C, k); the same per
-    manoeuvre, rows of its cells. `of_manoeuvre`: the manoeuvre of each such group, ascending, if
-    one of them has several (each observable's own); None if they are the manoeuvres in order.
+    manoeuvre (each observable's own), rows of its cells.
     """
 
     inverse_sd: FloatArray
@@ -227,7 +231,6 @@ class Whitener:
     groups: tuple[NDArray[np.int64], ...] = ()
     group_basis: tuple[FloatArray, ...] = ()
     group_shrink: tuple[FloatArray, ...] = ()
-    of_manoeuvre: NDArray[np.int64] | None = None
 
     @property
     def values(self) -> int:
@@ -246,17 +249,11 @@ class Whitener:
         """Whitened x, shape (C, m) or (C, m, k); NaN in empty bins is allowed."""
         if x.size == 0:
             return x
-        flat = x.ndim == 2
-        x = x[..., None] if flat else x
         x = in_blocks(self._of_cells, x)
-        for rows, basis, shrink in zip(
-            self.groups, self.group_basis, self.group_shrink, strict=True
-        ):
-            part = x[rows].reshape(-1, x.shape[-1])
-            x[rows] = (part - basis @ (shrink[:, None] * (basis.T @ part))).reshape(
-                rows.size, -1, x.shape[-1]
-            )
-        return x[..., 0] if flat else x
+        coupled = zip(self.groups, self.group_basis, self.group_shrink, strict=True)
+        for rows, basis, shrink in coupled:
+            x[rows] = projected_out(basis, x[rows], shrink)
+        return x
 
     def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
         """The operator of single cells on some of them."""
@@ -268,21 +265,16 @@ class Whitener:
         """The operator on these cells alone; no manoeuvre's scatter couples them with others."""
         return replace(self, inverse_sd=np.where(rows[:, None], self.inverse_sd, 0.0))
 
-    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> Whitener:
+    def some(self, rows: NDArray[np.int64]) -> Whitener:
         """The operator of some manoeuvres alone, whose cells are the ascending `rows`."""
-        of = self.of_manoeuvre
-        if of is not None:
-            ends = np.searchsorted(of, [manoeuvres.start, manoeuvres.stop]).tolist()
-            manoeuvres = slice(*ends)
-        groups = tuple(np.searchsorted(rows, group) for group in self.groups[manoeuvres])
+        own = np.flatnonzero(np.isin([group[0] for group in self.groups], rows))
         return Whitener(
             self.inverse_sd[rows],
             self.basis[rows],
             self.shrink[rows],
-            groups,
-            self.group_basis[manoeuvres],
-            self.group_shrink[manoeuvres],
-            None if of is None else of[manoeuvres],
+            tuple(np.searchsorted(rows, self.groups[i]) for i in own),
+            tuple(self.group_basis[i] for i in own),
+            tuple(self.group_shrink[i] for i in own),
         )
 
     def with_manoeuvres(
@@ -293,18 +285,11 @@ class Whitener:
         `columns` (C, m, k) in the observable's unit per unit of effect, `sd` (k,).
         """
         white = Whitener(self.inverse_sd, self.basis, self.shrink)(columns) * sd
-        groups, bases, shrinks = [], [], []
-        for number in range(int(manoeuvre.max()) + 1):
-            rows = np.flatnonzero(manoeuvre == number)
-            basis, size, _ = np.linalg.svd(
-                white[rows].reshape(-1, white.shape[-1]), full_matrices=False
-            )
-            groups.append(rows)
-            bases.append(basis)
-            shrinks.append(1.0 - 1.0 / np.sqrt(1.0 + size**2))
-        return Whitener(
-            self.inverse_sd, self.basis, self.shrink, tuple(groups), tuple(bases), tuple(shrinks)
-        )
+        groups = [np.flatnonzero(manoeuvre == number) for number in range(int(manoeuvre.max()) + 1)]
+        found = [np.linalg.svd(stacked(white[rows]), full_matrices=False) for rows in groups]
+        bases = tuple(basis for basis, _, _ in found)
+        shrinks = tuple(1.0 - 1.0 / np.sqrt(1.0 + size**2) for _, size, _ in found)
+        return Whitener(self.inverse_sd, self.basis, self.shrink, tuple(groups), bases, shrinks)
 
 
 def whitener(
@@ -338,8 +323,6 @@ def whitener(
 #: columns of which this share of the norm is left beside the offsets are offsets; twice as much
 #: takes for offsets what is seen to 0.06 % beside them
 _NOTHING = 3e-4
-#: manoeuvres that are left out at a time
-_OFFSET_BLOCK = 32
 
 
 @dataclass(frozen=True)
@@ -391,17 +374,17 @@ class Offsets:
     def without(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) with offsets taken out and shared effects shrunk."""
         x = self._levelled(x)
-        return x if self.shared is None else self.shared(x)
+        if self.shared is None:
+            return x
+        return projected_out(self.shared.basis, x, self.shared.shrink)
 
     def _levelled(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) with the offsets taken out."""
         if not self.count or not x.size:
             return x
-        flat = x.ndim == 2
-        x = x[..., None] if flat else x
-        level = self.direction[..., None] * self.products(x)[self.log][:, None, :]
-        x = np.subtract(x, level, out=level)
-        return x[..., 0] if flat else x
+        columns = x.reshape(*self.direction.shape, -1)
+        level = self.direction[..., None] * self.products(columns)[self.log][:, None, :]
+        return np.subtract(columns, level, out=level).reshape(x.shape)
 
     def fit(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Offset of each log (count,) and amplitudes (K,) nearest to the whitened x (C, m)."""
@@ -445,12 +428,6 @@ class RandomEffects:
             sd,
             level,
         )
-
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """x (C, m) or (C, m, k), shrunk along the effects."""
-        flat = x.reshape(self.basis.shape[0], -1)
-        taken = self.basis @ (self.shrink[:, None] * (self.basis.T @ flat))
-        return np.subtract(flat, taken, out=taken).reshape(x.shape)
 
     def fit(self, x: FloatArray) -> FloatArray:
         """Amplitudes (K,) in standard deviations, from x (C, m) with offsets taken out."""
@@ -532,8 +509,8 @@ class LeaveOneOut:
         of_logs = _without_offset(gram_of_log, right_of_log)
         whole = [part.sum(axis=0) for part in of_logs]
         diagonal = np.einsum("mii->i", normal.gram)[1:]
-        for start in range(0, self.log.size, _OFFSET_BLOCK):
-            rows = slice(start, start + _OFFSET_BLOCK)
+        for start in range(0, self.log.size, _BLOCK):
+            rows = slice(start, start + _BLOCK)
             log, own = self.log[rows], normal.gram[rows]
             gram, right = gram_of_log[log] - own, right_of_log[log] - normal.right[rows]
             alone = gram[:, 0, 0] <= 1e-12 * own[:, 0, 0]

@@ -21,7 +21,7 @@ repeats, which is why flips of manoeuvres take it for physics.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,8 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells, SharedEffects
 from tirelog.inference.cells.joint import at_lever, joined_effects, model_of, parts_of
-from tirelog.inference.fit.by_observable import fits_apart
-from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, free_names
-from tirelog.inference.scatter import load_derivative
+from tirelog.inference.fit.cells import LEAST_CHANGE, Fit, fits_apart, free_names
+from tirelog.inference.floor import load_derivative
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import BY_NAME, Model, Nuisance
 from tirelog.physics.model.model import FORM as FORM
@@ -43,7 +42,11 @@ from tirelog.vocabulary.observables import OWN_ZERO, STRAIN, WAVEFORMS
 #: the model's parameter that the patch law is, if it has one: bent too much for a linear effect
 PATCH_LAW_PARAMETER = "patch_load_exponent"
 PRESSURE_LAW_PARAMETER = "patch_pressure_exponent"
-_FREES = {"patch_law": PATCH_LAW_PARAMETER, "pressure_law": PRESSURE_LAW_PARAMETER}
+#: of each law the parameter, and the condition that it is a power of
+_LAWS = {
+    "patch_law": (PATCH_LAW_PARAMETER, "load_N"),
+    "pressure_law": (PRESSURE_LAW_PARAMETER, "inflation_pressure_Pa"),
+}
 #: standard deviation of the zero of a log's phase shift: a tenth of a degree, several times what
 #: the mean of thirty passages at 10 m/s is off by, and what the estimator tells otherwise of tires
 #: of two pressures; twice as much is a free level, beside which the model's own has no value
@@ -85,7 +88,11 @@ _DRIFTING = {
 }
 
 
-def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
+#: columns (C, m, K), standard deviations (K,) and names (K,) of what a nuisance does
+Columns = tuple[FloatArray, FloatArray, Sequence[str]]
+
+
+def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | None:
     """Run-out and force variation at the first harmonics of the wheel's angle."""
     angle = np.nan_to_num(cells.phi)
     if np.isfinite(cells.place_rad):  # one wave, which each grating sees from its place
@@ -98,24 +105,23 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffect
     names = [f"{wave} {k}" for wave in ("cos", "sin") for k in _HARMONICS]
     parts = _parts(cells, whole, 2 * len(names))
     columns = np.concatenate([waves, load[..., None] * waves], axis=-1)
-    return SharedEffects(
+    return (
         np.concatenate([columns * rows[:, None, None] for rows in parts.values()], axis=-1),
         np.tile(np.repeat([runout, known.size("force")], len(names)), len(parts)),
-        tuple(
+        [
             f"{what} {name} {part}".strip()
             for part in parts
             for what in ("run-out", "force variation")
             for name in names
-        ),
-        ("wheel",) * (2 * len(names) * len(parts)),
+        ],
     )
 
 
-def drift(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
+def drift(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | None:
     """Patch length, stiffnesses and baseline along each log, or along all logs alike if many."""
     names = [name for name in _DRIFTING if name in fit.model.parameters]
     shapes = {name: _relative_slopes(cells, fit.model, [name])[..., 0] for name in names}
-    if (by_pressure := _pressure_slope(cells, fit.model)) is not None:
+    if (by_pressure := _moved_slope(cells, fit.model, _PRESSURE)) is not None:
         shapes[_PRESSURE] = by_pressure
     shapes[_BASELINE] = np.ones_like(cells.phi)
     sizes = dict.fromkeys(shapes, known.size("relative"))
@@ -123,33 +129,24 @@ def drift(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffect
     changes = _drifts(cells, whole, list(shapes))
     if not changes:
         return None
-    return SharedEffects(
-        np.stack([shapes[c.of] * c.factor[:, None] for c in changes], axis=-1),
-        np.array([c.size * sizes[c.of] for c in changes]),
-        tuple(c.name for c in changes),
-        ("drift",) * len(changes),
+    return (
+        np.stack([shapes[of] * factor[:, None] for of, factor, _ in changes.values()], axis=-1),
+        np.array([size * sizes[of] for of, _, size in changes.values()]),
+        list(changes),
     )
 
 
-@dataclass(frozen=True)
-class _Change:
-    """One amplitude of a drift.
+def _drifts(
+    cells: Cells, whole: Cells, names: Sequence[str]
+) -> dict[str, tuple[str, FloatArray, float]]:
+    """The amplitudes of a drift of these things; none if no log has a way along it.
 
-    What it is `of`; its `factor` (C,), the relative change of each cell per unit of amplitude; its
-    size over that of a slope along a log.
+    Of each: what it moves, the relative change (C,) of each cell per unit of amplitude, its size
+    over that of a slope along a log.
     """
-
-    of: str
-    name: str
-    factor: FloatArray
-    size: float
-
-
-def _drifts(cells: Cells, whole: Cells, of: Sequence[str]) -> list[_Change]:
-    """The amplitudes of a drift of these things; none if no log has a way along it."""
     along, driven = _along_log(cells, whole)
     if not driven:
-        return []
+        return {}
     # whatever of it the model has: what is fitted and what is said of it ask alike
     parts = _parts(cells, whole, 3 * (len(_DRIFTING) + 2))
     # warming slows down: a straight line and a bend about it; and one log is warmer than another
@@ -157,27 +154,24 @@ def _drifts(cells: Cells, whole: Cells, of: Sequence[str]) -> list[_Change]:
     if len(parts) > 1:
         factors["level in"] = (np.ones(len(cells)), _LEVEL)
     words = _DRIFTING | {_PRESSURE: "inflation pressure", _BASELINE: "baseline"}
-    return [
-        _Change(
-            name, f"{words[name]} {word} {part or 'each log'}", np.where(rows, factor, 0.0), size
-        )
+    return {
+        f"{words[name]} {word} {part or 'each log'}": (name, np.where(rows, factor, 0.0), size)
         for part, rows in parts.items()
         for word, (factor, size) in factors.items()
-        for name in of
-    ]
+        for name in names
+    }
 
 
-def rolling(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
+def rolling(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | None:
     """A rolling radius that is not the setup's: a level, with speed squared, with load."""
-    slope = _radius_slope(cells, fit.model)
+    slope = _moved_slope(cells, fit.model, _RADIUS)
     if slope is None:
         return None
     factors = _radius_factors(cells, whole)
-    return SharedEffects(
+    return (
         slope[..., None] * np.stack(list(factors.values()), axis=-1)[:, None, :],
         np.full(len(factors), known.size("radius")),
-        tuple(f"radius {name}" for name in factors),
-        ("rolling",) * len(factors),
+        [f"radius {name}" for name in factors],
     )
 
 
@@ -186,48 +180,34 @@ def _radius_factors(cells: Cells, whole: Cells) -> dict[str, FloatArray]:
     factors = {"level": np.ones(len(cells))}
     if np.ptp(whole.conditions.speed_m_s) > 0.03 * _RADIUS_SPEED:
         factors["with speed"] = (cells.conditions.speed_m_s / _RADIUS_SPEED) ** 2
-    mean = _varied_load(whole)
+    mean = _varied(whole.conditions.load_N)
     if mean is not None:
         factors["with load"] = cells.conditions.load_N / mean - 1.0
     return factors
 
 
-def patch_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
-    """Another exponent of the patch's load law, if loads differ and the model's is not free."""
-    mean = _varied_load(whole)
-    if mean is None or PATCH_LAW_PARAMETER in fit.names:
+def patch_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | None:
+    """Another exponent of the patch's law of load or pressure, if that differs.
+
+    And if the model's is not free. A patch without a law of the load grows as a load does.
+    """
+    parameter, condition = _LAWS[known.name]
+    mean = _varied(getattr(whole.conditions, condition))
+    held = parameter in fit.model.parameters
+    if mean is None or parameter in fit.names or not (held or condition == "load_N"):
         return None
-    power = np.log(cells.conditions.load_N / mean)[:, None]
+    ratio = getattr(cells.conditions, condition) / mean
+    power = np.log(ratio if condition == "load_N" else 1.0 / ratio)[:, None, None]
+    by_length = ["patch_half_length_m"]
     slope = (
-        _length_slope(cells, fit.model)
-        if PATCH_LAW_PARAMETER in fit.model.parameters
-        else load_derivative(cells, fit)
+        _relative_slopes(cells, fit.model, by_length)
+        if held
+        else load_derivative(cells, fit)[..., None]
     )
-    return SharedEffects(
-        (slope * power)[..., None],
-        np.array([known.size("exponent")]),
-        ("exponent",),
-        ("patch_law",),
-    )
+    return slope * power, np.array([known.size("exponent")]), ["exponent"]
 
 
-def pressure_law(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
-    """Another exponent of the patch's pressure law, if pressures differ and it is not free."""
-    if PRESSURE_LAW_PARAMETER not in fit.model.parameters or PRESSURE_LAW_PARAMETER in fit.names:
-        return None
-    mean = _varied(whole.conditions.inflation_pressure_Pa)
-    if mean is None:
-        return None
-    power = -np.log(cells.conditions.inflation_pressure_Pa / mean)[:, None]
-    return SharedEffects(
-        (_length_slope(cells, fit.model) * power)[..., None],
-        np.array([known.size("exponent")]),
-        ("exponent",),
-        ("pressure_law",),
-    )
-
-
-def form(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects | None:
+def form(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> Columns | None:
     """The tire's own contact pressure and stiffness, if the model has none of its own."""
     names = frees(fit.model, FORM)
     if not names or names[0] in fit.model.parameters:
@@ -235,24 +215,17 @@ def form(cells: Cells, fit: Fit, known: Nuisance, whole: Cells) -> SharedEffects
     model = freed(fit.model, [FORM])
     shown = free_names(model, whole)
     names = tuple(name for name in names if name in shown)
-    _, slopes = model.linearised(
-        cells.conditions,
-        names=names,
-        surface=cells.surface,
-        observable=cells.observable,
-        **cells.angles,
-    )
     sd = np.array([prior[1] for n in names if (prior := model.parameters[n].prior) is not None])
-    return SharedEffects(np.moveaxis(slopes, 0, -1), sd, names, (FORM,) * len(names))
+    return _slopes(cells, model, names), sd, names
 
 
 #: every nuisance, by the word of the model file
-_COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance, Cells], SharedEffects | None]] = {
+_COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance, Cells], Columns | None]] = {
     "wheel": wheel,
     "drift": drift,
     "rolling": rolling,
     "patch_law": patch_law,
-    "pressure_law": pressure_law,
+    "pressure_law": patch_law,
     FORM: form,
 }
 
@@ -282,8 +255,10 @@ def shared_effects(
     found = or_refusal(_COLUMNS[name])(cells, fit, known, cells if whole is None else whole)
     if found is None or isinstance(found, ModelError):
         return None
-    columns = np.where(np.isfinite(cells.values)[..., None], found.columns, 0.0)
-    return replace(found, columns=columns) if np.isfinite(columns).all() else None
+    columns, sd, names = found
+    columns = np.where(np.isfinite(cells.values)[..., None], columns, 0.0)
+    effects = SharedEffects(columns, sd, tuple(names), (name,) * len(names))
+    return effects if np.isfinite(columns).all() else None
 
 
 def relative_changes(cells: Cells, fit: Fit, whole: Cells | None = None) -> dict[str, FloatArray]:
@@ -298,9 +273,8 @@ def relative_changes(cells: Cells, fit: Fit, whole: Cells | None = None) -> dict
     whole = cells if whole is None else whole
     if "drift" in cells.shared.groups:
         moving = [name for name in (*_DRIFTING, _PRESSURE) if name in fit.model.parameters]
-        for change in _drifts(cells, whole, moving):
-            moved = amplitudes.get(change.name, 0.0) * change.factor
-            changes[change.of] = changes.get(change.of, 0.0) + moved
+        for name, (of, factor, _) in _drifts(cells, whole, moving).items():
+            changes[of] = changes.get(of, 0.0) + amplitudes.get(name, 0.0) * factor
     if "rolling" in cells.shared.groups:
         factors = _radius_factors(cells, whole)
         changes[_RADIUS] = np.sum(
@@ -349,9 +323,10 @@ def frees(model: Model, name: str) -> tuple[str, ...]:
     The form's are those of an effect that the model need not have yet, and the law by which the
     patch grows with the load.
     """
-    law = tuple(n for n in (_FREES.get(name, PATCH_LAW_PARAMETER),) if n in model.parameters)
+    parameter, _ = _LAWS.get(name, _LAWS["patch_law"])
+    law = (parameter,) if parameter in model.parameters else ()
     if name != FORM:
-        return law if name in _FREES else ()
+        return law if name in _LAWS else ()
     shaped = any(o in WAVEFORMS for o in model.observables) and model.contact != "point"
     return (*(f"{FORM}.{p.name}" for p in BY_ID[FORM].parameters), *law) if shaped else ()
 
@@ -430,11 +405,6 @@ def _parts(cells: Cells, whole: Cells, columns: int) -> dict[str, NDArray[np.boo
     return {f"log {log + 1}": cells.log == log for log in logs}
 
 
-def _varied_load(whole: Cells) -> float | None:
-    """The mean load [N], if loads are known and differ."""
-    return _varied(whole.conditions.load_N)
-
-
 def _varied(values: FloatArray) -> float | None:
     """The mean of a condition, if it is known everywhere and differs."""
     varied = np.isfinite(values).all() and np.ptp(values) > LEAST_CHANGE * values.mean()
@@ -473,7 +443,7 @@ def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
     pressure = or_refusal(_relative_slopes)(cells, fit.model, stiffness)
     if not isinstance(pressure, ModelError):
         slopes["inflation pressure"] = pressure.sum(axis=-1)
-    radius = or_refusal(_radius_slope)(cells, fit.model)
+    radius = or_refusal(_moved_slope)(cells, fit.model, _RADIUS)
     if radius is None or isinstance(radius, ModelError):
         return slopes
     return slopes | {"rolling radius": radius}
@@ -503,8 +473,8 @@ def _along_log(cells: Cells, whole: Cells) -> tuple[FloatArray, bool]:
     return along, driven
 
 
-def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
-    """Change of the prediction per relative change of each parameter, (C, m, k)."""
+def _slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
+    """Change of the prediction per unit of each parameter, (C, m, k)."""
     _, slopes = model.linearised(
         cells.conditions,
         names=names,
@@ -512,32 +482,23 @@ def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatA
         observable=cells.observable,
         **cells.angles,
     )
+    return np.asarray(np.moveaxis(slopes, 0, -1))
+
+
+def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
+    """Change of the prediction per relative change of each parameter, (C, m, k)."""
     values = np.array([model.values[name] for name in names])
-    return np.asarray(np.moveaxis(slopes, 0, -1) * values, dtype=np.float64)
+    return np.asarray(_slopes(cells, model, names) * values)
 
 
-def _length_slope(cells: Cells, model: Model) -> FloatArray:
-    """Change of the prediction per relative change of the patch length, (C, m)."""
-    return np.asarray(_relative_slopes(cells, model, ["patch_half_length_m"])[..., 0])
+def _moved_slope(cells: Cells, model: Model, name: str) -> FloatArray | None:
+    """Change of the prediction per relative change of the inflation pressure or the radius, (C, m).
 
-
-def _pressure_slope(cells: Cells, model: Model) -> FloatArray | None:
-    """Change of the prediction per relative change of the inflation pressure, (C, m).
-
-    None if nothing of the model stands under it.
+    The radius with which the tread passes: speeds and lengths are angles times it, and a ring is
+    as large. None if nothing of the model stands under it.
     """
-    if _PRESSURE not in model.parameters:
+    if name not in model.parameters:
         return None
-    up, down = (moved_prediction(cells, model, {_PRESSURE: 1.0 + s}) for s in (_STEP, -_STEP))
+    up, down = (moved_prediction(cells, model, {name: 1.0 + s}) for s in (_STEP, -_STEP))
     slope: FloatArray = (up - down) / (2.0 * _STEP)
     return slope if np.any(slope[np.isfinite(slope)]) else None
-
-
-def _radius_slope(cells: Cells, model: Model) -> FloatArray | None:
-    """Change of the prediction per relative change of the radius with which the tread passes.
-
-    Speeds and lengths are angles times that radius, and a ring is as large.
-    """
-    up, down = (moved_prediction(cells, model, {_RADIUS: 1.0 + s}) for s in (_STEP, -_STEP))
-    slope: FloatArray = (up - down) / (2.0 * _STEP)
-    return slope if np.any(slope) else None

@@ -118,7 +118,7 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
     good = np.isfinite(values)
     time_s, values = time_s[good], values[good]
     passages, turns = _numbered(stack)
-    wheel = _wheel(passages, turns)
+    wheel = PassageAngle.through(passages, turns)
     inside = (time_s >= wheel.centre_s[0]) & (time_s <= wheel.centre_s[-1])
     time_s, values = time_s[inside], values[inside]
     spin = float(np.median(stack.conditions.speed_m_s)) / stack.radius_m
@@ -144,8 +144,7 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
     )
     made = _with_steady(made)
     for _ in range(2):  # the first steady waveform still holds the obstacles
-        hits = _hits(made)
-        made = _with_steady(_calmed(made, hits))
+        made = _with_steady(_calmed(made, _hits(made)))
     return made
 
 
@@ -163,10 +162,6 @@ def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
     longest = max(runs, key=len)
     steps = np.round(passed[longest[:-1]])
     return time[longest], np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _wheel(passages_s: FloatArray, turns: FloatArray) -> PassageAngle:
-    return PassageAngle(passages_s, CubicSpline(passages_s, 2.0 * np.pi * turns, bc_type="natural"))
 
 
 def _with_steady(log: TransientLog) -> TransientLog:
@@ -207,24 +202,24 @@ def around(log: TransientLog, time_s: float) -> TransientLog:
 
 
 def _calmed(log: TransientLog, hits_s: FloatArray) -> TransientLog:
+    """The log with these hits: what they leave calm, the wheel's angle by passages off them."""
     turn = 2.0 * np.pi / log.spin_rad_s
-    calm = np.ones(log.time_s.size, bool)
-    for hit in hits_s:
-        calm &= (log.time_s < hit - turn) | (log.time_s > hit + WINDOW_S + turn)
-    return replace(log, calm=calm, hits_s=hits_s, wheel=_smooth_wheel(log, hits_s, turn))
+    kept = _off(log.passages_s, hits_s, DISTURBED[0] * turn, DISTURBED[1] * turn)
+    wheel = log.wheel
+    if kept.sum() >= _FEWEST_STEADY:
+        wheel = PassageAngle.through(log.passages_s[kept], log.turns[kept])
+    calm = _off(log.time_s, hits_s, -turn, WINDOW_S + turn)
+    return replace(log, calm=calm, hits_s=hits_s, wheel=wheel)
 
 
-def _smooth_wheel(log: TransientLog, hits_s: FloatArray, turn_s: float) -> PassageAngle:
-    """The wheel's angle through the passages that no hit disturbs."""
-    kept = np.ones(log.passages_s.size, bool)
+def _off(
+    time_s: FloatArray, hits_s: FloatArray, low_s: FloatArray | float, high_s: FloatArray | float
+) -> NDArray[np.bool_]:
+    """Which times (n,) are in no hit's stretch, from `low_s` to `high_s` after it."""
+    off = np.ones(time_s.size, bool)
     for hit in hits_s:
-        kept &= (log.passages_s < hit + DISTURBED[0] * turn_s) | (
-            log.passages_s > hit + DISTURBED[1] * turn_s
-        )
-    if kept.sum() < _FEWEST_STEADY:
-        return log.wheel
-    times = log.passages_s[kept]
-    return _wheel(times, log.turns[kept])
+        off &= (time_s < hit + low_s) | (time_s > hit + high_s)
+    return off
 
 
 def _hits(log: TransientLog) -> FloatArray:
@@ -292,9 +287,5 @@ def _outbursts(log: TransientLog) -> FloatArray:
 
 def steady_revolutions(stack: Stack, hits_s: FloatArray) -> Stack:
     """The revolutions that no obstacle disturbs."""
-    time = stack.conditions.time_s
     turn = 2.0 * np.pi * stack.radius_m / stack.conditions.speed_m_s
-    off = np.ones(len(stack), bool)
-    for hit in hits_s:
-        off &= (time + turn < hit) | (time - turn > hit + WINDOW_S)
-    return stack.take(off)
+    return stack.take(_off(stack.conditions.time_s, hits_s, -turn, WINDOW_S + turn))

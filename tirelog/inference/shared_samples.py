@@ -26,7 +26,6 @@ _WINDOW = 64
 _ZERO_BITS = np.uint64(8)
 #: windows in common from which logs share a stretch: some thousand samples
 _FEWEST = 4
-_POWERS = _SPREAD * np.arange(1, 2 * _WINDOW, 2, dtype=np.uint64)
 
 
 def once_each(
@@ -71,6 +70,7 @@ def once_each(
 def fingerprint(channel: Channel) -> tuple[str, np.ndarray]:
     """The hash of a channel's samples, and those of its windows: sorted, different."""
     digest, found = hashlib.blake2b(digest_size=16), [np.zeros(0, np.uint64)]
+    factors = _SPREAD * np.arange(1, 2 * _WINDOW, 2, dtype=np.uint64)  # odd, all of them others
     for _, values in channel.blocks():
         digest.update(np.ascontiguousarray(values).data)
         bits = np.ascontiguousarray(values).view(np.uint64) * _SPREAD
@@ -79,5 +79,5 @@ def fingerprint(channel: Channel) -> tuple[str, np.ndarray]:
             ranges = sliding_window_view(values, _WINDOW)[starts]
             varied = ranges.max(axis=1) > ranges.min(axis=1)  # not at rest, and nothing lost
             windows = sliding_window_view(bits, _WINDOW)[starts[varied]]
-            found.append((windows * _POWERS).sum(axis=1, dtype=np.uint64))
+            found.append((windows * factors).sum(axis=1, dtype=np.uint64))
     return digest.hexdigest(), np.unique(np.concatenate(found))

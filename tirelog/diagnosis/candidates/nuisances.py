@@ -36,7 +36,7 @@ from tirelog.inference.base import (
 )
 from tirelog.inference.cells.cells import SharedEffects
 from tirelog.inference.cells.joint import without_ratios
-from tirelog.inference.floor import held_out_losses_with
+from tirelog.inference.floor import held_out_losses_with, scatter_columns
 from tirelog.inference.metric import Offsets, ProjectedOut, stacked
 from tirelog.inference.nuisances import (
     FORM,
@@ -48,7 +48,6 @@ from tirelog.inference.nuisances import (
     shared_by,
     shared_effects,
 )
-from tirelog.inference.scatter import scatter_columns
 from tirelog.physics.effects import BY_ID
 from tirelog.physics.model.model import Model, Nuisance
 from tirelog.vocabulary.arrays import FloatArray

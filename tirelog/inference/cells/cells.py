@@ -14,17 +14,16 @@ moves both.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
-from tirelog.data.recording import Conditions, Stack
 from tirelog.errors import ModelError
-from tirelog.inference.cells.pieces import Pieces, pieces_of, without_line
+from tirelog.inference.cells.pieces import ROW, Means, Pieces, binned, without_line
 from tirelog.physics.spectral import Angles
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -72,7 +71,10 @@ class SharedEffects:
 
     def of_groups(self, groups: Sequence[str]) -> SharedEffects:
         """The effects of some nuisances alone."""
-        kept = [i for i, group in enumerate(self.group) if group in groups]
+        return self.of([i for i, group in enumerate(self.group) if group in groups])
+
+    def of(self, kept: Sequence[int]) -> SharedEffects:
+        """Some of the effects, by their numbers."""
         return SharedEffects(
             self.columns[..., kept],
             self.sd[kept],
@@ -80,9 +82,9 @@ class SharedEffects:
             tuple(self.group[i] for i in kept),
         )
 
-    def take(self, rows: NDArray[np.int64]) -> SharedEffects:
+    def take(self, rows: NDArray[Any]) -> SharedEffects:
         """The effects on some of the cells."""
-        return SharedEffects(self.columns[rows], self.sd, self.names, self.group)
+        return replace(self, columns=self.columns[rows])
 
     def __len__(self) -> int:
         return len(self.names)
@@ -236,68 +238,43 @@ class BlockLayout:
         return tuple(m or o for m, o in zip(self.members, self.observables, strict=True))
 
 
-@dataclass(frozen=True)
-class Cells:
-    """C cells x m angles; rows in the order of log, manoeuvre, time.
+@dataclass(frozen=True, kw_only=True)
+class Cells(Means):
+    """C cells x m angles, of which the random effects and the shift are relative.
 
-    values, phi, phi_variance (C, m)  mean waveform, at the mean angle and variance of its samples;
-                                      NaN if no sample fell there
     sd             (C, m)  standard error of the mean from independent noise and from rounding; inf
                    if empty
     rounding       (C, m)  mean square that rounding to steps leaves in one revolution's value at
                    least; 0 if no step is seen
-    random         (C, m, 3)  columns of the random effects, all relative: amplitude (P), width (phi
-                   P'), baseline (rms of P)
-    random_cov     (C, 3, 3)  covariance of their means
-    shift          (C, m)  P', the free nuisance (zero with one angle)
-    revolutions    (C,)  in the cell;  conditions: means;  log, manoeuvre (C,) integers, manoeuvre 0
-                   ... M-1;  regime (C,)
+    random_cov     (C, 3, 3)  covariance of the means of `random`: amplitude, width, baseline
+    revolutions    (C,)  in the cell
     within         (C, m) mean square of single revolutions about their cell, shift taken out, noise
                    and random effects in it
-    speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's
-                                     mean speed [m/s], [m^2/s^2]
-    speed_angle    (C, m)  covariance of a bin's samples' speed and angle [rad m/s]
     moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does
                    that)
-    cell           (n,) the cell of each revolution of the stack, empty if only the pieces are
-                   left
-    notes          sentences on what was set apart, taken together or left out of the logs
+    part           (C,) the observable of each row, and `together`, if they are of several
     free           which NUISANCES are taken out of each cell
     shared         random effects that all manoeuvres share; none unless asked for
-    part           (C,) the observable of each row, and `together`, if they are of several
     member         the grating, if they are of one of several; place_rad its angle on the wheel
     """
 
-    observable: str
-    surface: str
-    radius_m: float
-    values: FloatArray
-    phi: FloatArray
-    phi_variance: FloatArray
-    sd: FloatArray
-    rounding: FloatArray
-    random: FloatArray
-    random_cov: FloatArray
-    shift: FloatArray
-    revolutions: IntArray
-    conditions: Conditions
-    log: IntArray
-    manoeuvre: IntArray
-    regime: NDArray[np.str_]
-    within: FloatArray
-    speed_mean: FloatArray
-    speed_square: FloatArray
-    speed_angle: FloatArray
-    moved: FloatArray
-    cell: IntArray
-    logs: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    sd: FloatArray = field(metadata=binned(1, np.inf))
+    rounding: FloatArray = field(metadata=binned(2, 0.0))
+    random_cov: FloatArray = field(metadata=ROW)
+    revolutions: IntArray = field(metadata=ROW)
+    within: FloatArray = field(metadata=binned(2, 0.0))
+    moved: FloatArray = field(metadata=ROW)
+    part: IntArray = field(metadata=ROW)
     free: tuple[str, ...] = ("shift",)
     shared: SharedEffects | None = None
-    part: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     together: BlockLayout | None = None
     member: str = ""
     place_rad: float = np.nan
+
+    def take(self, which: NDArray[Any]) -> Self:
+        """Some of the cells (mask or indices)."""
+        shared = None if self.shared is None else self.shared.take(which)
+        return replace(super().take(which), shared=shared)
 
     @property
     def label(self) -> str:
@@ -305,11 +282,15 @@ class Cells:
         return self.member or self.observable
 
     @property
+    def observables(self) -> tuple[str, ...]:
+        """The observable of each part; the one, if they are of one."""
+        return (self.observable,) if self.together is None else self.together.observables
+
+    @property
     def level(self) -> FloatArray:
         """Where an offset of its log is in a cell, (C, m): 1, of a number per revolution 0."""
-        if self.together is None:
-            return np.full(self.phi.shape, float(self.phi.shape[1] > 1))
-        waves = np.array(self.together.widths)[self.part] > 1
+        widths = self.phi.shape[1:] if self.together is None else self.together.widths
+        waves = np.array(widths)[self.part] > 1
         return np.repeat(waves[:, None].astype(np.float64), self.phi.shape[1], axis=1)
 
     @property
@@ -342,18 +323,10 @@ class Cells:
     def manoeuvres(self) -> int:
         return int(self.manoeuvre.max()) + 1 if self.manoeuvre.size else 0
 
-    def __len__(self) -> int:
-        return int(self.values.shape[0])
-
-
-def make_cells(stack: Stack) -> Cells:
-    """The cells of a stack."""
-    return cells_of(pieces_of(stack))
-
 
 def cells_of(pieces: Pieces) -> Cells:
     """The cells of all pieces: noise and scatter pooled over them."""
-    m = pieces.mean.shape[1]
+    m = pieces.values.shape[1]
     alike = alikeness(pieces) if m == 1 else 1.0
     scatter = scatter_of_numbers(pieces, alike) if m == 1 else pieces.scatter
     noise = _noise_profile(pieces) if m > 1 else np.full(1, np.nan)
@@ -373,33 +346,19 @@ def cells_of(pieces: Pieces) -> Cells:
             if m > 1
             else scatter * np.sqrt(alike / number)[:, None]
         )
+    rows: dict[str, Any] = {f.name: getattr(pieces, f.name) for f in fields(Means)}
+    rows["manoeuvre"] = np.unique(pieces.manoeuvre, return_inverse=True)[1]
     return Cells(
-        observable=pieces.observable,
-        surface=pieces.surface,
-        radius_m=pieces.radius_m,
-        values=pieces.mean,
-        phi=pieces.phi,
-        phi_variance=pieces.variance,
+        **rows,
         sd=np.where(sample > 0, sd, np.inf),
         rounding=rounding,
-        random=random,
         random_cov=covariance[1][None] / number[:, None, None],
-        shift=pieces.shift,
         revolutions=number,
-        conditions=pieces.conditions,
-        log=pieces.log,
-        manoeuvre=np.unique(pieces.manoeuvre, return_inverse=True)[1],
-        regime=pieces.regime,
         within=(noise[None, :] / per_revolution + standing + spread)
         if m > 1
         else np.where(sample > 0, scatter, np.inf) ** 2,
-        speed_mean=pieces.speed_mean,
-        speed_square=pieces.speed_square,
-        speed_angle=pieces.speed_angle,
         moved=np.zeros(len(pieces)),
-        cell=pieces.cell,
-        logs=pieces.logs,
-        notes=pieces.notes,
+        part=np.zeros(len(pieces), np.int64),
     )
 
 
@@ -414,7 +373,7 @@ def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
     of it is left.
     `noise` (m,) is the variance of one sample about the mean, that is after rounding.
     """
-    standing = np.zeros(pieces.mean.shape)
+    standing = np.zeros(pieces.values.shape)
     for step in np.unique(pieces.step[pieces.step > 0.0]):
         rows = (pieces.step == step) & (pieces.still != 0.0).any(axis=1)
         if rows.any():

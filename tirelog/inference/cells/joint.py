@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -60,20 +60,18 @@ def with_ratios(model: Model, cells: Sequence[Cells]) -> Model:
     """The model with a free ratio for every grating beside the first, near what is measured."""
     gratings = [own for own in cells if own.member and own.observable == STRAIN]
     sizes = [float(np.nanstd(own.values)) for own in gratings]
-    new = []
-    for own, size in zip(gratings[1:], sizes[1:], strict=True):
-        start = float(np.clip(size / max(sizes[0], 1e-300), 2.0 * _LEAST, 0.5 * _MOST))
-        new.append(
-            Parameter(
-                ratio_name(own.member),
-                "1",
-                f"lever arm of {own.member} over that of {gratings[0].member}",
-                start,
-                _LEAST,
-                _MOST,
-                1.0,
-            )
+    new = [
+        Parameter(
+            ratio_name(own.member),
+            "1",
+            f"lever arm of {own.member} over that of {gratings[0].member}",
+            float(np.clip(size / max(sizes[0], 1e-300), 2.0 * _LEAST, 0.5 * _MOST)),
+            _LEAST,
+            _MOST,
+            1.0,
         )
+        for own, size in zip(gratings[1:], sizes[1:], strict=True)
+    ]
     kept = tuple(p for p in model.base if not p.name.startswith(_OWN))
     return replace(model, base=(*kept, *new)) if LEVER in model.parameters else model
 
@@ -105,34 +103,6 @@ def at_lever(model: Model, member: str) -> Model:
     return model.with_parameters({LEVER: own, one.name: one})
 
 
-def own_values(
-    model: Model, member: str, values: Mapping[str, float] | None
-) -> dict[str, float] | None:
-    """Values for the model `at_lever`, of values for the model that all gratings share."""
-    if not values:
-        return None
-    own = {k: v for k, v in values.items() if not k.startswith(_OWN)}
-    if (LEVER in own or ratio_name(member) in values) and LEVER in model.parameters:
-        lever = own.get(LEVER, model.parameters[LEVER].value)
-        own[LEVER] = lever * ratio_of(model, member, values)
-    return own
-
-
-#: what an empty bin holds, and the power of the scale that a value has; rows x angles (x columns)
-_BINS: Mapping[str, tuple[float, int]] = {
-    "values": (np.nan, 1),
-    "phi": (np.nan, 0),
-    "phi_variance": (0.0, 0),
-    "sd": (np.inf, 1),
-    "rounding": (0.0, 2),
-    "random": (0.0, 1),
-    "shift": (0.0, 1),
-    "within": (0.0, 2),
-    "speed_mean": (0.0, 0),
-    "speed_square": (0.0, 0),
-    "speed_angle": (0.0, 0),
-}
-_ROWS = ("random_cov", "revolutions", "regime", "moved")
 #: amplitudes whose names begin so are a grating's own; all others are the tire's or the wheel's
 _OF_GRATING = "baseline"
 
@@ -266,43 +236,39 @@ def joined_cells(
         tuple(part.member for part in parts),
         tuple(part.place_rad for part in parts),
     )
-    bins: dict[str, Any] = {
-        name: np.concatenate(
-            [
-                in_bins(getattr(part, name) / scale**power, width, empty)
-                for part, scale in zip(parts, scales, strict=True)
-            ]
-        )
-        for name, (empty, power) in _BINS.items()
-    }
-    for i, part in enumerate(parts):
-        if part.phi.shape[1] == 1:  # nothing of a number per revolution is free in its cell
-            mine = slice(*np.cumsum([0, *map(len, parts)])[i : i + 2].tolist())
-            bins["random"][mine], bins["shift"][mine] = 0.0, 0.0
+
+    def joined(name: str, empty: float | None, power: int = 0) -> NDArray[Any]:
+        rows = [getattr(part, name) for part in parts]
+        if empty is not None:
+            each = zip(rows, scales, strict=True)
+            rows = [in_bins(own / scale**power, width, empty) for own, scale in each]
+        return np.concatenate(rows)
+
     rows: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in _ROWS
+        f.name: joined(f.name, **f.metadata) for f in fields(Cells) if f.metadata
     }
     logs = [np.array([names.index(log) for log in part.logs]) for part in parts]
-    joined = replace(
+    rows |= {
+        "log": np.concatenate(
+            [i * len(names) + own[part.log] for i, (part, own) in enumerate(zip(parts, logs))]
+        ),
+        "manoeuvre": np.unique(np.concatenate(list(drive)), return_inverse=True)[1],
+        "part": np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
+    }
+    cells = replace(
         parts[0],
         observable=_of_all(layout.observables),
         conditions=Conditions.concatenate([part.conditions for part in parts]),
-        log=np.concatenate(
-            [i * len(names) + own[part.log] for i, (part, own) in enumerate(zip(parts, logs))]
-        ),
-        manoeuvre=np.unique(np.concatenate(list(drive)), return_inverse=True)[1],
         cell=np.zeros(0, np.int64),
         logs=names * len(parts),
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
         shared=None,
-        part=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
         together=layout,
         member="",
         place_rad=np.nan,
-        **bins,
         **rows,
     )
-    return replace(joined, shared=joined_effects(joined, [part.shared for part in parts]))
+    return replace(cells, shared=joined_effects(cells, [part.shared for part in parts]))
 
 
 def _of_all(observables: Sequence[str]) -> str:
@@ -318,40 +284,40 @@ def parts_of(cells: Cells) -> tuple[Cells, ...]:
         return (cells,)
     found = []
     for i, observable in enumerate(layout.observables):
-        rows, width, scale = np.flatnonzero(cells.part == i), layout.widths[i], layout.scales[i]
-        bins = {
-            name: getattr(cells, name)[rows][:, :width] * scale**power
-            for name, (_, power) in _BINS.items()
+        own = cells.take(np.flatnonzero(cells.part == i))
+        bins: dict[str, Any] = {
+            f.name: own_rows(cells, i, getattr(cells, f.name), f.metadata["power"])
+            for f in fields(Cells)
+            if f.metadata and f.metadata["empty"] is not None
         }
-        own: dict[str, Any] = {name: getattr(cells, name)[rows] for name in _ROWS}
-        log = np.array(
-            [
-                layout.own_logs[i].index(layout.logs[k])
-                if layout.logs[k] in layout.own_logs[i]
-                else 0
-                for k in range(len(layout.logs))
-            ]
-        )
+        numbers = {name: number for number, name in enumerate(layout.own_logs[i])}
+        log = np.array([numbers.get(name, 0) for name in layout.logs])
         found.append(
             replace(
-                cells,
+                own,
                 observable=observable,
                 surface=layout.surfaces[i],
-                conditions=cells.conditions.take(rows),
-                log=log[cells.log[rows] % len(layout.logs)],
-                manoeuvre=np.unique(cells.manoeuvre[rows], return_inverse=True)[1],
+                log=log[own.log % len(layout.logs)],
+                manoeuvre=np.unique(own.manoeuvre, return_inverse=True)[1],
                 logs=layout.own_logs[i],
                 free=layout.free[i],
                 shared=None if cells.shared is None else _own_effects(cells.shared, cells, i),
-                part=np.zeros(0, np.int64),
+                part=np.zeros(len(own), np.int64),
                 together=None,
                 member=layout.members[i],
                 place_rad=layout.places[i],
                 **bins,
-                **own,
             )
         )
     return tuple(found)
+
+
+def own_rows(cells: Cells, part: int, x: FloatArray, power: int = 1) -> FloatArray:
+    """Of x (C, m) or (C, m, k) of all cells what is of one observable's, in its unit to a power."""
+    if cells.together is None:
+        return x
+    rows: FloatArray = x[cells.part == part][:, : cells.together.widths[part]]
+    return rows * cells.together.scales[part] ** power
 
 
 def in_bins(x: FloatArray, width: int, empty: float) -> FloatArray:
@@ -408,37 +374,15 @@ def _tied(placed: Sequence[SharedEffects]) -> SharedEffects | None:
     if not placed:
         return None
     joined = SharedEffects.joined(placed)
-    first = {name: i for i, name in reversed(list(enumerate(joined.names)))}
-    kept = sorted(first.values())
-    if len(kept) == len(joined):
-        return joined
-    columns = joined.columns[..., kept]
-    place = {joined.names[i]: k for k, i in enumerate(kept)}
-    for i, name in enumerate(joined.names):
-        if first[name] != i:
-            columns[..., place[name]] += joined.columns[..., i]
-    return SharedEffects(
-        columns,
-        joined.sd[kept],
-        tuple(joined.names[i] for i in kept),
-        tuple(joined.group[i] for i in kept),
-    )
+    kept = [joined.names.index(name) for name in dict.fromkeys(joined.names)]
+    of_name = np.equal.outer(joined.names, [joined.names[k] for k in kept]).astype(np.float64)
+    return replace(joined.of(kept), columns=joined.columns @ of_name)
 
 
 def _own_effects(shared: SharedEffects, cells: Cells, part: int) -> SharedEffects | None:
     """Those of the shared effects that one observable has, on its cells and in its unit."""
-    assert cells.together is not None
-    own = own_amplitudes(shared, cells, part)
-    if not own.size:
-        return None
-    rows = np.flatnonzero(cells.part == part)
-    width, scale = cells.together.widths[part], cells.together.scales[part]
-    return SharedEffects(
-        shared.columns[rows][:, :width][..., own] * scale,
-        shared.sd[own],
-        tuple(shared.names[k] for k in own),
-        tuple(shared.group[k] for k in own),
-    )
+    own = shared.of(own_amplitudes(shared, cells, part).tolist())
+    return replace(own, columns=own_rows(cells, part, own.columns)) if len(own) else None
 
 
 def own_amplitudes(shared: SharedEffects, cells: Cells, part: int) -> IntArray:
@@ -461,19 +405,11 @@ def predicted(
 ) -> FloatArray:
     """What a model predicts of the cells, (C, m), under their conditions or others."""
     conditions = cells.conditions if conditions is None else conditions
-    if cells.together is None and not model.beside and not cells.member:
-        return model.predict(
-            conditions,
-            surface=cells.surface,
-            values=values,
-            observable=cells.observable,
-            **cells.angles,
-        )
     result = np.full(cells.phi.shape, np.nan)
-    for i, rows, one, member, where in _each(model, cells):
-        own = _own(model, one, member, values)
+    for rows, scale, one, member, where in _each(model, cells):
+        own = _own(model, one, member, values or {})
         there = one.predict(conditions.take(rows), values=own, **where)
-        result[rows, : there.shape[1]] = there / _scale(cells, i)
+        result[rows, : there.shape[1]] = there / scale
     return result
 
 
@@ -486,68 +422,60 @@ def linearised(
     rough: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Prediction (C, m) and Jacobian (C, m, p), `rough` as of `Model.linearised`."""
-    if cells.together is None and not model.beside and not cells.member:
-        prediction, slopes = model.linearised(
-            cells.conditions,
-            names=names,
-            surface=cells.surface,
-            values=values,
-            observable=cells.observable,
-            rough=rough,
-            **cells.angles,
-        )
-        return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
     prediction = np.full(cells.phi.shape, np.nan)
     jacobian = np.zeros((*cells.phi.shape, len(names)))
-    for i, rows, one, member, where in _each(model, cells):
+    for rows, scale, one, member, where in _each(model, cells):
         own = _own(model, one, member, values)
-        at, asked, factors = _slopes_asked(model, one, member, names, values)
+        asked = _slopes_asked(model, one, member, names, values)
         there, slopes = one.linearised(
-            cells.conditions.take(rows), names=asked, values=own, rough=rough, **where
+            cells.conditions.take(rows),
+            names=[name for _, name, _ in asked],
+            values=own,
+            rough=rough,
+            **where,
         )
-        slopes *= np.array(factors)[:, None, None]
-        scale, width = _scale(cells, i), there.shape[1]
-        prediction[rows, :width] = there / scale
-        jacobian[rows[:, None, None], np.arange(width)[None, :, None], np.array(at, int)] = (
-            np.moveaxis(slopes, 0, -1) / scale
-        )
+        prediction[rows, : there.shape[1]] = there / scale
+        for (k, _, factor), slope in zip(asked, slopes, strict=True):
+            jacobian[rows, : there.shape[1], k] = slope * (factor / scale)
     return prediction, jacobian
 
 
-def _own(
-    model: Model, one: Model, member: str, values: Mapping[str, float] | None
-) -> dict[str, float]:
-    """Values by name for the model of one member, of those for the model of all."""
-    given = own_values(model, member, values) or {}
-    return {k: v for k, v in given.items() if k in one.parameters}
+def _own(model: Model, one: Model, member: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Values by name for the model of one member, of those for the model that all share."""
+    own = {
+        name: value
+        for name, value in values.items()
+        if name in one.parameters and not name.startswith(_OWN)
+    }
+    if LEVER in one.parameters and (LEVER in own or ratio_name(member) in values):
+        lever = own.get(LEVER, model.parameters[LEVER].value)
+        own[LEVER] = lever * ratio_of(model, member, values)
+    return own
 
 
 def _slopes_asked(
     model: Model, one: Model, member: str, names: Sequence[str], values: Mapping[str, float]
-) -> tuple[list[int], list[str], list[float]]:
-    """Which of the names move one member, by which of its own parameters, and by what factor."""
-    ratio, mine = ratio_of(model, member, values), ratio_name(member)
-    lever = values.get(LEVER, model.values.get(LEVER, 0.0))
-    at: list[int] = []
-    asked: list[str] = []
-    factors: list[float] = []
+) -> list[tuple[int, str, float]]:
+    """What moves one member: the number of the name, its own parameter, and by what factor."""
+    ratio, lever = ratio_of(model, member, values), values.get(LEVER, model.values.get(LEVER, 0.0))
+    asked = []
     for k, name in enumerate(names):
-        if member and name.startswith(ratio_name("")):
-            if name == mine:
-                at, asked, factors = [*at, k], [*asked, LEVER], [*factors, lever]
+        if member and name.startswith(_OWN):
+            if name == ratio_name(member):
+                asked.append((k, LEVER, lever))
         elif name in one.parameters:
-            at, asked = [*at, k], [*asked, name]
-            factors = [*factors, ratio if name == LEVER else 1.0]
-    return at, asked, factors
+            asked.append((k, name, ratio if name == LEVER else 1.0))
+    return asked
 
 
 def _each(model: Model, cells: Cells) -> Any:
-    """(number, rows, its own model, its grating, arguments of its prediction) of each member."""
+    """(rows, scale, its own model, its grating, arguments of its prediction) of each member."""
     layout = cells.together
     if layout is None:
         where: dict[str, Any] = {"surface": cells.surface, "observable": cells.observable}
-        one = model_of(model, cells.observable, cells.member)
-        yield 0, np.arange(len(cells)), one, cells.member, where | cells.angles
+        several = model.beside or cells.member
+        one = model_of(model, cells.observable, cells.member) if several else model
+        yield slice(None), 1.0, one, cells.member, where | cells.angles
         return
     for i, observable in enumerate(layout.observables):
         rows = np.flatnonzero(cells.part == i)
@@ -561,35 +489,22 @@ def _each(model: Model, cells: Cells) -> Any:
                 "phi_variance": cells.phi_variance[rows, bins],
             }
         member = layout.members[i]
-        yield i, rows, model_of(model, observable, member), member, where
-
-
-def _scale(cells: Cells, part: int) -> float:
-    return 1.0 if cells.together is None else cells.together.scales[part]
+        yield rows, layout.scales[i], model_of(model, observable, member), member, where
 
 
 def lacking(effect: Effect, model: Model, cells: Cells) -> list[str]:
     """What an effect needs to be known, and some revolution that it acts on does not know."""
-    if cells.together is None:
-        if model.beside and not model.acts_on(effect, cells.observable):
-            return []
-        return effect.missing(cells.conditions)
+    alone = cells.together is None and not model.beside
     missing: dict[str, None] = {}
-    for i, observable in enumerate(cells.together.observables):
-        if model.acts_on(effect, observable):
-            rows = np.flatnonzero(cells.part == i)
-            missing |= dict.fromkeys(effect.missing(cells.conditions.take(rows)))
+    for i, observable in enumerate(cells.observables):
+        if alone or model.acts_on(effect, observable):
+            missing |= dict.fromkeys(effect.missing(cells.conditions.take(cells.part == i)))
     return list(missing)
 
 
 def rows_by_observable(cells: Cells) -> dict[str, NDArray[np.int64]]:
     """The rows of each observable."""
-    if cells.together is None:
-        return {cells.observable: np.arange(len(cells))}
-    return {
-        observable: np.flatnonzero(cells.part == i)
-        for i, observable in enumerate(cells.together.observables)
-    }
+    return {name: np.flatnonzero(cells.part == i) for i, name in enumerate(cells.observables)}
 
 
 def model_of(model: Model, observable: str, member: str = "") -> Model:

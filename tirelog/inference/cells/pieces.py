@@ -16,9 +16,9 @@ of its revolutions; a mixed log of two minutes makes some 30 of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.stacks.align import knots_of, nearest_curve
-from tirelog.inference.stacks.cut import ANGLES, Stacks, outlines
+from tirelog.inference.stacks.cut import ANGLES, outlines
 from tirelog.process_pool import shared_out
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -78,113 +78,116 @@ _FEWEST_KNOTS = 8
 #: noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half of
 #: it would leave 0.002
 DITHERED = 0.6
-#: fields of Pieces that are not a row per piece
-_APART = (
-    "observable",
-    "channel",
-    "surface",
-    "radius_m",
-    "coefficients",
-    "conditions",
-    "cell",
-    "logs",
-    "notes",
-)
-#: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads
-#: them evenly
-_GOLDEN = 0.6180339887498949
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """Means of like revolutions, P pieces x m angles, from one log or several.
+#: marks a field with a value per row
+ROW: Mapping[str, Any] = {"empty": None}
 
-    Rows are in the order of log, manoeuvre, time.
 
-    mean, phi, variance, count (P, m)  mean waveform, mean angle and variance of its samples,
-                                       samples; NaN if there are none
-    random         (P, m, 3)  P, phi P', rms of P;  shift (P, m)  -P', whose mean coefficient is
-                   zero
+def binned(power: int, empty: float) -> Mapping[str, Any]:
+    """Marks a field with bins: the power of the unit in it, what a bin without samples has."""
+    return {"power": power, "empty": empty}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Means:
+    """Means of like revolutions, n rows x m angles, in the order of log, manoeuvre, time.
+
+    values, phi, phi_variance (n, m)  mean waveform, mean angle and variance of its samples; NaN if
+                                      there are none
+    random         (n, m, 3)  P, phi P', rms of P;  shift (n, m)  -P'; zero with one angle only
+    speed_mean, speed_square (n, m)  mean and mean square of a bin's samples' speed about the row's
+                                     mean speed [m/s], [m^2/s^2]
+    speed_angle    (n, m)  covariance of a bin's samples' speed and angle [rad m/s]
+    conditions     means;  log, manoeuvre, regime (n,)
+    cell           the row of each revolution of the stack, empty if only the rows are left
+    notes          sentences on what was set apart, taken together or left out of the logs
+    """
+
+    observable: str
+    surface: str
+    radius_m: float
+    values: FloatArray = field(metadata=binned(1, np.nan))
+    phi: FloatArray = field(metadata=binned(0, np.nan))
+    phi_variance: FloatArray = field(metadata=binned(0, 0.0))
+    random: FloatArray = field(metadata=binned(1, 0.0))
+    shift: FloatArray = field(metadata=binned(1, 0.0))
+    speed_mean: FloatArray = field(metadata=binned(0, 0.0))
+    speed_square: FloatArray = field(metadata=binned(0, 0.0))
+    speed_angle: FloatArray = field(metadata=binned(0, 0.0))
+    conditions: Conditions
+    log: IntArray = field(metadata=ROW)
+    manoeuvre: IntArray = field(metadata=ROW)
+    regime: NDArray[np.str_] = field(metadata=ROW)
+    cell: IntArray
+    logs: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.values.shape[0])
+
+    def take(self, which: NDArray[Any]) -> Self:
+        """Some of the rows (mask or indices)."""
+        rows = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.metadata}
+        conditions = self.conditions.take(which)
+        return replace(self, conditions=conditions, cell=np.zeros(0, np.int64), **rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pieces(Means):
+    """Means of like revolutions from one log or several, P of them.
+
+    count          (P, m)  samples
     residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard
                                  deviation, with one angle only
-    speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the
-                                     piece's mean speed [m/s], [m^2/s^2]
-    speed_angle    (P, m)  covariance of a bin's samples' speed and angle [rad m/s]
     step           (P,)  in which the channel's values come, 0 if it is not seen
     still          (P, m)  mean of exp(2 pi i y) over the samples, y their values without noise in
                    steps: of size 1 if all of them are rounded at one place between two steps, so
                    that their errors do not average out; complex, 0 if it cannot matter
     number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces; with
                    one angle only the last is the number less its piece's mean
-    conditions, log, manoeuvre, regime  a value per piece;  cell (n,) the piece of each revolution
-                                        of the stack, empty if it is not known
-    notes          sentences on what was set apart, taken together or left out on the way here
     """
 
-    observable: str
     channel: str
-    surface: str
-    radius_m: float
-    mean: FloatArray
-    phi: FloatArray
-    variance: FloatArray
-    count: FloatArray
-    random: FloatArray
-    shift: FloatArray
-    residual_ss: FloatArray
-    freedom: FloatArray
-    scatter: FloatArray
-    speed_mean: FloatArray
-    speed_square: FloatArray
-    speed_angle: FloatArray
-    still: ComplexArray
-    step: FloatArray
-    number: IntArray
+    count: FloatArray = field(metadata=ROW)
+    residual_ss: FloatArray = field(metadata=ROW)
+    freedom: FloatArray = field(metadata=ROW)
+    scatter: FloatArray = field(metadata=ROW)
+    still: ComplexArray = field(metadata=ROW)
+    step: FloatArray = field(metadata=ROW)
+    number: IntArray = field(metadata=ROW)
     coefficients: FloatArray
-    conditions: Conditions
-    log: IntArray
-    manoeuvre: IntArray
-    regime: NDArray[np.str_]
-    cell: IntArray
-    logs: tuple[str, ...]
-    notes: tuple[str, ...] = ()
 
-    def __len__(self) -> int:
-        return int(self.number.size)
-
-    def take(self, which: NDArray[Any]) -> Pieces:
+    def take(self, which: NDArray[Any]) -> Self:
         """Some of the pieces (mask or ascending indices)."""
         kept = np.zeros(len(self), bool)
         kept[which] = True
-        rows = {f.name: getattr(self, f.name)[kept] for f in fields(self) if f.name not in _APART}
         mine = np.repeat(kept, self.number)
-        return replace(
-            self,
-            coefficients=self.coefficients[mine],
-            conditions=self.conditions.take(kept),
-            cell=np.zeros(0, np.int64),
-            **rows,
-        )
+        return replace(super().take(kept), coefficients=self.coefficients[mine])
 
     def thinned(self, most: int, turn: int = 0) -> Pieces:
         """At most `most` pieces, evenly over the speeds.
 
         Another `turn` (the number of a log, say) takes them at other speeds.
         """
-        return self if len(self) <= most else self.take(self.spread(most, turn))
-
-    def spread(self, most: int, turn: int = 0) -> IntArray:
-        """The pieces, ascending, that `with_fewer_cells` keeps."""
         if len(self) <= most:
-            return np.arange(len(self))
-        place = (np.arange(most) + (turn * _GOLDEN) % 1.0) / most * len(self)
-        return np.sort(np.argsort(self.conditions.speed_m_s, kind="stable")[place.astype(int)])
+            return self
+        return self.take(evenly_over(self.conditions.speed_m_s, most, turn))
+
+
+def evenly_over(speed_m_s: FloatArray, most: int, turn: int) -> IntArray:
+    """At most `most` of these speeds (n,), evenly over them: their numbers, ascending.
+
+    Another `turn` takes others: the golden ratio's fraction spreads successive ones evenly.
+    """
+    if speed_m_s.size <= most:
+        return np.arange(speed_m_s.size)
+    place = (np.arange(most) + (turn * 0.5 * (np.sqrt(5.0) - 1.0)) % 1.0) / most * speed_m_s.size
+    return np.sort(np.argsort(speed_m_s, kind="stable")[place.astype(int)])
 
 
 def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
     """The pieces of several logs as one; logs and manoeuvres are numbered through."""
-    if len(parts) == 1:
-        return parts[0]
     rows: dict[str, Any] = {}
     for name in ("log", "manoeuvre"):
         numbers = [getattr(part, name) for part in parts]
@@ -192,28 +195,18 @@ def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
         rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
     notes = tuple(note for part in parts for note in part.notes)
     logs = tuple(log for part in parts for log in part.logs)
-    return replace(
-        concatenated_pieces(parts), cell=np.zeros(0, np.int64), logs=logs, notes=notes, **rows
-    )
+    return replace(concatenated_pieces(parts), logs=logs, notes=notes, **rows)
 
 
 def concatenated_pieces(parts: Sequence[Pieces]) -> Pieces:
-    """All pieces under each other, cells numbered through; logs and manoeuvres have been."""
-    if len(parts) == 1:
-        return parts[0]
+    """All pieces under each other, without their revolutions' cells; logs have been numbered."""
     rows: dict[str, Any] = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Pieces)
-        if f.name not in _APART or f.name == "coefficients"
+        if f.metadata or f.name == "coefficients"
     }
-    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
-    cell = np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)])
-    return replace(
-        parts[0],
-        conditions=Conditions.concatenate([part.conditions for part in parts]),
-        cell=cell,
-        **rows,
-    )
+    conditions = Conditions.concatenate([part.conditions for part in parts])
+    return replace(parts[0], conditions=conditions, cell=np.zeros(0, np.int64), **rows)
 
 
 def assign_pieces(stack: Stack) -> IntArray:
@@ -248,9 +241,27 @@ def _merge_small(band: IntArray) -> IntArray:
 def pieces_of(stack: Stack) -> Pieces:
     """The pieces of a stack."""
     cell = assign_pieces(stack)
-    rows_of = [np.flatnonzero(cell == c) for c in range(int(cell.max()) + 1)]
-    parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
-    first = np.array([rows_of_one[0] for rows_of_one in rows_of])
+    rows_of = [np.flatnonzero(cell == number) for number in range(int(cell.max()) + 1)]
+    parts = [
+        one_waveform(
+            stack.values[one],
+            stack.phi_mean[one],
+            stack.phi_variance[one],
+            stack.count[one],
+            stack.conditions.speed_m_s[one],
+            step=stack.step,
+            step_from=stack.step_from,
+        )
+        if stack.phi_rad.size > 1
+        else _one_number(stack.values[one])
+        for one in rows_of
+    ]
+    first = np.array([one[0] for one in rows_of])
+    number = np.array([one.size for one in rows_of])
+    means = {
+        f.name: np.bincount(cell, getattr(stack.conditions, f.name)) / number
+        for f in fields(Conditions)
+    }
     rows: dict[str, Any] = {  # in one order, whoever made them: sums go along it
         name: np.ascontiguousarray(np.stack([part[name] for part in parts]))
         for name in parts[0]
@@ -262,9 +273,9 @@ def pieces_of(stack: Stack) -> Pieces:
         surface=stack.surface,
         radius_m=stack.radius_m,
         step=np.full(len(parts), stack.step),
-        number=np.array([rows_of_one.size for rows_of_one in rows_of]),
+        number=number,
         coefficients=np.concatenate([part["coefficients"] for part in parts]),
-        conditions=_mean_conditions(stack.conditions, cell, len(parts)),
+        conditions=Conditions(**means),
         log=stack.log[first],
         manoeuvre=stack.manoeuvre[first],
         regime=stack.regime[first],
@@ -299,40 +310,36 @@ def _curve(
     turns their noise into a slope.
     """
     full = np.isfinite(values) & (count > 0)
-    x, y, n = phi[full], values[full], count[full]
+    points = np.stack([phi[full], values[full], count[full]])
     if knots is not None:
-        return nearest_curve(x, y, n, knots)
-    few = LEAST_COUNT * np.median(n)
+        return nearest_curve(*points, knots)
+    few = LEAST_COUNT * np.median(points[2])
     width = 2.0 * np.pi / phi.size
-    while x.size > _FEWEST_KNOTS:
+    while points.shape[1] > _FEWEST_KNOTS:
+        x, _, n = points
         gap = np.diff(np.append(x, x[0] + 2.0 * np.pi))  # to the next one
         lone = np.minimum(n, np.roll(n, -1)) < few
         close = gap / width < np.where(lone, _NEIGHBOUR, CLOSEST)
         if not close.any():
             break
-        first = int(np.argmin(np.where(close, gap, np.inf)))
-        x, y, n = _joined(x, y, n, first)
+        points = _merged(points, int(np.argmin(np.where(close, gap, np.inf))))
+    x, y, _ = points
     return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
 
 
-def _joined(
-    x: FloatArray, y: FloatArray, n: FloatArray, first: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The knots with `first` and the one after it (round the turn) as one.
+def _merged(points: FloatArray, first: int) -> FloatArray:
+    """Knots (3, k), angle, value, samples, with `first` and the next (round the turn) as one.
 
-    The joined knot lies at the mean of their samples.
+    It lies at the mean of their samples.
     """
-    last = (first + 1) % x.size
-    total = n[first] + n[last]
-    share = n[last] / total
-    x, y, n = x.copy(), y.copy(), n.copy()
-    x[first] += share * ((x[last] - x[first]) % (2.0 * np.pi))
-    y[first] += share * (y[last] - y[first])
-    n[first] = total
-    left = np.arange(x.size) != last
-    x, y, n = x[left], y[left], n[left]
-    order = np.argsort(x)
-    return x[order], y[order], n[order]
+    points, last = points.copy(), (first + 1) % points.shape[1]
+    step = points[:, last] - points[:, first]
+    step[0] %= 2.0 * np.pi
+    total = points[2, first] + points[2, last]
+    points[:2, first] += points[2, last] / total * step[:2]
+    points[2, first] = total
+    points = np.delete(points, last, axis=1)
+    return points[:, np.argsort(points[0])]
 
 
 def _bin_means(
@@ -349,20 +356,6 @@ def _bin_means(
         angle = np.einsum("km,km->m", np.where(count > 0, phi, 0.0), count) / total
         second = np.where(count > 0, variance + (phi - angle) ** 2, 0.0)
         return mean, angle, np.einsum("km,km->m", second, count) / total, total
-
-
-def _one_piece(stack: Stack, rows: IntArray) -> PieceRow:
-    """The piece of the revolutions `rows`."""
-    if stack.phi_rad.size == 1:
-        return _one_number(stack.values[rows])
-    speed = stack.conditions.speed_m_s[rows]
-    revolutions = (
-        stack.values[rows],
-        stack.phi_mean[rows],
-        stack.phi_variance[rows],
-        stack.count[rows],
-    )
-    return one_waveform(*revolutions, speed, step=stack.step, step_from=stack.step_from)
 
 
 def one_waveform(
@@ -413,9 +406,9 @@ def one_waveform(
     about = (speed - speed.mean())[:, None]
     share = count / np.maximum(total, 1e-12)
     return {
-        "mean": mean,
+        "values": mean,
         "phi": angle,
-        "variance": spread,
+        "phi_variance": spread,
         "count": total,
         "random": own[:, [0, 1, 3]],
         "shift": own[:, 2],
@@ -487,25 +480,14 @@ def _one_number(values: FloatArray) -> PieceRow:
     scatter = np.array([scatter_about_line(values[good])])
     about = np.zeros((len(values), 3))
     about[:, 2] = np.nan_to_num(values[:, 0] - mean)
-    names = "phi variance shift residual_ss freedom speed_mean speed_square speed_angle still"
+    names = "phi phi_variance shift residual_ss freedom speed_mean speed_square speed_angle still"
     return dict.fromkeys(names.split(), np.zeros(1)) | {
-        "mean": mean,
+        "values": mean,
         "count": good.sum(axis=0).astype(float),
         "random": np.zeros((1, 3)),
         "coefficients": about,
         "scatter": scatter,
     }
-
-
-def _mean_conditions(conditions: Conditions, cell: IntArray, C: int) -> Conditions:
-    """Means over each cell."""
-    number = np.bincount(cell, minlength=C)
-    return Conditions(
-        **{
-            name: np.bincount(cell, getattr(conditions, name), C) / number
-            for name in Conditions.__dataclass_fields__
-        }
-    )
 
 
 # ---- The pieces of all logs under two limits: `LOG_PIECES` of each log, `MOST_PIECES` of all.
@@ -546,33 +528,23 @@ LEAST_SHARE = 2
 
 
 def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
-    """The pieces of all logs of the stacks, at most `most`.
-
-    Each log is gathered by itself; several share the room.
-    """
+    """The pieces of all logs of the stacks, at most `most`, for which several share the room."""
     outline = outlines(stacks)
-    of_log = room(outline[0].phi_rad.size, min(most, LOG_PIECES))
-    most = room(outline[0].phi_rad.size, most)
-    parts: list[Pieces] = []
-    for places in _places_of_logs(outline):
-        part = _pieces(stacks, places, outline, of_log)
-        first = parts[-1].manoeuvre.max() + 1 if parts else 0
-        parts.append(
-            replace(part, manoeuvre=np.unique(part.manoeuvre, return_inverse=True)[1] + first)
-        )
-    chosen = chosen_logs(len(parts), most)
-    shares = dict(zip(chosen, share_out([len(parts[i]) for i in chosen], most), strict=True))
-    kept, cells, before = [], [], 0
-    for number, part in enumerate(parts):
-        share = shares.get(number, 0)
-        rows = part.spread(share, chosen.index(number)) if share else np.zeros(0, np.int64)
-        if rows.size:
-            kept.append(part if rows.size == len(part) else part.take(rows))
-        cells.append(_nearest(part, rows, before))
-        before += rows.size
-    said = left_out(before, sum(len(parts[i]) for i in chosen), len(kept), len(parts))
-    notes = (*_notes(stacks), *(note for part in kept for note in part.notes), *said)
-    return replace(concatenated_pieces(kept), cell=np.concatenate(cells), notes=notes)
+    logs = np.unique(np.concatenate([stack.log for stack in outline]))
+    share, most = min(most, LOG_PIECES), room(outline[0].phi_rad.size, most)
+    chosen = logs[chosen_logs(logs.size, most)]
+    pieces = pieces_of_all(stacks, share, chosen)
+    of_log = [np.flatnonzero(pieces.log == log) for log in chosen]
+    each = zip(of_log, share_out([rows.size for rows in of_log], most), strict=True)
+    speed = pieces.conditions.speed_m_s
+    kept = np.concatenate(
+        [rows[evenly_over(speed[rows], n, turn)] for turn, (rows, n) in enumerate(each)]
+    )
+    said = left_out(kept.size, len(pieces), chosen.size, logs.size)
+    number = np.full(len(pieces) + 1, -1)  # the last is that of no piece
+    number[kept] = np.arange(kept.size)
+    some = replace(pieces.take(kept), notes=(*pieces.notes, *said))
+    return replace(some, cell=_nearest_cells(some, number[pieces.cell], outline))
 
 
 def room(angles: int, most: int = MOST_PIECES) -> int:
@@ -611,94 +583,58 @@ def left_out(used: int, of: int, logs_used: int, logs: int) -> tuple[str, ...]:
     )
 
 
-def _places_of_logs(stacks: Sequence[Stack]) -> list[list[int]]:
-    """The stacks of each log, by their place; all together if one stack holds several logs."""
-    logs = [np.unique(stack.log) for stack in stacks]
-    if any(names.size > 1 for names in logs):
-        return [list(range(len(stacks)))]
-    return [
-        [i for i, names in enumerate(logs) if names[0] == log]
-        for log in dict.fromkeys(int(names[0]) for names in logs)
-    ]
-
-
-def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
-    """The piece of each revolution of a log, numbered on from `before`.
-
-    `kept` pieces of the log are left: a revolution has its own, or the one nearest in speed; -1 if
-    none is left.
-    """
-    if not kept.size:
-        return np.full(part.cell.size, -1)
-    if kept.size == len(part):
-        return part.cell + before
-    speed = part.conditions.speed_m_s
-    nearest = np.abs(speed[:, None] - speed[kept]).argmin(axis=1)
-    nearest[kept] = np.arange(kept.size)
-    gathered: IntArray = before + nearest[part.cell]
-    return gathered
-
-
-def pieces_of_all(stacks: Sequence[Stack], most: int = LOG_PIECES) -> Pieces:
-    """The pieces of stacks that are numbered through, about `most` of each log at most."""
-    outline = outlines(stacks)
-    pieces = _pieces(stacks, range(len(stacks)), outline, room(outline[0].phi_rad.size, most))
-    return replace(pieces, notes=(*_notes(stacks), *pieces.notes))
-
-
-def _notes(stacks: Sequence[Stack]) -> tuple[str, ...]:
-    return stacks.notes if isinstance(stacks, Stacks) else ()
-
-
-def _pieces(
-    stacks: Sequence[Stack], places: Sequence[int], outline: Sequence[Stack], most: int
+def pieces_of_all(
+    stacks: Sequence[Stack], most: int = LOG_PIECES, logs: IntArray | None = None
 ) -> Pieces:
-    """`pieces_of_all` of the stacks at `places`; `outline` all stacks without waveforms.
+    """The pieces of stacks that are numbered through, about `most` of each log at most.
 
-    Those of which no manoeuvre is used are not read.
+    Of some `logs` alone, if they are given. Stacks of which no manoeuvre is used are not read.
     """
-    own = [outline[i] for i in places]
-    manoeuvre = np.concatenate([stack.manoeuvre for stack in own])
-    kept, some = _kept_manoeuvres(own, manoeuvre, most)
-    parts: list[Pieces] = []
-    cell = np.full(manoeuvre.size, -1)
-    used = [np.flatnonzero(np.isin(outline[i].manoeuvre, kept)) for i in places]
-    read = [k for k, rows in enumerate(used) if rows.size]
+    outline = outlines(stacks)
+    kept, some = _kept_manoeuvres(outline, room(outline[0].phi_rad.size, most), logs)
+    used = [np.flatnonzero(np.isin(stack.manoeuvre, kept)) for stack in outline]
+    read = [i for i, rows in enumerate(used) if rows.size]
 
     def part_of(number: int) -> Pieces:
-        stack, rows = stacks[places[read[number]]], used[read[number]]
+        stack, rows = stacks[read[number]], used[read[number]]
         return pieces_of(stack if rows.size == len(stack) else stack.take(rows))
 
-    before = np.cumsum([0, *(len(stack) for stack in own)])
-    for k, part in zip(read, shared_out(len(read), part_of), strict=True):
-        cell[before[k] + used[k]] = part.cell + sum(len(one) for one in parts)
+    parts: list[Pieces] = []
+    cells = [np.full(len(stack), -1) for stack in outline]
+    for i, part in zip(read, shared_out(len(read), part_of), strict=True):
+        cells[i][used[i]] = part.cell + sum(len(one) for one in parts)
         parts.append(part)
     pieces = concatenated_pieces(parts)
-    log = np.concatenate([stack.log for stack in own])
-    speed = np.concatenate([stack.conditions.speed_m_s for stack in own])
-    for number in np.unique(log[cell < 0]):
-        rows, there = np.flatnonzero((cell < 0) & (log == number)), pieces.log == number
-        cell[rows] = np.flatnonzero(there)[
-            _nearest_in_speed(speed[rows], pieces.conditions.speed_m_s[there])
-        ]
     notes = (
         f"{pieces.logs[number]}: {used} of {of} manoeuvres are used, spread over the speeds of "
         "each regime; errors are those of what is used"
         for number, (used, of) in some.items()
     )
-    return replace(pieces, cell=cell, notes=tuple(notes))
+    return replace(
+        pieces,
+        cell=_nearest_cells(pieces, np.concatenate(cells), outline),
+        notes=(*getattr(stacks, "notes", ()), *notes),
+    )
 
 
-def _nearest_in_speed(speed_m_s: FloatArray, among: FloatArray) -> IntArray:
-    """Which of the speeds `among` is nearest to each, (n,)."""
-    order = np.argsort(among, kind="stable")
-    middle = 0.5 * (among[order][1:] + among[order][:-1])
-    nearest: IntArray = order[np.searchsorted(middle, speed_m_s)]
-    return nearest
+def _nearest_cells(pieces: Pieces, cell: IntArray, outline: Sequence[Stack]) -> IntArray:
+    """The piece of each revolution, (n,): its own or, of none (-1), the nearest in speed.
+
+    Of its log; -1 if the log gives no piece.
+    """
+    log = np.concatenate([stack.log for stack in outline])
+    speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
+    for number in np.unique(log[cell < 0]):
+        rows, there = (cell < 0) & (log == number), np.flatnonzero(pieces.log == number)
+        if there.size:
+            there = there[np.argsort(pieces.conditions.speed_m_s[there], kind="stable")]
+            among = pieces.conditions.speed_m_s[there]
+            cell[rows] = there[np.searchsorted(0.5 * (among[1:] + among[:-1]), speed[rows])]
+    return cell
 
 
 def _kept_manoeuvres(
-    outline: Sequence[Stack], manoeuvre: IntArray, most: int
+    outline: Sequence[Stack], most: int, logs: IntArray | None
 ) -> tuple[IntArray, dict[int, tuple[int, int]]]:
     """The manoeuvres that are used, ascending; of logs with others: how many, and of how many.
 
@@ -708,6 +644,7 @@ def _kept_manoeuvres(
     log = np.concatenate([stack.log for stack in outline])
     regime = np.concatenate([stack.regime for stack in outline])
     speed = np.concatenate([stack.conditions.speed_m_s for stack in outline])
+    manoeuvre = np.concatenate([stack.manoeuvre for stack in outline])
     names, first, which = np.unique(manoeuvre, return_index=True, return_inverse=True)
 
     def mean_of(x: FloatArray) -> FloatArray:
@@ -724,8 +661,9 @@ def _kept_manoeuvres(
     for stack in outline:
         own = np.unique(np.stack([stack.manoeuvre, assign_pieces(stack)]), axis=1)[0]
         pieces += np.bincount(np.searchsorted(names, own), minlength=names.size)
-    kept, used = np.ones(names.size, bool), dict[int, tuple[int, int]]()
-    for number in np.unique(log):
+    logs = np.unique(log) if logs is None else logs
+    kept, used = np.isin(log[first], logs), dict[int, tuple[int, int]]()
+    for number in logs:
         of_log = np.flatnonzero(log[first] == number)
         if pieces[of_log].sum() <= most:
             continue

@@ -24,7 +24,15 @@ from numpy.typing import NDArray
 
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.cells.joint import lacking, linearised, predicted
+from tirelog.inference.cells.joint import (
+    at_lever,
+    lacking,
+    linearised,
+    own_amplitudes,
+    own_rows,
+    parts_of,
+    predicted,
+)
 from tirelog.inference.metric import RANK, Offsets, Whitener, stacked
 from tirelog.physics.effects.form import BY_LOAD
 from tirelog.physics.model.model import Model
@@ -383,13 +391,6 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
     )
 
 
-def _sizes(model: Model, names: Sequence[str]) -> FloatArray:
-    """The scale in which a parameter's step is damped."""
-    own = [model.parameters[n] for n in names]
-    usual = [0.3 * abs(p.probe) if p.prior is None else p.prior[1] for p in own]
-    return np.array([max(abs(p.value), size, 1e-12) for p, size in zip(own, usual, strict=True)])
-
-
 def bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     parameters: list[Parameter] = [model.parameters[n] for n in names]
     return np.array([p.min for p in parameters]), np.array([p.max for p in parameters])
@@ -455,7 +456,10 @@ class _Together:
         return dict(zip(self.names, theta, strict=True))
 
     def sizes(self, theta: FloatArray) -> FloatArray:
-        return _sizes(self.model.with_values(self.values(theta)), self.names)
+        """The scale in which each parameter's step is damped."""
+        own = [self.model.parameters[name] for name in self.names]
+        usual = [0.3 * abs(p.probe) if p.prior is None else p.prior[1] for p in own]
+        return np.maximum(np.maximum(np.abs(theta), usual), 1e-12)
 
     def residual(self, theta: FloatArray) -> FloatArray:
         values = self.values(theta)
@@ -531,12 +535,6 @@ def starts(
     return result
 
 
-def few_cells(cells: Cells) -> NDArray[np.int64]:
-    """Some cells that span the speeds and logs, for judging starts."""
-    order = np.lexsort((cells.conditions.speed_m_s, cells.log))
-    return np.unique(order[np.linspace(0, order.size - 1, min(_FEW, order.size)).astype(int)])
-
-
 #: the cells of a channel and their metric
 CellsInMetric = tuple[Cells, Whitener]
 
@@ -559,24 +557,40 @@ def fit_channels(
         for name in model.free
         if all(name in free_names(model, cells) for cells, _ in channels)
     )
-    results: list[tuple[list[Problem], Model, float, bool]] = []
     for begins in _begins(channels, names, model) if several else ([model],):
-        for start in begins:
-            problems = [Problem(*channel) for channel in channels]  # which a descent centres
-            end = or_refusal(descend_together)(problems, start, names, steps=steps)
-            if isinstance(end, ModelError):
-                refused = end
-            else:
-                results.append((problems, *end))
-        if results:
+        ends, refused = _ends(channels, names, begins, steps)
+        if ends:
             break
     else:
-        raise refused
-    problems, best, _, settled = min(results, key=lambda result: result[2])
-    fits = finish(problems, best, names, settled)
-    if several and fits[0].held:
-        fits = _from_within(channels, model, fits)
-    return fits
+        raise refused[-1]
+    fits = _finished(ends, names)
+    return _from_within(channels, model, fits) if several and fits[0].held else fits
+
+
+#: a start's end: the problems as the descent centred them, the model there, chi-square, settled
+End = tuple[list["Problem"], Model, float, bool]
+
+
+def _ends(
+    channels: Sequence[CellsInMetric], names: Sequence[str], begins: Sequence[Model], steps: int
+) -> tuple[list[End], list[ModelError]]:
+    """Where descents from some starts end, and why the others cannot be computed."""
+    ends: list[End] = []
+    refused: list[ModelError] = []
+    for begin in begins:
+        problems = [Problem(*channel) for channel in channels]  # which a descent centres
+        end = or_refusal(descend_together)(problems, begin, names, steps=steps)
+        if isinstance(end, ModelError):
+            refused.append(end)
+        else:
+            ends.append((problems, *end))
+    return ends, refused
+
+
+def _finished(ends: Sequence[End], names: Sequence[str]) -> list[Fit]:
+    """The fit at the best end."""
+    problems, best, _, settled = min(ends, key=lambda end: end[2])
+    return finish(problems, best, names, settled)
 
 
 def _begins(
@@ -594,18 +608,14 @@ def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit
 
     Those begin with what stands at a bound brought back to its start values.
     """
-    names, held, least = fits[0].names, fits[0].held, sum(fit.chi2 for fit in fits)
+    names, held = fits[0].names, fits[0].held
     values = {tuple(start.values[name] for name in held) for start in starts(model, names)}
     inner = [
         fits[0].model.with_values(dict(zip(held, inside, strict=True))) for inside in sorted(values)
     ]
-    for begin in _promising(channels, names, inner):
-        problems = [Problem(*channel) for channel in channels]
-        end = or_refusal(descend_together)(problems, begin, names)
-        if not isinstance(end, ModelError) and end[1] < least:
-            fits = finish(problems, end[0], names, end[2])
-            least = sum(fit.chi2 for fit in fits)
-    return fits
+    ends, _ = _ends(channels, names, _promising(channels, names, inner), MOST_STEPS)
+    least = sum(fit.chi2 for fit in fits)
+    return _finished(ends, names) if any(end[2] < least for end in ends) else fits
 
 
 def _promising(
@@ -632,28 +642,18 @@ def _tried(
 
 
 def _few(cells: Cells, white: Whitener) -> Problem:
-    """A few cells of a channel, without the scatter between manoeuvres."""
-    rows = few_cells(cells)
+    """A few cells that span speeds and logs, without the scatter between manoeuvres."""
+    order = np.lexsort((cells.conditions.speed_m_s, cells.log))
+    rows = np.unique(order[np.linspace(0, order.size - 1, min(_FEW, order.size)).astype(int)])
     return Problem(
-        take_cells(cells, rows),
+        cells.take(rows),
         Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
     )
 
 
 def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
-    names = (
-        "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions",
-        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square",
-        "speed_angle", "rounding",
-    )  # fmt: skip
-    return replace(
-        cells,
-        conditions=cells.conditions.take(rows),
-        part=cells.part[rows] if cells.together is not None else cells.part,
-        shared=None if cells.shared is None else cells.shared.take(rows),
-        **{name: getattr(cells, name)[rows] for name in names},
-    )
+    return cells.take(rows)
 
 
 def finish(
@@ -725,3 +725,40 @@ def _stuck(model: Model, names: Sequence[str], slope: FloatArray, left: FloatArr
     there = np.array([model.values[n] for n in names])[moving]
     there = there + step / np.linalg.norm(slope[:, moving], axis=0)
     return bool(((there < low) | (there > high)).any())
+
+
+def fits_apart(fit: Fit) -> tuple[Fit, ...]:
+    """The fit of each observable; (the fit itself,) if there is but one.
+
+    Prediction, slopes and residual are those of the fit to all; degrees of freedom are shared out.
+    """
+    cells, layout = fit.cells, fit.cells.together
+    if layout is None:
+        return (fit,)
+    logs = np.unique(cells.log)
+    found = []
+    for i, own in enumerate(parts_of(cells)):
+        residual = own_rows(cells, i, fit.residual, 0)
+        mine = logs // len(layout.logs) == i
+        waves = layout.widths[i] > 1 and fit.offsets.size
+        amplitudes = fit.amplitudes[:0]
+        if cells.shared is not None and fit.amplitudes.size:
+            amplitudes = fit.amplitudes[own_amplitudes(cells.shared, cells, i)]
+        others = tuple(name for name in fit.model.observables if name != own.observable)
+        found.append(
+            replace(
+                fit,
+                model=at_lever(
+                    replace(fit.model, observable=own.observable, beside=others), own.member
+                ),
+                chi2=float((residual**2).sum()),
+                freedom=fit.freedom * residual.size / max(fit.residual.size, 1),
+                residual=residual,
+                prediction=own_rows(cells, i, fit.prediction),
+                jacobian=own_rows(cells, i, fit.jacobian),
+                offsets=fit.offsets[mine] * layout.scales[i] if waves else np.zeros(0),
+                amplitudes=amplitudes,
+                cells=own,
+            )
+        )
+    return tuple(found)

@@ -14,9 +14,10 @@ is learnt from absolute position.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -44,9 +45,6 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 CHUNK_SAMPLES = 1 << 16
 #: of the times of an axis every so many are kept, to find the others
 _STRIDE = 1 << 13
-#: turns to either side of a chunk whose samples are looked at too: what a refined passage moves is
-#: far less
-_MARGIN = 1
 #: a channel's step is looked for in so many of its samples, in so many runs from all over it;
 #: twice as many look twice as long
 _LOOKED_AT, _RUNS = 4096, 8
@@ -55,17 +53,8 @@ _LOOKED_AT, _RUNS = 4096, 8
 _FEWEST_VALUES, _OFF_STEP = 12, 0.01
 
 
-@dataclass(frozen=True)
-class TurnChunk:
-    """Turns [first, stop) of a run of passages.
-
-    All their samples are among [low, high).
-    """
-
-    first: int
-    stop: int
-    low: int
-    high: int
+#: some turns of a run of passages, and the samples among which all of theirs are
+TurnChunk = tuple[slice, slice]
 
 
 def step_of(channel: Channel) -> tuple[float, float]:
@@ -132,18 +121,21 @@ class Samples:
         around = np.concatenate(
             [[2 * centre_s[0] - centre_s[1]], centre_s, [2 * centre_s[-1] - centre_s[-2]]]
         )
-        low = np.maximum(edges[:-1] - _MARGIN, 0)
-        high = np.minimum(edges[1:] + 1 + _MARGIN, around.size - 1)
+        # and a turn to either side: what a refined passage moves is far less
+        low = np.maximum(edges[:-1] - 1, 0)
+        high = np.minimum(edges[1:] + 2, around.size - 1)
         low, high = self.before(around[low]), self.before(around[high])
         return [
-            TurnChunk(*(int(x) for x in row))
-            for row in zip(edges[:-1], edges[1:], low, high, strict=True)
+            (slice(int(first), int(stop)), slice(int(start), int(end)))
+            for first, stop, start, end in zip(edges[:-1], edges[1:], low, high, strict=True)
         ]
 
     def read(self, chunk: TurnChunk) -> tuple[FloatArray, FloatArray]:
         """Times and values of a chunk's samples."""
-        time_s = self.channel.axis.time(chunk.low, chunk.high)
-        return time_s, self.channel.read(chunk.low, chunk.high)
+        rows = chunk[1]
+        return self.channel.axis.time(rows.start, rows.stop), self.channel.read(
+            rows.start, rows.stop
+        )
 
 
 # ---- Compiled passes over the samples of some turns: each goes through them once.
@@ -161,7 +153,7 @@ class Samples:
 
 
 #: a turn of the wheel [rad]
-TURN = 2.0 * np.pi
+TURN = math.tau
 
 
 @compiled
@@ -347,9 +339,10 @@ class PassageAngle:
     spline: CubicSpline
 
     @classmethod
-    def through(cls, centre_s: FloatArray) -> PassageAngle:
-        turns = 2.0 * np.pi * np.arange(centre_s.size)
-        return cls(centre_s, CubicSpline(centre_s, turns, bc_type="natural"))
+    def through(cls, centre_s: FloatArray, turns: FloatArray | None = None) -> PassageAngle:
+        """Through passages of these `turns` (n,), or of one after the other."""
+        turns = np.arange(centre_s.size) if turns is None else turns
+        return cls(centre_s, CubicSpline(centre_s, 2.0 * np.pi * turns, bc_type="natural"))
 
     def theta(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at times [s], any shape."""
@@ -390,8 +383,8 @@ def turned(
         spline.x,
         spline.c,
         spline(ends, 1),
-        chunk.first,
-        chunk.stop,
+        chunk[0].start,
+        chunk[0].stop,
         turn,
         phi,
         kept,
@@ -399,35 +392,25 @@ def turned(
     return turn[:count], phi[:count], kept[:count]
 
 
-class TemplateSums:
-    """Counts and sums of samples by angle, from which the mean waveform follows."""
+def angle_sums(phi: FloatArray, values: FloatArray) -> FloatArray:
+    """Samples (N,) by angle: how many, sum of their angles, sum of their values; (3, bins)."""
+    count, sums = np.zeros(_TEMPLATE_POINTS, np.int64), np.zeros((2, _TEMPLATE_POINTS))
+    by_angle(phi, values, count, *sums)
+    return np.stack([count, *sums])
 
-    def __init__(self) -> None:
-        self._count = np.zeros(_TEMPLATE_POINTS, np.int64)
-        self._angle, self._value = np.zeros(_TEMPLATE_POINTS), np.zeros(_TEMPLATE_POINTS)
 
-    def add(self, phi: FloatArray, values: FloatArray) -> None:
-        """More samples (N,) at angles (N,)."""
-        by_angle(phi, values, self._count, self._angle, self._value)
+def mean_waveform(sums: FloatArray, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
+    """A periodic spline through bin means at the bins' mean angles, of `angle_sums`.
 
-    def join(self, other: TemplateSums) -> None:
-        """The samples of other sums too."""
-        self._count += other._count
-        self._angle += other._angle
-        self._value += other._value
-
-    def curve(self, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
-        """A periodic spline through bin means at the bins' mean angles.
-
-        With fewer `knots` it goes nearest to them.
-        """
-        full = self._count > 0
-        angle, mean = self._angle[full] / self._count[full], self._value[full] / self._count[full]
-        if knots < _TEMPLATE_POINTS:
-            return nearest_curve(angle, mean, self._count[full], knots)
-        return CubicSpline(
-            np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic"
-        )
+    With fewer `knots` it goes nearest to them.
+    """
+    count, angle, mean = sums[:, sums[0] > 0]
+    angle, mean = angle / count, mean / count
+    if knots < _TEMPLATE_POINTS:
+        return nearest_curve(angle, mean, count, knots)
+    return CubicSpline(
+        np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic"
+    )
 
 
 def nearest_curve(
@@ -460,9 +443,7 @@ def _bending(knots: int) -> FloatArray:
 
 def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
     """Mean waveform of samples (N,) at angles (N,)."""
-    sums = TemplateSums()
-    sums.add(phi, values)
-    return sums.curve(knots)
+    return mean_waveform(angle_sums(phi, values), knots)
 
 
 def knots_for(centre_s: FloatArray, rate_Hz: float) -> int:
@@ -498,50 +479,41 @@ def front_fit(
     return np.where(bad, np.nan, shift), np.where(bad, np.nan, amplitude)
 
 
-def _sums_of(
-    samples: Samples, angle: PassageAngle, chunks: Sequence[TurnChunk], number: int
-) -> TemplateSums:
-    """The sums of one chunk."""
-    sums = TemplateSums()
-    sums.add(*turned(samples, angle, chunks[number])[1:])
-    return sums
-
-
-def _shifts_of(
-    samples: Samples,
-    angle: PassageAngle,
-    chunks: Sequence[TurnChunk],
-    shape: CubicSpline,
-    number: int,
-) -> FloatArray:
-    """Shifts [rad] of one chunk's revolutions."""
-    chunk = chunks[number]
-    return front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0]
-
-
 def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
     """Passage times (n,) after matched filtering.
 
     A passage whose front cannot be fitted lies between its neighbours.
     """
     chunks = samples.chunks(centre_s, 0, centre_s.size)
-    count = len(chunks)
-    shared = count >= _SHARED and readable_apart(samples.channel)
     knots = knots_for(centre_s, samples.channel.axis.rate_Hz)
     for _ in range(rounds):
         angle = PassageAngle.through(centre_s)
-        sums = TemplateSums()
-        for one in shared_out(count, partial(_sums_of, samples, angle, chunks), shared):
-            sums.join(one)
-        shape = sums.curve(knots)
-        shifts = shared_out(count, partial(_shifts_of, samples, angle, chunks, shape), shared)
-        shift = np.concatenate(list(shifts))
+        shift = _shifts(samples, chunks, angle, knots)
         fitted = np.isfinite(shift)
         shift = np.where(fitted, shift - np.nanmedian(shift) if fitted.any() else 0.0, 0.0)
         centre_s = _between_neighbours(centre_s + shift / angle.speed_rad_s(centre_s), fitted)
         if np.abs(shift).max(initial=0.0) < _SETTLED_RAD:
             break
     return centre_s
+
+
+def _shifts(
+    samples: Samples, chunks: Sequence[TurnChunk], angle: PassageAngle, knots: int
+) -> FloatArray:
+    """Shift [rad] of each passage (n,) against the mean waveform; NaN if it has no fit."""
+    shared = len(chunks) >= _SHARED and readable_apart(samples.channel)
+
+    def sums(number: int) -> FloatArray:
+        return angle_sums(*turned(samples, angle, chunks[number])[1:])
+
+    def shifts(number: int) -> FloatArray:
+        turns = chunks[number][0]
+        found = turned(samples, angle, chunks[number])
+        return front_fit(*found, shape, turns.stop - turns.start)[0]
+
+    of_log = sum(shared_out(len(chunks), sums, shared), np.zeros((3, _TEMPLATE_POINTS)))
+    shape = mean_waveform(of_log, knots)
+    return np.concatenate(list(shared_out(len(chunks), shifts, shared)))
 
 
 def _between_neighbours(centre_s: FloatArray, fitted: NDArray[np.bool_]) -> FloatArray:

@@ -23,9 +23,9 @@ import io
 import os
 import tempfile
 import weakref
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import IO, Any, overload
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,6 @@ from tirelog.errors import OutputError, UsageError
 from tirelog.inference.stacks.align import (
     PassageAngle,
     Samples,
-    TurnChunk,
     by_bin,
     refine_passages,
     step_of,
@@ -91,12 +90,11 @@ class Stacks(Sequence[Stack]):
     def __init__(self, in_memory: int | None = None) -> None:
         self.logs: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
-        self._room = IN_MEMORY if in_memory is None else in_memory
-        self._stacks: list[Stack] = []
-        self._places: list[
-            tuple[int, int] | None
-        ] = []  # from where to where in the file the waveforms are, None if they are in memory
-        self._file: IO[bytes] | None = None
+        self._stacks: list[Stack] = []  # without their waveforms, which are in the file
+        self._places: list[tuple[int, int]] = []  # from where to where in it
+        most = IN_MEMORY if in_memory is None else in_memory
+        self._file = tempfile.SpooledTemporaryFile(max(most, 1), prefix="tirelog-")  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
 
     def add(self, log: str, stretches: Iterable[Stack]) -> None:
         """One more log.
@@ -110,27 +108,17 @@ class Stacks(Sequence[Stack]):
                 self._keep(replace(stretch, log=number, manoeuvre=stretch.manoeuvre + first))
         self.logs = (*self.logs, log)
 
-    def note(self, sentence: str) -> None:
-        """A sentence that whoever reads a result of these stacks must see, once."""
-        self.notes = tuple(dict.fromkeys((*self.notes, sentence)))
+    def note(self, *sentences: str) -> None:
+        """Sentences that whoever reads a result of these stacks must see, each once."""
+        self.notes = tuple(dict.fromkeys((*self.notes, *sentences)))
 
     def of_log(self, number: int) -> Iterator[Stack]:
         """The stacks of one log, in order."""
         return (self[i] for i, stack in enumerate(self._stacks) if stack.log[0] == number)
 
     def outlines(self) -> list[Stack]:
-        """The stacks, those that are put aside without their waveforms."""
+        """The stacks without their waveforms."""
         return list(self._stacks)
-
-    def number_through(self) -> None:
-        """Manoeuvres 0, 1, 2, ... when some have gone with their revolutions."""
-        names = np.unique(
-            np.concatenate([np.zeros(0, np.int64), *(stack.manoeuvre for stack in self._stacks)])
-        )
-        self._stacks = [
-            replace(stack, manoeuvre=np.searchsorted(names, stack.manoeuvre))
-            for stack in self._stacks
-        ]
 
     def __len__(self) -> int:
         return len(self._stacks)
@@ -142,59 +130,39 @@ class Stacks(Sequence[Stack]):
     def __getitem__(self, index: int | slice) -> Stack | list[Stack]:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        stack, place = self._stacks[index], self._places[index]
-        return replace(stack, logs=self.logs, **({} if place is None else self._read(place)))
+        first, stop = self._places[index]
+        if self._file.name is None or not hasattr(os, "pread"):  # in memory, or on Windows
+            self._file.seek(first)
+            content = self._file.read(stop - first)
+        else:  # without the file's own place: processes may read side by side
+            content = os.pread(self._file.fileno(), stop - first, first)
+        data = io.BytesIO(content)
+        waveforms: dict[str, Any] = {name: np.load(data, allow_pickle=False) for name in _WAVEFORMS}
+        return replace(self._stacks[index], logs=self.logs, **waveforms)
 
     def _keep(self, stack: Stack) -> None:
-        self._stacks.append(stack)
-        self._places.append(None)
-        self._room -= _bytes(stack)
-        if self._room < 0:  # all of them: memory is short in what follows
-            for i, place in enumerate(self._places):
-                if place is None:
-                    self._places[i] = self._write(self._stacks[i])
-                    empty: Any = np.empty((len(self._stacks[i]), 0))
-                    self._stacks[i] = replace(self._stacks[i], **dict.fromkeys(_WAVEFORMS, empty))
-
-    def _write(self, stack: Stack) -> tuple[int, int]:
-        """The waveforms at the end of the file; where they begin and end."""
+        """A stack as the last one, its waveforms at the end of the file."""
         try:
-            if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
-                weakref.finalize(self, self._file.close)
             place = self._file.seek(0, 2)
             for name in _WAVEFORMS:
                 np.save(self._file, getattr(stack, name), allow_pickle=False)
             self._file.flush()
-            return place, self._file.tell()
         except OSError as problem:
+            size = sum(int(getattr(stack, name).nbytes) for name in _WAVEFORMS)
             raise OutputError(
                 f"the revolutions of long logs cannot be put aside ({problem.strerror or problem})",
                 allowed="the folder for temporary files has to hold them, "
-                f"{_bytes(stack) / len(stack) / 1000.0:.0f} kB each",
+                f"{size / len(stack) / 1000.0:.0f} kB each",
                 do="make room or set TMPDIR to another folder",
                 file=tempfile.tempdir or os.environ.get("TMPDIR"),
             ) from problem
-
-    def _read(self, place: tuple[int, int]) -> dict[str, Any]:
-        """The waveforms, read without the file's own place: processes may do it side by side."""
-        assert self._file is not None
-        first, stop = place
-        if hasattr(os, "pread"):
-            data = io.BytesIO(os.pread(self._file.fileno(), stop - first, first))
-        else:  # Windows, where no process is forked either
-            self._file.seek(first)
-            data = io.BytesIO(self._file.read(stop - first))
-        return {name: np.load(data, allow_pickle=False) for name in _WAVEFORMS}
-
-
-def _bytes(stack: Stack) -> int:
-    """Bytes of memory that the stack's waveforms take."""
-    return sum(int(getattr(stack, name).nbytes) for name in _WAVEFORMS)
+        self._places.append((place, self._file.tell()))
+        empty: Any = np.empty((len(stack), 0))
+        self._stacks.append(replace(stack, **dict.fromkeys(_WAVEFORMS, empty)))
 
 
 def outlines(stacks: Sequence[Stack]) -> Sequence[Stack]:
-    """The stacks; of those that are put aside what has a value per revolution, nothing is read."""
+    """The stacks; of those in a file what has a value per revolution, nothing is read."""
     return stacks.outlines() if isinstance(stacks, Stacks) else stacks
 
 
@@ -258,33 +226,26 @@ def outward(channel: Channel) -> tuple[Channel, str]:
 def with_level(stretches: Iterable[Stack], log: str) -> Iterator[Stack]:
     """The stacks of one log as they come.
 
-    UsageError: an acceleration without the level of a turning sensor.
+    UsageError: the median level of an acceleration outside the patch is not about -v^2 / R.
     """
     for stack in stretches:
         if stack.observable == "radial_acceleration":
-            _check_level(stack, log)
+            turning = stack.conditions.speed_m_s**2 / stack.radius_m
+            full = np.isfinite(stack.values).any(axis=1, keepdims=True)
+            with np.errstate(invalid="ignore"):
+                level = np.nanmedian(np.where(full, stack.values, 0.0), axis=1)
+            usual, off = float(np.median(turning)), float(np.median(level + turning))
+            if abs(off) > max(LEVEL_OFF * usual, ZERO_M_S2):
+                raise UsageError(
+                    f"channel {stack.channel} reads {off - usual:.4g} m/s^2 outside the patch "
+                    f"(median) and a turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
+                    allowed=f"allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed "
+                    "(AC coupling, a piezo element), or the unit is wrong",
+                    do="mend unit, scale or offset, or give the model coupling_Hz, the sensor's "
+                    "high-pass",
+                    file=log,
+                )
         yield stack
-
-
-def _check_level(stack: Stack, log: str) -> None:
-    """UsageError if the median level outside the patch is not about -v^2 / R."""
-    turning = stack.conditions.speed_m_s**2 / stack.radius_m
-    with np.errstate(invalid="ignore"):
-        level = np.nanmedian(
-            np.where(np.isfinite(stack.values).any(axis=1, keepdims=True), stack.values, 0.0),
-            axis=1,
-        )
-    usual, off = float(np.median(turning)), float(np.median(level + turning))
-    if abs(off) <= max(LEVEL_OFF * usual, ZERO_M_S2):
-        return
-    raise UsageError(
-        f"channel {stack.channel} reads {off - usual:.4g} m/s^2 outside the patch (median) and a "
-        f"turning sensor reads -v^2/R = {-usual:.4g} m/s^2",
-        allowed=f"allowed is {100 * LEVEL_OFF:g} % off: the mean level was removed (AC coupling, "
-        "a piezo element), or the unit is wrong",
-        do="mend unit, scale or offset, or give the model coupling_Hz, the sensor's high-pass",
-        file=log,
-    )
 
 
 #: bins of the angle over a revolution; twice as many need twice the samples per revolution to be
@@ -300,19 +261,9 @@ FEWEST = 6
 _SHORTEST_RUN = 5
 
 
-@dataclass(frozen=True)
-class Turns:
-    """The revolutions of one unbroken run.
-
-    Ordinal of each passage in the log (k,), refined times (k,) and the angle between them. Its k -
-    2 whole revolutions are the turns 1 ... k - 2.
-    """
-
-    ordinal: NDArray[np.int64]
-    angle: PassageAngle
-
-    def __len__(self) -> int:
-        return int(self.ordinal.size) - 2
+#: one unbroken run: the ordinals in the log of its passages (k,), and the wheel's angle through
+#: them; its k - 2 whole revolutions are the turns 1 ... k - 2
+Run = tuple[NDArray[np.int64], PassageAngle]
 
 
 def observe_channel(recording: Recording, observable: str, name: str | None = None) -> Channel:
@@ -371,20 +322,18 @@ def stacks_from_logs(
                 f"{', '.join(others)} (--channel NAME takes another one"
                 f"{', --channel all fits them together' if observable == STRAIN else ''})"
             )
+        heard: list[Line] = []
         if observable in SCALARS:
             stack, said = scalar_stack(recording, source, observable)
             stacks.add(recording.log, [stack])
         else:
             source, said = outward(source)
-            heard: list[Line] = []
             stretches = stretches_of(
                 recording, source, observable, angles=angles, most=most, heard=heard
             )
             stacks.add(recording.log, with_level(stretches, recording.log) if level else stretches)
-            if heard:
-                stacks.note(f"{recording.log}: {source.name}: {lines_said(heard, observable)}")
-        if said:
-            stacks.note(f"{recording.log}: {said}")
+        hum = f"{source.name}: {lines_said(heard, observable)}" if heard else ""
+        stacks.note(*(f"{recording.log}: {note}" for note in (hum, said) if note))
     return stacks
 
 
@@ -407,7 +356,7 @@ def stretches_of(
     passages = trusted_passages(recording, channel)
     samples = Samples(channel)
     runs = list(_runs(passages, samples))
-    n = sum(len(run) for run in runs)
+    n = sum(ordinal.size - 2 for ordinal, _ in runs)
     if n < FEWEST:
         refuse_swapped_surface(recording, channel, radius)
         seen = int(np.isfinite(passages.time_s).sum())
@@ -451,7 +400,7 @@ def _course(
     recording: Recording,
     channel: Channel,
     observable: str,
-    runs: Sequence[Turns],
+    runs: Sequence[Run],
     noise: float,
     angles: int,
 ) -> Stack:
@@ -460,12 +409,12 @@ def _course(
     It holds what a revolution has one value of.
     """
     radius = recording.setup.tire.radius_m
-    times = [run.angle.centre_s[1:-1] for run in runs]
-    speeds = [run.angle.speed_rad_s(time) for run, time in zip(runs, times, strict=True)]
+    times = [angle.centre_s[1:-1] for _, angle in runs]
+    speeds = [angle.speed_rad_s(angle.centre_s[1:-1]) for _, angle in runs]
     acceleration = np.concatenate(
         [accelerations(time, speed * radius) for time, speed in zip(times, speeds, strict=True)]
     )
-    breaks = np.concatenate([np.r_[True, np.zeros(len(run) - 1, bool)] for run in runs])
+    breaks = np.concatenate([np.arange(time.size) == 0 for time in times])
     manoeuvre, regime = segment(regimes(acceleration), breaks)
     centre, speed = np.concatenate(times), np.concatenate(speeds)
     n = centre.size
@@ -487,7 +436,7 @@ def _course(
         conditions=conditions_of(recording, centre, speed * radius, acceleration),
         log=np.zeros(n, np.int64),
         manoeuvre=manoeuvre,
-        revolution=np.concatenate([run.ordinal[1:-1] for run in runs]),
+        revolution=np.concatenate([ordinal[1:-1] for ordinal, _ in runs]),
         regime=regime,
         logs=(recording.log,),
         step=step,
@@ -515,59 +464,53 @@ def _cuts(manoeuvre: NDArray[np.int64], most: int) -> Iterator[slice]:
     yield slice(low, n)
 
 
-def _runs(passages: Passages, samples: Samples) -> Iterator[Turns]:
+def _runs(passages: Passages, samples: Samples) -> Iterator[Run]:
     """Unbroken runs of passages one turn apart, refined by the matched filter."""
     known = np.flatnonzero(np.isfinite(passages.time_s))
     cut = np.flatnonzero(~(passages.turn_after[known[:-1]] & (np.diff(known) == 1))) + 1
     for index in np.split(known, cut):
         if index.size >= _SHORTEST_RUN:
-            yield Turns(
-                index, PassageAngle.through(refine_passages(samples, passages.time_s[index]))
-            )
+            refined = refine_passages(samples, passages.time_s[index])
+            yield index, PassageAngle.through(refined)
 
 
-def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> dict[str, Any]:
+def _of_runs(runs: Sequence[Run], rows: slice) -> Iterator[tuple[PassageAngle, int, int, int]]:
+    """Of the revolutions `rows` of a log those of each run.
+
+    Its angle, their first turn and the one after their last, and by how much the number of a turn
+    is more than that of its row.
+    """
+    before = 0
+    for ordinal, angle in runs:
+        turns = ordinal.size - 2
+        first, stop = max(rows.start - before, 0), min(rows.stop - before, turns)
+        if first < stop:
+            yield angle, first + 1, stop + 1, rows.start + 1 - before
+        before += turns
+
+
+def _waveforms(samples: Samples, runs: Sequence[Run], rows: slice, m: int) -> dict[str, Any]:
     """Bin means, mean angles, variances and counts (k, m) of the k revolutions `rows` of a log."""
     k = rows.stop - rows.start
-    values, phi_mean, phi_variance = np.empty((k, m)), np.empty((k, m)), np.empty((k, m))
-    count = np.empty((k, m), np.int64)
-    before = 0
-    for run in runs:
-        first, stop = max(rows.start - before, 0), min(rows.stop - before, len(run))
-        for chunk in (
-            samples.chunks(run.angle.centre_s, first + 1, stop + 1) if first < stop else ()
-        ):
-            low = before + chunk.first - 1 - rows.start
-            here = slice(low, low + chunk.stop - chunk.first)
-            values[here], phi_mean[here], phi_variance[here], count[here] = _binned(
-                samples, run.angle, chunk, m
-            )
-        before += len(run)
-    return {"values": values, "phi_mean": phi_mean, "phi_variance": phi_variance, "count": count}
+    count, (mean, phi, variance) = np.zeros((k, m), np.int64), np.zeros((3, k, m))
+    for angle, first, stop, more in _of_runs(runs, rows):
+        for chunk in samples.chunks(angle.centre_s, first, stop):
+            here = slice(chunk[0].start - more, chunk[0].stop - more)
+            bins = (count[here], mean[here], phi[here], variance[here])
+            by_bin(*turned(samples, angle, chunk), *bins)
+    return {"values": mean, "phi_mean": phi, "phi_variance": variance, "count": count}
 
 
-def _times(runs: Sequence[Turns], rows: slice, phi: FloatArray) -> FloatArray:
+def _times(runs: Sequence[Run], rows: slice, phi: FloatArray) -> FloatArray:
     """The times [s] of angles phi (k, m) of the k revolutions `rows` of a log."""
-    times, before = [], 0
-    for run in runs:
-        first, stop = max(rows.start - before, 0), min(rows.stop - before, len(run))
-        if first < stop:
-            here = slice(before + first - rows.start, before + stop - rows.start)
-            turn = 2.0 * np.pi * np.arange(first + 1, stop + 1)
-            times.append(run.angle.time_s(turn[:, None] + phi[here]))
-        before += len(run)
-    return np.concatenate(times)
-
-
-def _binned(
-    samples: Samples, angle: PassageAngle, chunk: TurnChunk, m: int
-) -> tuple[NDArray[Any], ...]:
-    """The same of the turns of a chunk."""
-    turn, phi, y = turned(samples, angle, chunk)
-    n = chunk.stop - chunk.first
-    count, (mean, mean_angle, variance) = np.zeros((n, m), np.int64), np.zeros((3, n, m))
-    by_bin(turn, phi, y, count, mean, mean_angle, variance)
-    return mean, mean_angle, variance, count
+    return np.concatenate(
+        [
+            angle.time_s(
+                2.0 * np.pi * np.arange(first, stop)[:, None] + phi[first - more : stop - more]
+            )
+            for angle, first, stop, more in _of_runs(runs, rows)
+        ]
+    )
 
 
 # ---- Where gratings stand on the wheel: by the setup, or by the delay between their passages.
@@ -590,78 +533,59 @@ _ONE_TURN = 0.3
 _DOUBT_DEG = 3.0
 
 
-@dataclass
-class Places:
-    """What is known of one grating's angle [rad]: of each log by the setup, and by its passages.
-
-    `behind`: the angles behind the first grating, one for each passage of every log.
-    """
-
-    name: str
-    given: list[float] = field(default_factory=list)
-    behind: list[FloatArray] = field(default_factory=list)
-
-    def add(self, recording: Recording, number: int, own: Stacks, first: Stacks) -> None:
-        """One more log, number `number`: what its setup and its passages say."""
-        degrees = (
-            recording.setup.channels[self.name].angle_deg
-            if (self.name in recording.setup.channels)
-            else None
-        )
-        if degrees is not None:
-            self.given.append(float(np.radians(degrees)))
-        if own is not first:
-            self.behind.append(_behind(_passages(own, number), _passages(first, number)))
-
-    @property
-    def measured(self) -> tuple[float, float, int]:
-        """Angle behind the first [rad], its standard error, passages that tell it."""
-        angles = np.concatenate([np.zeros(0), *self.behind])
-        if angles.size < 2:
-            return np.nan, np.nan, angles.size
-        middle = float(np.angle(np.exp(1j * angles).mean()))
-        off = np.angle(np.exp(1j * (angles - middle)))
-        middle += float(np.median(off))
-        spread = 1.4826 * float(np.median(np.abs(off - np.median(off))))
-        return middle % (2.0 * np.pi), 1.2533 * spread / np.sqrt(angles.size), angles.size
-
-
-def places_of(gratings: Sequence[Places]) -> tuple[tuple[float, ...], list[str]]:
+def places_of(
+    gratings: Mapping[str, Stacks], given: Mapping[str, float]
+) -> tuple[tuple[float, ...], list[str]]:
     """The angle of each grating on the wheel [rad], and sentences on where each comes from.
 
-    The setup's angle goes before the passages'.  UsageError: neither tells one.
+    gratings    by name, the first one first; `given`: the angles [rad] that setups tell
+    UsageError  neither the setup, which goes before the passages, nor these tell one
     """
-    first = gratings[0]
-    zero = first.given[0] if first.given else 0.0
-    known = [one for one in gratings[1:] if one.given and np.isfinite(one.measured[0])]
-    if not first.given and known:
-        zero = known[0].given[0] - known[0].measured[0]
+    (name, first), *others = gratings.items()
+    behind = {other: _angle_behind(stacks, first) for other, stacks in others}
+    zero = given.get(name, 0.0)
+    known = [other for other, one in behind.items() if other in given and np.isfinite(one[0])]
+    if name not in given and known:
+        zero = given[known[0]] - behind[known[0]][0]
     angles, said = [zero], []
-    for one in gratings[1:]:
-        behind, error, passages = one.measured
+    for other, (angle, error, passages) in behind.items():
         told = (
-            f"{np.degrees(behind):.2f} ± {max(np.degrees(error), 0.01):.2f} degrees behind "
-            f"{first.name} by {passages} passages"
+            f"{np.degrees(angle):.2f} ± {max(np.degrees(error), 0.01):.2f} degrees behind "
+            f"{name} by {passages} passages"
         )
-        if one.given:
-            angles.append(one.given[0])
-            off = np.degrees(np.angle(np.exp(1j * (one.given[0] - zero - behind))))
+        if other in given:
+            angles.append(given[other])
+            off = np.degrees(np.angle(np.exp(1j * (given[other] - zero - angle))))
             if np.isfinite(off) and abs(off) > _DOUBT_DEG:
-                stands = np.degrees((one.given[0] - zero) % (2.0 * np.pi))
+                stands = np.degrees((given[other] - zero) % (2.0 * np.pi))
                 said.append(
-                    f"{one.name} stands {told}, by the setup's angle_deg {stands:.1f}; the setup's "
+                    f"{other} stands {told}, by the setup's angle_deg {stands:.1f}; the setup's "
                     "is taken: mend it if the channels are on one clock"
                 )
-        elif np.isfinite(behind):
-            angles.append(zero + behind)
-            said.append(f"{one.name} stands {told}; give angle_deg in the setup if you know better")
+        elif np.isfinite(angle):
+            angles.append(zero + angle)
+            said.append(f"{other} stands {told}; give angle_deg in the setup if you know better")
         else:
             raise UsageError(
-                f"no passage tells where {one.name} stands on the wheel",
+                f"no passage tells where {other} stands on the wheel",
                 allowed="its passages between those of the first grating tell it, or the setup",
-                do=f"give angle_deg in [channels.{one.name}]",
+                do=f"give angle_deg in [channels.{other}]",
             )
     return tuple(angles), said
+
+
+def _angle_behind(own: Stacks, first: Stacks) -> tuple[float, float, int]:
+    """Angle of a grating behind the first [rad], its standard error, passages that tell it."""
+    logs = range(len(first.logs))
+    of_logs = [_behind(_passages(own, k), _passages(first, k)) for k in logs]
+    angles = np.concatenate([np.zeros(0), *of_logs])
+    if angles.size < 2:
+        return np.nan, np.nan, angles.size
+    middle = float(np.angle(np.exp(1j * angles).mean()))
+    off = np.angle(np.exp(1j * (angles - middle)))
+    middle += float(np.median(off))
+    spread = 1.4826 * float(np.median(np.abs(off - np.median(off))))
+    return middle % (2.0 * np.pi), 1.2533 * spread / np.sqrt(angles.size), angles.size
 
 
 def _passages(stacks: Stacks, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:

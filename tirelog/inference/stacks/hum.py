@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,10 +86,6 @@ _ROUNDS = 10
 #: differences beyond this are left out [robust standard deviations]: of hum alone none reaches 2;
 #: at twice as many they outweigh the line where samples are lost at flanks
 _FAR = 5.0
-#: the median of a power that is exponentially distributed, over its mean
-_MEDIAN = float(np.log(2.0))
-#: median absolute deviations to a standard one
-_TO_SD = 1.4826
 
 
 @dataclass(frozen=True)
@@ -163,26 +158,21 @@ class _Pairs:
     ) -> None:
         self.values, self.time_s, self.square_s2, self.first = values, time_s, square_s2, first
         rise = values[first + 1] - values[first]
-        self.there = np.isfinite(rise)
-        rise = np.where(self.there, rise, 0.0)
-        spread = _TO_SD * np.median(np.abs(rise), axis=0)
+        there = np.isfinite(rise)
+        rise = np.where(there, rise, 0.0)
+        spread = 1.4826 * np.median(np.abs(rise), axis=0)  # to a standard deviation
         least = np.median(spread[spread > 0]) if (spread > 0).any() else 1.0
         # a flank's bins scatter by where their samples fall, and say little of a line
         scale = np.maximum(spread, 0.3 * least)
         weight = np.broadcast_to(1.0 / scale**2, rise.shape)
         # a flank's bin that has lost a sample tells where the others lie, and nothing of a line
         near = np.abs(rise) * np.sqrt(weight) < _FAR
-        self.weight = np.where(self.there & near, weight, 0.0)
+        self.weight = np.where(there & near, weight, 0.0)
         self.weighted = self.weight * rise
         #: of one bin of one revolution, in the middle over the angles
         self.scatter = float(least) / np.sqrt(2.0)
-        self.rise = rise
         self.at = 0.5 * (time_s[first] + time_s[first + 1]).mean(axis=1)
         self._whole = {1: self.turning(1.0)}
-
-    def wave(self, frequency: float) -> NDArray[np.complex128]:
-        """A line of unit amplitude as its mean over each bin's samples, (n, m)."""
-        return self.turning(frequency) * self.left(frequency)
 
     def turning(self, frequency: float) -> NDArray[np.complex128]:
         """A line of unit amplitude at each bin's mean time, (n, m)."""
@@ -199,10 +189,6 @@ class _Pairs:
     def left(self, frequency: float) -> FloatArray:
         """What is left of a line's size in the mean over each bin's samples, (n, m)."""
         return np.asarray(np.exp((-2.0 * (np.pi * frequency) ** 2) * self.square_s2))
-
-    def change(self, wave: NDArray[Any]) -> NDArray[Any]:
-        """From each revolution to the next, (k, m)."""
-        return np.asarray(wave[self.first + 1] - wave[self.first])
 
     @cached_property
     def _near(self) -> tuple[FloatArray, NDArray[np.complex128], NDArray[np.complex128]]:
@@ -244,7 +230,8 @@ class _Pairs:
         if not near.any():
             return None
         best = int(np.flatnonzero(near)[np.argmax(found[near, 1])])
-        around = float(np.median(found[:, 1])) / _MEDIAN
+        # of a power that is exponentially distributed the mean is the median over log 2
+        around = float(np.median(found[:, 1]) / np.log(2.0))
         if found[best, 1] <= _ABOVE * around:
             return None
         if not 0 < best < len(found) - 1:
@@ -258,21 +245,16 @@ class _Pairs:
         """The waveforms without the line, whose cosine and sine follow a course in time."""
         low, high = float(self.time_s.min()), float(self.time_s.max())
         nodes = np.linspace(low, high, max(2, 1 + round((high - low) / _NODE_S)))
-        whole = self.wave(frequency)
-        wave = self.change(whole)
+        wave = self.turning(frequency) * self.left(frequency)  # in the mean over a bin's samples
+        change = wave[self.first + 1] - wave[self.first]
+        parts = np.stack([change.real, change.imag])  # rise = cosine of the one + sine of the other
         hats = _hats(self.at, nodes)
-        # rise = cosine Re(wave) + sine Im(wave)
-        parts = (wave.real, wave.imag)
-        gram = np.zeros((2, nodes.size, 2, nodes.size))
-        right = np.zeros((2, nodes.size))
-        for i, one in enumerate(parts):
-            right[i] = hats.T @ (self.weight * self.rise * one).sum(axis=1)
-            for j, other in enumerate(parts):
-                inner = (self.weight * one * other).sum(axis=1)
-                gram[i, :, j] = hats.T @ (hats * inner[:, None])
-        course, size = _course(gram.reshape(2 * nodes.size, -1), right.ravel(), nodes, self.scatter)
+        inner = np.einsum("ikm,jkm,km->ijk", parts, parts, self.weight)
+        gram = np.einsum("ka,ijk,kb->iajb", hats, inner, hats).reshape(2 * nodes.size, -1)
+        right = ((parts * self.weighted).sum(axis=2) @ hats).ravel()
+        course, size = _course(gram, right, nodes, self.scatter)
         cosine, sine = (np.interp(self.time_s, nodes, part) for part in course)
-        taken = cosine * whole.real + sine * whole.imag
+        taken = cosine * wave.real + sine * wave.imag
         return np.asarray(self.values - taken), Line(frequency, size)
 
 

@@ -10,7 +10,6 @@ raises alarms on nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +19,7 @@ from tirelog.errors import TirelogError, UsageError
 from tirelog.strain.slip import slip_of
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
-from tirelog.vocabulary.quality import OK, Quality, QualityFlags, Use, good, having
-
-if TYPE_CHECKING:
-    from tirelog.strain.passages.find import Passages
-
+from tirelog.vocabulary.quality import OK, Quality, Use, good, having
 
 # ---- What each revolution was driven under: the setup's constants, or a channel's mean over it.
 
@@ -92,46 +87,28 @@ def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
     A revolution without samples takes its neighbours'.
     """
     half = 0.5 * np.gradient(centre_s) if centre_s.size > 1 else np.full(1, 0.05)
-    below = [_Below(centre_s - half), _Below(centre_s + half)]
+    edges = np.stack([centre_s - half, centre_s + half])
+    # number and sum of the samples that are earlier than each edge, as the channel goes by
+    count, total = np.zeros(edges.shape, np.int64), np.zeros(edges.shape)
     between = np.full(centre_s.size, np.nan)
     last = np.zeros(0), np.zeros(0)
     for start, values in channel.blocks():
-        time_s = channel.axis.time(start, start + values.size)
         good = np.isfinite(values)
         if not good.any():
             continue
-        for edge in below:
-            edge.pass_by(time_s[good], values[good])
-        time_s, values = np.append(last[0], time_s[good]), np.append(last[1], values[good])
+        time_s, values = channel.axis.time(start, start + values.size)[good], values[good]
+        place = np.searchsorted(time_s, edges)
+        count += place
+        total += np.cumsum(np.append(0.0, values))[place]
+        time_s, values = np.append(last[0], time_s), np.append(last[1], values)
         here = np.isnan(between) & (centre_s <= time_s[-1])
         between[here] = np.interp(centre_s[here], time_s, values)
         last = time_s[-1:], values[-1:]
     if not last[0].size:
         return between
     between[np.isnan(between)] = last[1][0]
-    count = below[1].count - below[0].count
-    mean = (below[1].total - below[0].total) / np.maximum(count, 1)
-    return np.where(count > 0, mean, between)
-
-
-class _Below:
-    """Number and sum of the samples that are earlier than each of some times, (n,).
-
-    They are taken as a channel goes by.
-    """
-
-    def __init__(self, time_s: FloatArray) -> None:
-        self._time_s = time_s
-        self.count, self.total = np.zeros(time_s.size, np.int64), np.zeros(time_s.size)
-        self._count, self._total = 0, 0.0
-
-    def pass_by(self, time_s: FloatArray, values: FloatArray) -> None:
-        """The next samples; what no sample reaches has all of them below it."""
-        total = np.cumsum(np.append(self._total, values))
-        later = self._time_s > (time_s[0] if self._count else -np.inf)
-        place = np.searchsorted(time_s, self._time_s[later])
-        self.count[later], self.total[later] = self._count + place, total[place]
-        self._count, self._total = self._count + values.size, float(total[-1])
+    inside = count[1] - count[0]
+    return np.where(inside > 0, (total[1] - total[0]) / np.maximum(inside, 1), between)
 
 
 #: size of the acceleration [m/s^2] below which a stretch is a cruise; twice as much calls a gentle
@@ -223,7 +200,7 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     UsageError: fewer than ten revolutions have the number.
     """
 
-    time_s, speed, value, radius, unclear = MEASURED[observable](recording, channel)
+    time_s, speed, value, radius, unclear = MEASURED[observable](recording, channel, observable)
     ordinal = np.flatnonzero(np.isfinite(value) & np.isfinite(speed) & np.isfinite(time_s))
     n = ordinal.size
     if n < 10:
@@ -273,54 +250,34 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
 Numbers = tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]
 
 
-def patch_lengths(recording: Recording, channel: Channel) -> Numbers:
-    """The patch length [m] of every passage of a strain channel."""
+def strain_numbers(recording: Recording, channel: Channel, observable: str) -> Numbers:
+    """Patch length [m] or dissipation factor [1/m] of every passage of a strain channel."""
     from tirelog.runs.in_memory import without_spikes
+    from tirelog.strain.dissipation import dissipation
     from tirelog.strain.footprint.footprint import footprint
     from tirelog.strain.passages.find import trusted_passages
 
     radius, channel = recording.setup.tire.radius_m, without_spikes(channel)
     passages = trusted_passages(recording, channel)
-    found = footprint(channel, passages)
-    return _of_passages(passages, radius, found.length_m, found.quality)
-
-
-def dissipation_factors(recording: Recording, channel: Channel) -> Numbers:
-    """The dissipation factor [1/m] of every passage of a strain channel."""
-    from tirelog.runs.in_memory import without_spikes
-    from tirelog.strain.dissipation import dissipation
-    from tirelog.strain.passages.find import trusted_passages
-
-    radius, channel = recording.setup.tire.radius_m, without_spikes(channel)
-    passages = trusted_passages(recording, channel)
-    found = dissipation(channel, passages, None, passages.quality)
-    return _of_passages(passages, radius, found.factor_1_m, found.quality)
-
-
-def _of_passages(
-    passages: Passages, radius_m: float, value: FloatArray, quality: QualityFlags
-) -> Numbers:
+    if observable == "patch_length":
+        edges = footprint(channel, passages)
+        value, quality = edges.length_m, edges.quality
+    else:
+        lost = dissipation(channel, passages, None, passages.quality)
+        value, quality = lost.factor_1_m, lost.quality
     value = np.where(good(quality, Use.COMPARISON), value, np.nan)
     unclear = having(quality, Quality.FORM_UNCLEAR)
-    return passages.time_s, passages.speed_m_s, value, radius_m, unclear
+    return passages.time_s, passages.speed_m_s, value, radius, unclear
 
 
-def phase_shifts(recording: Recording, channel: Channel) -> Numbers:
-    """The phase shift [rad] of every passage of an accelerometer against the encoder."""
-    return _of_fronts(recording, channel, "shift_deg")
-
-
-def patch_widths(recording: Recording, channel: Channel) -> Numbers:
-    """The patch width [rad] of every passage of an accelerometer against the encoder."""
-    return _of_fronts(recording, channel, "width_deg")
-
-
-def _of_fronts(recording: Recording, channel: Channel, field: str) -> Numbers:
+def front_angles(recording: Recording, channel: Channel, observable: str) -> Numbers:
+    """Phase shift or patch width [rad] of every passage of an accelerometer, by the encoder."""
     from tirelog.wheel.phase_shift import measure_phase_shift
 
     for found in measure_phase_shift(recording):
         if found.channel == channel.name:
-            value = np.where(found.good, np.deg2rad(getattr(found, field)), np.nan)
+            angle = found.shift_deg if observable == "phase_shift" else found.width_deg
+            value = np.where(found.good, np.deg2rad(angle), np.nan)
             unclear = np.zeros(value.size, bool)
             return found.time_s, found.speed_m_s, value, found.radius_m, unclear
     raise UsageError(
@@ -332,9 +289,9 @@ def _of_fronts(recording: Recording, channel: Channel, field: str) -> Numbers:
 
 
 #: observable of one number per revolution -> what measures it
-MEASURED: Mapping[str, Callable[[Recording, Channel], Numbers]] = {
-    "patch_length": patch_lengths,
-    "dissipation_factor": dissipation_factors,
-    "phase_shift": phase_shifts,
-    "patch_width": patch_widths,
+MEASURED: Mapping[str, Callable[[Recording, Channel, str], Numbers]] = {
+    "patch_length": strain_numbers,
+    "dissipation_factor": strain_numbers,
+    "phase_shift": front_angles,
+    "patch_width": front_angles,
 }
