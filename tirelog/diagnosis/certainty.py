@@ -35,7 +35,7 @@ from tirelog.diagnosis.candidates.assessment import (
     best_variants,
     candidate_effects,
     flip_signs,
-    gain_and_error,
+    gain_sigmas,
     scores_of,
     statistics,
 )
@@ -67,11 +67,6 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "part": ("partial",),
     "unknown": ("unknown",),
 }
-#: a rival, or a gain, is as far away as matters [standard errors]; doubling changes nothing that
-#: simulated cases showed
-_FAR = 10.0
-#: logs of at most so many times the manoeuvres that the cases had, or so few, are still like them
-_REACH = 1.5
 
 
 @dataclass(frozen=True)
@@ -108,14 +103,17 @@ def marks_of(
     held, floor  held-out errors before and after, and the noise floor, in one unit
     chi2         reduced chi-square before and after
     """
+    # a rival, or a gain, is as far away as matters [standard errors]; doubling changes nothing that
+    # simulated cases showed
+    far = 10.0
     gains, rivals = [], []
     for step in found.steps:
         if step.named is None:
             continue
         best = step.named.base
-        gains.append(_sigmas(step.before.held_white, best.held_white))
+        gains.append(gain_sigmas(step.before.held_white, best.held_white))
         apart = [r for r in step.contenders if r.id != step.named.id and r.id not in step.group]
-        rivals += [_sigmas(r.base.held_white, best.held_white) for r in apart] or [_FAR]
+        rivals += [gain_sigmas(r.base.held_white, best.held_white) for r in apart] or [far]
     in_floors = [math.nan if e is None or not floor > 0.0 else e / floor for e in held]
     return Marks(
         verdict,
@@ -126,15 +124,9 @@ def marks_of(
         chi2[0],
         chi2[1],
         least_p=min((a.p for a in found.steps[0].assessed), default=1.0),
-        gain_sigmas=min(gains, default=0.0),
-        rival_sigmas=min(rivals, default=0.0),
+        gain_sigmas=min([*gains, far]) if gains else 0.0,
+        rival_sigmas=min([*rivals, far]) if rivals else 0.0,
     )
-
-
-def _sigmas(before: Any, after: Any) -> float:
-    """A held-out gain in its standard errors, between 0 and as far as matters."""
-    gain, error = gain_and_error(before, after)
-    return min(max(gain / error, 0.0), _FAR) if error > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -229,7 +221,8 @@ def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certai
         had = " or ".join(known["carcasses"])
         return Certainty(None, reason=f"simulated cases that were {words} had a {had}")
     low, high = known["manoeuvres"]
-    if not low / _REACH <= marks.manoeuvres <= high * _REACH:
+    # so many times the manoeuvres that the cases had, or so few, are still like them
+    if not low / 1.5 <= marks.manoeuvres <= high * 1.5:
         return Certainty(
             None, reason=f"simulated cases had {low} to {high} manoeuvres, these logs "
             f"{marks.manoeuvres}",

@@ -431,6 +431,12 @@ def gain_and_error(before: FloatArray, after: FloatArray) -> tuple[float, float]
     ) if gain.size > 1 else float("inf")
 
 
+def gain_sigmas(before: FloatArray, after: FloatArray) -> float:
+    """A held-out gain in its standard errors; 0 of a loss, or without an error."""
+    gain, error = gain_and_error(before, after)
+    return max(gain / error, 0.0) if error > 0.0 else 0.0
+
+
 @dataclass(frozen=True)
 class Assessed:
     """A candidate's best variant, with its evidence.
