@@ -487,9 +487,7 @@ def _one_number(values: FloatArray) -> PieceRow:
     scatter = np.array([scatter_about_line(values[good])])
     about = np.zeros((len(values), 3))
     about[:, 2] = np.nan_to_num(values[:, 0] - mean)
-    of_waveforms = (
-        "phi variance shift residual_ss freedom speed_mean speed_square speed_angle still"
-    )
+    names = "phi variance shift residual_ss freedom speed_mean speed_square speed_angle still"
     return dict.fromkeys(names.split(), np.zeros(1)) | {
         "mean": mean,
         "count": good.sum(axis=0).astype(float),
