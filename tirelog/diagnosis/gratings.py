@@ -112,27 +112,22 @@ class GratingsFound:
 
     def to_json(self) -> dict[str, Any]:
         """Each grating by its name, the frames, and the effects' strengths."""
-        by_frame = {f.frame: f for f in self.frames}
-
-        def of(name: str) -> dict[str, Any]:
-            own, i = by_frame.get(name), self.names.index(name)
-            k = self.asked.index(name) if name in self.asked else None
-            return {
-                "angle_deg": self.angles_deg[i],
-                "alone_size": own.size if own else 0.0,
-                "alone_p": own.p if own else None,
-                "contradicts": name in self.alone,
-                "set_apart": name in self.set_apart,
-                "strengths": {
-                    s.parameter: {"value": s.values[k], "se": s.errors[k], "unit": s.unit}
-                    for s in self.strengths
-                    if k is not None
-                },
-            }
-
+        alone = {f.frame: {"alone_size": f.size, "alone_p": f.p} for f in self.frames}
+        nothing = {"alone_size": 0.0, "alone_p": None}
+        gratings: dict[str, dict[str, Any]] = {
+            name: {"angle_deg": angle}
+            | alone.get(name, nothing)
+            | {"contradicts": name in self.alone, "set_apart": name in self.set_apart}
+            | {"strengths": {}}
+            for name, angle in zip(self.names, self.angles_deg, strict=True)
+        }
+        for s in self.strengths:
+            for name, value, error in zip(self.asked, s.values, s.errors, strict=True):
+                own = {"value": value, "se": error, "unit": s.unit}
+                gratings[name]["strengths"][s.parameter] = own
         parameters = ("parameter", "q", "freedom", "p", "size", "contradicts")
         return {
-            "gratings": {name: of(name) for name in self.names},
+            "gratings": gratings,
             "frames": [vars(f) for f in self.frames],
             "heterogeneity": [{n: getattr(s, n) for n in parameters} for s in self.strengths],
             "searched_on": list(self.searched or self.asked),
@@ -141,25 +136,22 @@ class GratingsFound:
 
     def sentences(self) -> list[str]:
         """What the gratings say together, in words."""
-        said = []
-        for frame in self.frames:
-            if not frame.matters:
-                continue
-            size = f"{frame.size:.2g} squared floors"
-            if frame.frame == ROAD:
-                said.append(f"Fixed to the road, the same in all gratings: {size}.")
-            elif frame.frame == WHEEL:
-                said.append(f"Fixed to the wheel, shifted by each grating's angle: {size}.")
-            elif frame.frame in self.agreeing:
-                said.append(
-                    f"{frame.frame} seemed to show {size} of its own; beside what is named it says "
-                    "what the others do."
-                )
-            else:
-                said.append(
-                    f"{frame.frame} alone shows {size} that no other grating does: its bonding, "
-                    "its channel or its place across the tread, not the tire."
-                )
+        words = {
+            ROAD: "Fixed to the road, the same in all gratings: {size}.",
+            WHEEL: "Fixed to the wheel, shifted by each grating's angle: {size}.",
+        }
+        for name in self.agreeing:
+            words[name] = (
+                f"{name} seemed to show {{size}} of its own; beside what is named it says what the "
+                "others do."
+            )
+        for name in self.alone:
+            words[name] = (
+                f"{name} alone shows {{size}} that no other grating does: its bonding, its channel or "
+                "its place across the tread, not the tire."
+            )
+        matter = [frame for frame in self.frames if frame.matters]
+        said = [words[f.frame].replace("{size}", f"{f.size:.2g} squared floors") for f in matter]
         if self.set_apart:
             one = len(self.set_apart) == 1
             said.append(f"What follows is without {'it' if one else ', '.join(self.set_apart)}.")
@@ -215,8 +207,8 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
     Its parameters and what its nuisances do are as they are; each grating has its own lever arm.
     """
     shared = fitted.cells.shared
-    groups = () if shared is None else shared.groups
-    found = dict(zip(() if shared is None else shared.names, fitted.fit.amplitudes, strict=True))
+    groups, names = ((), ()) if shared is None else (shared.groups, shared.names)
+    found = dict(zip(names, fitted.fit.amplitudes, strict=True))
     model = without_ratios(fitted.model)
     model = replace(model, nuisances=tuple(n.used("auto") for n in model.nuisances))
     free = [name for name in model.free if name != LEVER]
@@ -240,14 +232,12 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
             does = beside.columns @ np.array([found.get(own, 0.0) for own in beside.names])
             cells = replace(cells, values=cells.values - does)
             (channel,) = fit_together([cells], one, several=False)
-        anew = channel.model.with_parameters(
-            {n: replace(channel.model.parameters[n], free=True) for n in free}
-        )
-        names = tuple(n for n in (*free, LEVER) if n in anew.parameters)
-        (fit,) = finish([Problem(channel.cells, channel.white)], anew, names, True)
+        known = channel.model.parameters
+        anew = channel.model.with_parameters({n: replace(known[n], free=True) for n in free})
+        moved = tuple(n for n in (*free, LEVER) if n in anew.parameters)
+        (fit,) = finish([Problem(channel.cells, channel.white)], anew, moved, True)
         own = replace(fit.cells, member=name, manoeuvre=manoeuvre)
-        none = np.zeros((*own.phi.shape, 0))
-        yield replace(channel, fit=fit, cells=own), none, WHEEL in groups
+        yield replace(channel, fit=fit, cells=own), np.zeros((*own.phi.shape, 0)), WHEEL in groups
 
 
 # ---- Flips over normal equations by manoeuvre: in which frame something repeats, and how strongly.
@@ -316,10 +306,9 @@ def strengths_of(
         own = [f"{_EFFECT} {part.name}" for part in parts]
         each, _ = _evidence(parts, prior, [], own)
         differing, size = _evidence(parts, prior, [_EFFECT], own[1:])
-        scale = max(1.0, fitted.fit.reduced_chi2)
+        scale, parameter = max(1.0, fitted.fit.reduced_chi2), fitted.model.parameters[name]
         errors = np.sqrt((each.root() ** 2).sum(axis=1) * scale)
         statistic, p = flip_test([differing], len(each.scores))
-        parameter = fitted.model.parameters[name]
         found.append(
             Strengths(
                 parameter=name,
@@ -426,7 +415,7 @@ def _evidence(
         size_right[where] += part.size_right[local]
     whole = gram.sum(axis=0)
     whole[np.diag_indices(prior.size)] += prior
-    inverse = _inverse(whole[:n, :n])
+    inverse = inverse_of(whole[:n, :n])
     ground = inverse @ right[:, :n].sum(axis=0)
     left = right - gram[:, :, :n] @ ground
     turn = inverse @ whole[:n, n:]
@@ -442,7 +431,7 @@ def _evidence(
     return evidence, float(removed) / (sum(weights) or sum(part.weight for part in parts))
 
 
-def _inverse(whole: FloatArray) -> FloatArray:
+def inverse_of(whole: FloatArray) -> FloatArray:
     """The inverse of normal equations, whatever units their columns have."""
     size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
     # eigenvalues of the normal equations below this share of the largest are rounding
@@ -532,8 +521,7 @@ def spread_out(pieces: JointPieces) -> JointPieces:
     gratings = [i for i, name in enumerate(pieces.members) if name]
     if len(gratings) < MOST_SEARCHED:
         return pieces
-    place = np.array(pieces.places)
-    chosen = gratings[:1]
+    place, chosen = np.array(pieces.places), gratings[:1]
     while len(chosen) < MOST_SEARCHED:
         off = np.abs(np.angle(np.exp(1j * (place[gratings][:, None] - place[chosen]))))
         chosen.append(gratings[int(off.min(axis=1).argmax())])

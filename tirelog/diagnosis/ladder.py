@@ -33,7 +33,7 @@ from tirelog.diagnosis.compare import (
     start,
     untouched,
 )
-from tirelog.diagnosis.gratings import gathered
+from tirelog.diagnosis.gratings import gathered, inverse_of
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
@@ -221,13 +221,10 @@ def _row(
 
 def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]:
     """Free parameters with errors, and how far each moved, in sigma of both."""
-    rows = {}
-    for name, p in model.parameters.items():
-        if not p.free:
-            continue
+    rows, known = {}, before.parameters if before else {}
+    for name, p in ((name, p) for name, p in model.parameters.items() if p.free):
         shift = None
-        if before is not None and name in before.parameters:
-            old = before.parameters[name]
+        if (old := known.get(name)) is not None:
             sigma = np.hypot(p.se or 0.0, old.se or 0.0)
             shift = (p.value - old.value) / sigma if sigma > 0 and np.isfinite(sigma) else None
         rows[name] = {"value": p.value, "se": p.se, "unit": p.unit, "shift_sigma": shift}
@@ -248,10 +245,8 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
     step = solve_scaled(normal.gram, normal.right)
     rows: list[Mapping[str, Any]] = []
-    for log, logname in enumerate(base.cells.logs):
-        if log >= normal.gram.shape[0] or not np.any(base.cells.log == log):
-            continue
-        of = {}
+    for log in np.unique(base.cells.log).tolist():
+        of, logname = {}, base.cells.logs[log]
         if (layout := base.cells.together) is not None:
             part = log // len(layout.logs)
             of = {"observable": layout.observables[part]}
@@ -259,27 +254,17 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
                 of["grating"] = layout.members[part]
             if not normal.gram[log, : len(names), : len(names)].any():
                 continue
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.gram[log]), 1e-300))
-        covariance = (
-            np.linalg.pinv(normal.gram[log] * scale[:, None] * scale, rcond=1e-10)
-            * scale[:, None]
-            * scale
-        )
+        se = np.sqrt(np.maximum(np.diag(inverse_of(normal.gram[log])), 0.0)).tolist()
+        known = base.cells.conditions.take(np.flatnonzero(base.cells.log == log))
         for i, name in enumerate(names):
             visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
             p = base.model.parameters[name]
-            rows.append(
-                of
-                | {
-                    "log": logname,
-                    "parameter": name,
-                    "unit": p.unit,
-                    "value": p.value + float(step[log, i]) if visible else None,
-                    "se": float(np.sqrt(max(covariance[i, i], 0.0))) if visible else None,
-                    "distance_km": float(
-                        np.mean(base.cells.conditions.distance_km[base.cells.log == log])
-                    ),
-                    "load_N": float(np.mean(base.cells.conditions.load_N[base.cells.log == log])),
-                }
-            )
+            own = {
+                "log": logname, "parameter": name, "unit": p.unit,
+                "value": p.value + float(step[log, i]) if visible else None,
+                "se": se[i] if visible else None,
+                "distance_km": float(np.mean(known.distance_km)),
+                "load_N": float(np.mean(known.load_N)),
+            }  # fmt: skip
+            rows.append(of | own)
     return rows
