@@ -147,8 +147,8 @@ class GratingsFound:
             )
         for name in self.alone:
             words[name] = (
-                f"{name} alone shows {{size}} that no other grating does: its bonding, its channel or "
-                "its place across the tread, not the tire."
+                f"{name} alone shows {{size}} that no other grating does: its bonding, its channel "
+                "or its place across the tread, not the tire."
             )
         matter = [frame for frame in self.frames if frame.matters]
         said = [words[f.frame].replace("{size}", f"{f.size:.2g} squared floors") for f in matter]

@@ -11,7 +11,7 @@ parted by driving, and that is said.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -215,6 +215,14 @@ def separations(
     return sorted(known, key=lambda row: -row["separation_sigma"])
 
 
+def first_waveform(base: Base) -> tuple[Base, Callable[[Model], Model]]:
+    """The base of the observable that the list is searched in, and what makes a model one of it."""
+    if not isinstance(base, JointBase):
+        return base, lambda model: model
+    first = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
+    return first, partial(model_of, observable=first.cells.observable, member=first.cells.member)
+
+
 def advise(
     base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3
 ) -> tuple[list[dict[str, Any]], list[str]]:
@@ -222,13 +230,14 @@ def advise(
 
     The notes say when no drive on the list parts two rivals.
     """
+    base, of_one = first_waveform(base)
     if base.cells.phi.shape[1] == 1:
         return [], [
             "the list of manoeuvres is searched for waveforms only: compare the rivals there."
         ]
     rows, notes = [], []
-    name, model = rivals[0]
-    for other, rival in rivals[1:]:
+    (name, model), *others = [(name, of_one(model)) for name, model in rivals]
+    for other, rival in others:
         found = separations(base, model, rival)
         if isinstance(found, ModelError):
             notes.append(f"Not tested, what tells {name} from {other}: {found.what}.")
@@ -370,8 +379,7 @@ def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, l
     silent = verdict == "nothing_missing"
     named = [s for s in found.steps if s.named is not None and not silent]
     step = named[0] if named else found.steps[0]
-    # the list is searched in the first waveform
-    base = max(bases_by_observable(step.before), key=lambda part: part.cells.phi.shape[1])
+    base, of_one = first_waveform(step.before)
     # where loads or other conditions are in doubt, these come before any effect
     if base.cells.phi.shape[1] == 1 or verdict in ("unknown", "scatter"):
         return None, []
@@ -382,10 +390,7 @@ def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, l
             Rival(r.id, some[0].id, some[0].base.model, r.base.model, mass, mass) for r in some[1:]
         ]
     rivals = _hidden(found, p) if silent else [*_instead(step, p), *_beside(found, p)]
-    if isinstance(found.before, JointBase):
-        of_one = partial(model_of, observable=base.cells.observable, member=base.cells.member)
-        rivals = [replace(r, first=of_one(r.first), second=of_one(r.second)) for r in rivals]
-    return base, rivals
+    return base, [replace(r, first=of_one(r.first), second=of_one(r.second)) for r in rivals]
 
 
 def _instead(step: Step, p: float) -> list[Rival]:
