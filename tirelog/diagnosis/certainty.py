@@ -124,8 +124,8 @@ def marks_of(
         chi2[0],
         chi2[1],
         least_p=min((a.p for a in found.steps[0].assessed), default=1.0),
-        gain_sigmas=min([*gains, far]) if gains else 0.0,
-        rival_sigmas=min([*rivals, far]) if rivals else 0.0,
+        gain_sigmas=float(np.clip(min(gains), 0.0, far)) if gains else 0.0,
+        rival_sigmas=float(np.clip(min(rivals), 0.0, far)) if rivals else 0.0,
     )
 
 

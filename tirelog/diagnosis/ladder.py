@@ -221,7 +221,7 @@ def _row(
 
 def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]:
     """Free parameters with errors, and how far each moved, in sigma of both."""
-    rows, known = {}, before.parameters if before else {}
+    rows, knrow = {}, before.parameters if before else {}
     for name, p in ((name, p) for name, p in model.parameters.items() if p.free):
         shift = None
         if (old := known.get(name)) is not None:
@@ -259,12 +259,12 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
         for i, name in enumerate(names):
             visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
             p = base.model.parameters[name]
-            own = {
+            row = {
                 "log": logname, "parameter": name, "unit": p.unit,
                 "value": p.value + float(step[log, i]) if visible else None,
                 "se": se[i] if visible else None,
                 "distance_km": float(np.mean(known.distance_km)),
                 "load_N": float(np.mean(known.load_N)),
             }  # fmt: skip
-            rows.append(of | own)
+            rows.append(of | row)
     return rows

@@ -407,9 +407,9 @@ def mean_drop(base: Base, after: FloatArray) -> float:
 
 
 def gain_sigmas(before: FloatArray, after: FloatArray) -> float:
-    """A held-out gain in its standard errors; 0 of a loss, or without an error."""
+    """A held-out gain in its standard errors; 0 without an error."""
     gain, error = gain_and_error(before, after)
-    return max(gain / error, 0.0) if error > 0.0 else 0.0
+    return gain / error if error > 0.0 else 0.0
 
 
 @dataclass(frozen=True)

@@ -401,9 +401,8 @@ def _instead(step: Step, p: float) -> list[Rival]:
     others = [r for r in step.contenders if r.id != step.named.id and r.established]
     share = p / (1 + sum(r.id in step.group for r in others))
     # of what is not in the set, and of what was not refitted at all
-    weight = {
-        r.id: math.exp(-0.5 * gain_sigmas(r.base.held_white, best.held_white) ** 2) for r in others
-    }
+    losses = {r.id: max(gain_sigmas(r.base.held_white, best.held_white), 0.0) for r in others}
+    weight = {name: math.exp(-0.5 * sigmas**2) for name, sigmas in losses.items()}
     rest = (1.0 - p) / (1.0 + sum(w for name, w in weight.items() if name not in step.group))
     mass = {n: share if n in step.group else rest * w for n, w in weight.items()}
     return [Rival(r.id, step.named.id, best.model, r.base.model, mass[r.id], share) for r in others]
