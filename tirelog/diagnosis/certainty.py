@@ -49,7 +49,6 @@ from tirelog.diagnosis.rules import (
     SECOND_LEAST,
 )
 from tirelog.inference.base import Base
-from tirelog.inference.floor import held_out_losses_with
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.model import BY_NAME, FORM, Model
@@ -249,21 +248,21 @@ def unlike_cases(model: Model, selected: Iterable[str], gratings: bool) -> str:
 
     `gratings`: it was asked of several.
     """
-    if gratings:
-        return "the cases had one grating"
-    if model.observables != (STRAIN,):
-        return f"the cases had {STRAIN}, these logs have {' and '.join(model.observables)}"
     own = [effect.id for effect in model.effects]
-    if FORM in own:
-        return "in the cases no form of the tire's own came in"
-    if own:
-        return "the cases began with a bare model, this one holds effects already"
-    if any(nuisance.use != BY_NAME[nuisance.name].use for nuisance in model.nuisances):
-        return "in the cases every nuisance might come in, this model says which"
-    own = [name for name in selected if name not in BY_ID]
-    if own:
-        return f"the cases had the catalogue alone, and {own[0]} is not of it"
-    return ""
+    new = [name for name in selected if name not in BY_ID]
+    logs = " and ".join(model.observables)
+    uses = [(nuisance.use, BY_NAME[nuisance.name].use) for nuisance in model.nuisances]
+    reasons = {
+        "the cases had one grating": gratings,
+        f"the cases had {STRAIN}, these logs have {logs}": model.observables != (STRAIN,),
+        "in the cases no form of the tire's own came in": FORM in own,
+        "the cases began with a bare model, this one holds effects already": own,
+        "in the cases every nuisance might come in, this model says which": any(
+            use != usual for use, usual in uses
+        ),
+        f"the cases had the catalogue alone, and {' '.join(new[:1])} is not of it": new,
+    }
+    return next((why for why, holds in reasons.items() if holds), "")
 
 
 @cache
@@ -342,25 +341,23 @@ def inclusion(
     found: SearchResult, draws: int, extra: Iterable[Effect] = (), seed: int = 0
 ) -> Inclusion:
     """How often each step of a search names each effect, over draws of its manoeuvres."""
-    extra = tuple(extra)
-    count = found.before.cells.manoeuvres
+    extra, count = tuple(extra), found.before.cells.manoeuvres
     random = np.random.default_rng(seed)
     times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
-    steps = [
+    steps = tuple(
         StepInclusion(i, step.named.id if step.named else None, _shares(step, i, times, extra))
         for i, step in enumerate(found.steps, start=1)
-    ]
-    return Inclusion(draws, count, tuple(steps))
+    )
+    return Inclusion(draws, count, steps)
 
 
 def _shares(
     step: Step, number: int, times: FloatArray, extra: tuple[Effect, ...]
 ) -> dict[str, float]:
     """The share of the draws (D, M) that named each effect at this step, if any did."""
-    base = step.before
-    held = {effect.effect.id for effect in base.model.effects}
-    tried = [a.id for a in step.assessed if a.id not in held]
-    alarms = _alarms(base, tried, times, extra, first=number == 1)
+    tried = {a.id for a in step.assessed} - {effect.id for effect in step.before.model.effects}
+    effects = [e for e in candidate_effects(step.before.model, extra) if e.id in tried]
+    alarms = _alarms(step.before, effects, times, first=number == 1)
     refitted = [r for r in step.contenders if r.established and r.id in alarms]
     loss = {r.id: times @ r.base.held_white for r in refitted}
     if not loss:  # none was refitted: the largest statistic would be
@@ -375,13 +372,12 @@ def _shares(
 
 
 def _alarms(
-    base: Base, names: list[str], times: FloatArray, extra: tuple[Effect, ...], *, first: bool
+    base: Base, effects: Sequence[Effect], times: FloatArray, *, first: bool
 ) -> dict[str, tuple[Any, FloatArray]]:
     """By effect: which draws it alarms in, and its statistic in each, (D,).
 
     A further effect must remove more than the first.
     """
-    effects = [e for e in candidate_effects(base.model, extra) if e.id in names]
     kept, scores, _ = scores_of(base, all_signatures(base, effects)[0])
     if not kept:
         return {}
@@ -390,11 +386,8 @@ def _alarms(
     least, sure = (float(np.quantile(largest, 1.0 - p)) for p in (ALARM_P, BEYOND_DOUBT_P))
     share = LEAST_SHARE_OF_FLOOR if first else SECOND_LEAST
     size = share * base.floor.square * base.plain.weight
-    best = best_variants(kept, under_flips[0])
-    columns = [[kept[i].columns] for i in best.values()]
-    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
     result: dict[str, tuple[Any, FloatArray]] = {}
-    for (name, i), (white, plain) in zip(best.items(), losses, strict=True):
+    for name, (i, white, plain) in best_variants(base, kept, under_flips[0]).items():
         gain, large = base.held_white - white, times @ (base.held_plain - plain) > size
         statistic, count = statistics([scores[i]], times)[:, 0], gain.size
         mean = times @ gain / count

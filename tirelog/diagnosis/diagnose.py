@@ -358,6 +358,8 @@ def conclude(
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
     ]
     few, ranked = manoeuvres < FEWEST_MANOEUVRES, {c.effect for c in ranking}
+    large = decision.after > SECOND_LEAST * floor.square
+    uses = {nuisance.name: nuisance.use for nuisance in before.model.nuisances}
     groups = tuple(s.group for s in found.steps if few and s.group)
     facts = _facts(decision, found, ranking) | {
         "suspects": tuple(s.said for s in suspected[:3]),
@@ -387,7 +389,17 @@ def conclude(
         revolutions=int(before.cells.revolutions.sum()),
         manoeuvres=manoeuvres,
         notes=tuple(filter(None, notes)),
-        next_command=_next_command(decision, before, result, gratings),
+        next_command=next_command(
+            verdict,
+            selected,
+            model=before.model,
+            logs=before.cells.log_names,
+            large_rest=verdict == "partial" and decision.left.significant and large,
+            beside=[
+                name for name, use in uses.items() if name in groups_of(result) and use != "on"
+            ],
+            grating=gratings.asked[0] if gratings is not None else "",
+        ),
         found=found,
         stacks=stacks,
         gratings=gratings,
@@ -487,7 +499,7 @@ def decide(found: SearchResult) -> Decision:
 
 def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, Any]:
     """What the verdict's sentence is made of, beside what stands in the diagnosis."""
-    before = found.before
+    before, (observable, unit) = found.before, observed(found.before)
     return {
         "verdict": decision.verdict,
         "selected": decision.selected,
@@ -497,8 +509,8 @@ def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]
         "enough": MOST,
         "explained": EXPLAINED,
         "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
-        "observable": observed(before)[0],
-        "unit": observed(before)[1],
+        "observable": observable,
+        "unit": unit,
         "chi2": before.reduced_chi2,
         "groups": decision.groups,
         "or_nuisance": decision.or_nuisance,
@@ -507,23 +519,6 @@ def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]
         "after": found.after.square_held,
         "floor": decision.floor.square,
     }
-
-
-def _next_command(
-    decision: Decision, before: Base, result: Base, gratings: GratingsFound | None
-) -> str:
-    """What to type next; `before`, `result`: the base as it came and with what is claimed."""
-    model = before.model
-    large = decision.after > SECOND_LEAST * decision.floor.square
-    return next_command(
-        decision.verdict,
-        decision.selected,
-        model=model,
-        logs=before.cells.log_names,
-        large_rest=decision.verdict == "partial" and decision.left.significant and large,
-        beside=[n.name for n in model.nuisances if n.name in groups_of(result) and n.use != "on"],
-        grating=gratings.asked[0] if gratings is not None else "",
-    )
 
 
 def _unexplained(

@@ -331,17 +331,14 @@ def _parts(
     found, prior, lever = [], np.zeros(0), 0.0
     for channel, shared, has_wheel in members:
         fit, cells = channel.fit, channel.cells
-        of_lever = (LEVER, ratio_name(cells.member))
-        kept = [
-            k
-            for k, name in enumerate(fit.names)
-            if name not in (effect, LEVER) and not name.startswith(ratio_name(""))
-        ]
+        number = {name: k for k, name in enumerate(fit.names)}
+        of_levers = [n for n in number if n == LEVER or n.startswith(ratio_name(""))]
+        kept = [k for name, k in number.items() if name not in (effect, *of_levers)]
         prior = np.concatenate([np.zeros(len(kept)), np.ones(shared.shape[-1])])
-        own = [k for k, name in enumerate(fit.names) if name in of_lever][:1]
+        own = [number[n] for n in of_levers if n in (LEVER, ratio_name(cells.member))][:1]
         blocks: dict[str, list[FloatArray]] = {
             _BASE: [fit.moving[..., kept], shared],
-            _EFFECT: [fit.moving[..., [fit.names.index(effect)]]] if effect else [],
+            _EFFECT: [fit.moving[..., [number[effect]]]] if effect else [],
             ROAD: [],
             WHEEL: [],
             _LEVER: [fit.moving[..., own]],
@@ -357,8 +354,7 @@ def _parts(
                 still = ratio * hats(angle)
                 blocks[block] += [still, still * faster]
             wheel = None if has_wheel else shared_effects(cells, fit, WHEEL)
-            if wheel is not None:
-                blocks[WHEEL].append(wheel.columns * wheel.sd)
+            blocks[WHEEL] += [] if wheel is None else [wheel.columns * wheel.sd]
         found.append(_normal(channel, blocks))
     return found, prior
 
@@ -377,20 +373,13 @@ def _normal(channel: FittedChannel, blocks: Mapping[str, Sequence[FloatArray]]) 
 
     normal = Normal.of(*without_own(channel.white), manoeuvre)
     slopes, residual = without_own(channel.plain)
-    flat = stacked(slopes)
+    flat, square, name = stacked(slopes), channel.floor.square, cells.member
     ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks.values())])
     own = {name: np.arange(a, b) for name, (a, b) in zip(blocks, pairwise(ends), strict=True)}
-    name = cells.member
-    return _Part(
-        name=name,
-        gram=normal.gram,
-        right=normal.right,
-        size_gram=flat.T @ flat / channel.floor.square,
-        size_right=flat.T @ residual.ravel() / channel.floor.square,
-        weight=channel.plain.weight,
-        columns=own
-        | {name: own[ROAD], f"{_EFFECT} {name}": own[_EFFECT], f"{_LEVER} {name}": own[_LEVER]},
-    )
+    own |= {name: own[ROAD], f"{_EFFECT} {name}": own[_EFFECT], f"{_LEVER} {name}": own[_LEVER]}
+    size_gram, size_right = flat.T @ flat / square, flat.T @ residual.ravel() / square
+    weight = channel.plain.weight
+    return _Part(name, normal.gram, normal.right, size_gram, size_right, weight, own)
 
 
 def _evidence(
@@ -413,8 +402,7 @@ def _evidence(
         right[np.ix_(turns, where)] += part.right[np.ix_(turns, local)]
         size_gram[np.ix_(where, where)] += part.size_gram[np.ix_(local, local)]
         size_right[where] += part.size_right[local]
-    whole = gram.sum(axis=0)
-    whole[np.diag_indices(prior.size)] += prior
+    whole = gram.sum(axis=0) + np.diag(np.pad(prior, (0, many - prior.size)))
     inverse = inverse_of(whole[:n, :n])
     ground = inverse @ right[:, :n].sum(axis=0)
     left = right - gram[:, :, :n] @ ground

@@ -221,7 +221,7 @@ def _row(
 
 def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]:
     """Free parameters with errors, and how far each moved, in sigma of both."""
-    rows, knrow = {}, before.parameters if before else {}
+    rows, known = {}, before.parameters if before else {}
     for name, p in ((name, p) for name, p in model.parameters.items() if p.free):
         shift = None
         if (old := known.get(name)) is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -54,9 +54,6 @@ from tirelog.vocabulary.quality import OK, Quality, quality_text
 
 #: Nuisance numbers of a hit.
 NUISANCES = 4
-#: The patch centre of the model is sought this far [rad] from the passages, and compared at so
-#: many angles. Twice as far reaches shapes that lie on the wrong side of the patch.
-_ALIGNED_RAD, _ALIGNED_AT = 0.15, 1024
 #: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns]
 #: from the rough time; then beside the best few on a fine grid and unsmoothed. Twice as coarse a
 #: grid needs signals smoothed as much more; twice as many of the best take twice as long.
@@ -64,9 +61,6 @@ _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
 #: Turns before and after the rough time between which the hit is sought. Twice as far takes in the
 #: passages before and after the one that was hit.
 _BEFORE, _AFTER = 1.25, 0.5
-#: Largest phase [rad] of a hit, either way. Twice as much lets a hit that the model does not
-#: describe be turned as far until it seems to.
-_PHASE_RAD = 0.2
 
 
 @dataclass(frozen=True)
@@ -103,8 +97,7 @@ def motion_at(
     around = np.linspace(rough_s - 2.0 * turn, rough_s + window_s, 64)
     around = around[(around >= log.time_s[0]) & (around <= log.time_s[-1])]
     slope, spin = np.polyfit(around - rough_s, log.wheel.speed_rad_s(around), 1)
-    nearest = int(np.argmin(np.abs(log.conditions.time_s - (rough_s - 1.5 * turn))))
-    conditions = log.conditions.take(slice(nearest, nearest + 1))
+    conditions = _conditions_at(log, rough_s - 1.5 * turn)
     load = float(conditions.load_N[0]) if conditions.known("load_N") else model.values["load_N"]
     # the axle's speed at which the model's wheel turns as the log's does
     radius = free_rolling_radius(
@@ -113,13 +106,10 @@ def motion_at(
     # Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for
     # what the start leaves to die away; twice as much drives that metre more.
     run_up = 1.0 / (radius * spin)
-    length = run_up + window_s + 0.02
-    speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
-    speed = (
-        Schedule((0.0, length), speeds)
-        if abs(slope) > 1e-2 * spin
-        else Schedule.constant(float(radius * spin))
-    )
+    length, speed = run_up + window_s + 0.02, Schedule.constant(float(radius * spin))
+    if abs(slope) > 1e-2 * spin:
+        speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
+        speed = Schedule((0.0, length), speeds)
     folder = Path(log.folder).parent if log.folder else None
     begins = 0.5 * (speed(0.0) + speed(run_up)) * run_up
     road = road_of(replace(log.road, spacing_m=None), begins, folder=folder)
@@ -140,13 +130,21 @@ def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = W
     def left_at(x: FloatArray) -> FloatArray:
         return view.left(best + 1e-3 * float(x[0]), float(x[1]))
 
-    most = np.array([1.0, _PHASE_RAD])
+    # largest phase [rad] of a hit, either way: twice as much lets a hit that the model does not
+    # describe be turned as far until it seems to
+    most = np.array([1.0, 0.2])
     found = least_squares(left_at, np.zeros(2), bounds=(-most, most), diff_step=[1e-3, 1e-3])
     time, phase = best + 1e-3 * float(found.x[0]), float(found.x[1])
     left, slopes = view.left(time, phase), np.asarray(found.jac, dtype=np.float64)
     variance = float(left @ left) / max(left.size - NUISANCES, 1)
     error = 1e-3 * float(np.sqrt(variance * np.linalg.pinv(slopes.T @ slopes)[0, 0]))
     return view.hit(time, error, phase, window_s)
+
+
+def _conditions_at(log: TransientLog, time_s: float) -> Conditions:
+    """Those of the revolution next to a time."""
+    nearest = int(np.argmin(np.abs(log.conditions.time_s - time_s)))
+    return log.conditions.take(np.array([nearest]))
 
 
 def view_of(log: TransientLog, model: Model, rough_s: float, window_s: float) -> View:
@@ -160,21 +158,18 @@ def view_of(log: TransientLog, model: Model, rough_s: float, window_s: float) ->
 
 def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
     """Angle [rad] of the model's patch where the passages are: its steady waveform laid on T."""
-    phi = np.linspace(-np.pi, np.pi, _ALIGNED_AT, endpoint=False)
-    measured = log.steady_at(phi, np.full(_ALIGNED_AT, log.spin_rad_s))
-    measured = measured - measured.mean()
+    phi = np.linspace(-np.pi, np.pi, 1024, endpoint=False)
+    measured = log.steady_at(phi, np.full(phi.size, log.spin_rad_s))
 
     def left(shift: float) -> float:
-        wave = model.predict(
-            conditions, np.mod(phi + shift + np.pi, 2.0 * np.pi) - np.pi, surface=log.surface
-        )[0]
-        return float(np.sum((measured - wave + wave.mean()) ** 2))
+        turned = np.mod(phi + shift + np.pi, 2.0 * np.pi) - np.pi
+        missed = measured - model.predict(conditions, turned, surface=log.surface)[0]
+        return float(np.sum((missed - missed.mean()) ** 2))
 
-    return float(
-        minimize_scalar(
-            left, bounds=(-_ALIGNED_RAD, _ALIGNED_RAD), method="bounded", options={"xatol": 1e-6}
-        ).x
-    )
+    # so far from the passages [rad]: twice as far reaches shapes that lie on the wrong side of the
+    # patch
+    near = (-0.15, 0.15)
+    return float(minimize_scalar(left, bounds=near, method="bounded", options={"xatol": 1e-6}).x)
 
 
 def _sought(view: View, times: FloatArray, width: int) -> float:
@@ -335,14 +330,12 @@ class _Hits:
         #: of each hit its log around it, its time and window [s]
         self.events: list[tuple[TransientLog, float, float]] = []
         start = [model.values[name] for name in names]
-        for log in logs:
-            for i, rough in enumerate(log.hits_s):
-                ends = [self.stage[0], *(log.hits_s[i + 1 : i + 2] - rough - 0.02)]
-                window = float(min([*ends, log.time_s[-1] - rough]))
-                near = around(log, float(rough))
-                hit = fit_hit(near, model, float(rough), window)
-                self.events.append((near, hit.time_s, window))
-                start += [hit.time_s, hit.phase_rad]
+        for near, rough, window in (
+            event for log in logs for event in _windows(log, self.stage[0])
+        ):
+            hit = fit_hit(near, model, rough, window)
+            self.events.append((near, hit.time_s, window))
+            start += [hit.time_s, hit.phase_rad]
         self.start = np.array(start)
 
     @property
@@ -397,8 +390,7 @@ def _variance(left: FloatArray, fitted: int) -> float:
 
     After so many numbers are fitted; what is missed is taken for noise, correlated as it is.
     """
-    spectrum = np.abs(np.fft.rfft(left, 2 * left.size)) ** 2
-    covariance = np.fft.irfft(spectrum)[: left.size]
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(left, 2 * left.size)) ** 2)[: left.size]
     fades = int(np.argmax(covariance <= 0.0)) or left.size
     together = 2.0 * float(np.sum(covariance[:fades])) / float(covariance[0]) - 1.0
     return float(left @ left) / max(left.size - fitted, 1) * together
@@ -478,8 +470,7 @@ class HitResult:
     def row(self) -> dict[str, Any]:
         """One row of the table by hit."""
         hit, errors = self.hit, _errors(self.squares.mean(axis=1))
-        floor, added, missed = (errors[name] for name in ("noise_floor", "added", "missed"))
-        covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
+        covered = _covered(errors)
         # A hit of which the model covers less than this share may be something else than the
         # obstacle. Twice as much marks also hits of which a third is explained.
         unlike = 0 if covered > 0.2 else Quality.UNLIKE
@@ -536,6 +527,12 @@ def _errors(squares: FloatArray) -> dict[str, float]:
     }  # fmt: skip
 
 
+def _covered(errors: Mapping[str, float]) -> float:
+    """The share of what the obstacle added above the floor that the model covers."""
+    floor, added, missed = (errors[name] ** 2 for name in ("noise_floor", "added", "missed"))
+    return 1.0 - max(missed - floor, 0.0) / max(added - floor, 1e-300)
+
+
 @dataclass(frozen=True)
 class TransientComparison:
     """All hits of all logs."""
@@ -556,14 +553,9 @@ class TransientComparison:
     def to_json(self) -> dict[str, Any]:
         """Totals over the hits, each as many samples as it has, and a row per hit."""
         rows = self.tables["hit"]
-        names = ("rmse", "rmse_steady", "noise_floor", "added", "missed")
-        squares = [[row[name] ** 2 for row in rows] for name in names]
-        means = np.average(squares, axis=1, weights=[row["samples"] for row in rows])
-        numbers = dict(zip(names, np.sqrt(means).tolist(), strict=True))
-        floor = numbers["noise_floor"] ** 2
-        added, missed = (numbers[name] ** 2 - floor for name in ("added", "missed"))
-        numbers["excess"] = excess_of(numbers["rmse"], numbers["noise_floor"])
-        numbers["covered"] = 1.0 - max(missed, 0.0) / max(added, 1e-300)
+        squares = [hit.squares.mean(axis=1) for hit in self.hits]
+        numbers = _errors(np.average(squares, axis=0, weights=[row["samples"] for row in rows]))
+        numbers["covered"] = _covered(numbers)
         return plain_fields({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
 
     def hits_table(self, log_name: Callable[[str], str] = str) -> AnswerTable:
@@ -594,11 +586,8 @@ def compare_transients(
     results: list[HitResult] = []
     remarks: list[str] = []
     for log in logs:
-        for ordinal, rough in enumerate(log.hits_s):
-            following = log.hits_s[ordinal + 1 :]
-            window = min([WINDOW_S, *(following[:1] - rough - 0.02)])
-            near = around(log, float(rough))
-            hit = fit_hit(near, model, float(rough), float(window))
+        for ordinal, (near, rough, window) in enumerate(_windows(log, WINDOW_S)):
+            hit = fit_hit(near, model, rough, window)
             results.append(_result(near, ordinal, hit, model))
             remarks += [remark for remark in hit.remarks if remark not in remarks]
             if results[-1].row()["quality"] != OK:
@@ -609,15 +598,21 @@ def compare_transients(
     return TransientComparison(model.observable, unit, tuple(results), tuple(remarks))
 
 
+def _windows(log: TransientLog, most_s: float) -> Iterator[tuple[TransientLog, float, float]]:
+    """Of each hit the log around it, its rough time, and how long it is seen [s]."""
+    ends = [*(log.hits_s[1:] - 0.02).tolist(), np.inf]
+    for rough, end in zip(log.hits_s.tolist(), ends, strict=True):
+        yield around(log, rough), rough, min(most_s, end - rough, float(log.time_s[-1]) - rough)
+
+
 def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResult:
     """The hit beside the errors off the obstacle, by wheel angle and by frequency."""
     off, error, near = log.off(), _steady_error(log, hit, model), np.flatnonzero(log.calm)
     phi = split_turns(log.wheel.theta(log.time_s))[1]
-    place = (phi + np.pi) * (_ANGLES / (2.0 * np.pi))
-    bins = np.clip(place.astype(np.int64), 0, _ANGLES - 1)
+    bins = np.clip((phi + np.pi) * (_ANGLES / (2.0 * np.pi)), 0, _ANGLES - 1).astype(np.int64)
     rows = (log.time_s >= hit.time_s) & (log.time_s - hit.time_s <= hit.since_s[-1] + 1e-9)
     at_hit = bins[rows][: hit.since_s.size]
-    edges = BANDS_HZ[: int(np.searchsorted(BANDS_HZ, 0.5 * log.rate_Hz))]
+    edges = BANDS_HZ[0.5 * log.rate_Hz > BANDS_HZ]
     edges = np.append(edges[:-1] if edges.size > 1 else [0.0], 0.5 * log.rate_Hz)
     left = hit.measured - hit.predicted
     answers = {"added": hit.added, "residual": left, "missed": hit.missed}
@@ -640,8 +635,7 @@ def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
 
     At the angle of the passages and at the hit's conditions.
     """
-    nearest = int(np.argmin(np.abs(log.conditions.time_s - hit.time_s)))
-    conditions = log.conditions.take(slice(nearest, nearest + 1))
+    conditions = _conditions_at(log, hit.time_s)
     phi = split_turns(log.wheel.theta(log.time_s) + hit.alignment_rad)[1]
     wave = model.predict(conditions, phi, surface=log.surface)[0]
     if log.observable == "radial_acceleration":

@@ -472,11 +472,8 @@ def assess(
     """
     kept, scores, reasons = scores_of(base, signatures, more)
     statistic, p = flip_test(scores, base.cells.manoeuvres)
-    best = best_variants(kept, statistic)
-    columns = [[kept[i].columns] for i in best.values()]
-    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
-    found = []
-    for i, (white, plain) in zip(best.values(), losses, strict=True):
+    best, found = best_variants(base, kept, statistic), []
+    for i, white, plain in best.values():
         gain, error = gain_and_error(base.held_white, white)
         evidence = float(statistic[i]), float(p[i]), scores[i].step(), gain, error
         found.append(Assessed(kept[i], *evidence, mean_drop(base, plain)))
@@ -496,12 +493,19 @@ def least_left(base: Base, assessed: Sequence[Assessed]) -> float:
     return base.excess - max(mean_drop(base, held), *(a.removed for a in assessed))
 
 
-def best_variants(kept: Sequence[Signature], statistic: FloatArray) -> dict[str, int]:
-    """The variant of each effect that has the largest statistic, by the effect's name."""
+def best_variants(
+    base: Base, kept: Sequence[Signature], statistic: FloatArray
+) -> dict[str, tuple[int, FloatArray, FloatArray]]:
+    """Of each effect, by name, the variant with the largest statistic, and its held-out losses.
+
+    Its number among those `kept`; losses (M,) in the metrics of significance and of size.
+    """
     best: dict[str, int] = {}
     for i, name in enumerate(signature.effect.id for signature in kept):
         best[name] = max(best.get(name, i), i, key=lambda at: statistic[at])
-    return best
+    columns = [[kept[i].columns] for i in best.values()]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    return {name: (i, *own) for (name, i), own in zip(best.items(), losses, strict=True)}
 
 
 def scores_of(
@@ -509,8 +513,7 @@ def scores_of(
 ) -> tuple[list[Signature], list[Scores], dict[str, str]]:
     """The signatures that show something of their own, their scores, and why others do not."""
     taken, residual = beside_base(base, more)
-    kept, scores = [], []
-    reasons: dict[str, str] = {}
+    kept, scores, reasons = [], [], dict[str, str]()
     for signature in signatures:
         white = base.white(signature.columns)
         left = taken.without(white)

@@ -302,19 +302,17 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     mu, y and T share, and says nothing against an effect; in a number per revolution it does, since
     there almost any effect can stand in for another.
     """
-    fit = base.fit
-    own = next(e.effect for e in base.model.effects if e.id == effect_id)
+    fit, own = base.fit, next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
     columns = Problem(base.cells, base.white).whitened(fit.moving)
     norm = np.linalg.norm(columns, axis=0)
-    seen = [i for i in range(len(fit.names)) if norm[i] > 0.0]
-    mine = np.array([i for i, at in enumerate(seen) if fit.names[at] in strengths], int)
+    seen = norm > 0.0
+    names, norm, unit = np.array(fit.names)[seen], norm[seen], columns[:, seen] / norm[seen]
+    mine = np.flatnonzero(np.isin(names, strengths))
     if not mine.size:
         return 0.0
-    values = np.array([base.model.values[fit.names[seen[i]]] * norm[seen[i]] for i in mine])
-    size, direction = np.linalg.eigh(
-        columns[:, seen].T @ columns[:, seen] / norm[seen][:, None] / norm[seen]
-    )
+    values = norm[mine] * [base.model.values[name] for name in names[mine].tolist()]
+    size, direction = np.linalg.eigh(unit.T @ unit)
     good = size > NULL * size[-1]
     # share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
     # strength be told of which a fifth cannot be seen
@@ -329,10 +327,9 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
 
 def nameable(contenders: Sequence[Refitted]) -> bool:
     """Is the best established, and none that is not clearly better?"""
-    if not contenders or not contenders[0].established:
-        return False
-    best = contenders[0].base
-    return not any(clearly_worse(best, r.base) for r in contenders[1:] if not r.established)
+    sure = bool(contenders) and contenders[0].established
+    rest = [r.base for r in contenders if not r.established]
+    return sure and not any(clearly_worse(contenders[0].base, other) for other in rest)
 
 
 def clearly_worse(one: Base, other: Base) -> bool:

@@ -207,12 +207,15 @@ def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -
         formed = None if isinstance(found, ModelError) else found.with_scatter_estimated
     if formed is None:
         return model
-    errors = {}
-    for name, se in zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True):
-        if (parameter := model.parameters.get(name)) is not None:
-            moved = formed.model.values[name] - parameter.value
-            errors[name] = replace(parameter, se_with_form=float(np.hypot(se, moved)))
-    return model.with_parameters(errors)
+    se = dict(zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True))
+    own_of = {name: p for name, p in model.parameters.items() if name in se}
+    moved = {name: formed.model.values[name] - p.value for name, p in own_of.items()}
+    return model.with_parameters(
+        {
+            name: replace(p, se_with_form=float(np.hypot(se[name], moved[name])))
+            for name, p in own_of.items()
+        }
+    )
 
 
 def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
@@ -285,9 +288,8 @@ def needed_nuisances(base: Base) -> tuple[str, ...]:
 def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
     """The base's model with the parameters of these nuisances free, of the others as given."""
     model = base.model
-    for name in groups_of(base):
-        if frees(model, name) and name not in groups:
-            model = bound(model, base.given or base.model, name)
+    for name in (n for n in groups_of(base) if frees(model, n) and n not in groups):
+        model = bound(model, base.given or base.model, name)
     return freed(model, groups)
 
 
@@ -459,7 +461,7 @@ def nuisance_sentences(
     """
     values = [(name, base.model.parameters[name]) for name in base.fit.names]
     at_bound = [name for name, p in values if p.value != 0.0 and p.value in (p.min, p.max)]
-    doubts = ["the model leaves a rest"] if fails else []
+    doubts = ["the model leaves a rest"] * fails
     doubts += [f"{name} is at its bound" for name in dict.fromkeys([*base.fit.held, *at_bound])]
     return [_sentence(nuisance, base, doubts) for nuisance in found if nuisance.stayed]
 
@@ -535,13 +537,12 @@ def _left_by_form(
 def held_sentences(held: Mapping[str, Sequence[str]]) -> list[str]:
     """What the form may hold beside the tire's own, and what would part it; none if nothing."""
     alone = [name for name, by in held.items() if not by]
-    said = [
+    return [
         f"The tire's own form may hold {name}: logs that differ more in {' or '.join(by)} part "
         "them."
         for name, by in held.items()
         if by
-    ]
-    return said + [
+    ] + [
         f"The tire's own form may hold {', '.join(alone)}: no drive parts them. Add what is "
         "known of them to the model."
     ] * bool(alone)
@@ -623,10 +624,8 @@ def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> 
     if found.nuisance == FORM:
         return said, "see `tirelog form`"
     (part,) = found.parts
-    (parameter,) = frees(base.model, found.nuisance) or (None,)
-    if parameter is None:
-        said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
-    else:
+    said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
+    for parameter in frees(base.model, found.nuisance):
         exponent = base.model.values[parameter]
         said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
     law, other = ("pressure", "load") if found.nuisance == "pressure_law" else ("load", "pressure")

@@ -140,13 +140,14 @@ def scan(ground: Ground) -> Scanned:
     """Every atom of the grammar with its T; p of the largest by flips, over all of them."""
     given = laws(typical(ground.base))
     factors = np.stack([ground.law(law.text, law.numbers) for law in given])
-    signs = flip_signs(ground.manoeuvres).astype(np.float32)
+    signs = flip_signs(ground.manoeuvres)
     # patterns of signs that are tried: they tell p to 2.4e-4, and a p of 0.01 to 16 % of it; twice
     # as many tell it to 11 %, in twice the time
     most = 4096
     if signs.shape[0] > most:
         rows = np.random.default_rng(0).choice(signs.shape[0] - 1, most - 1, replace=False)
         signs = signs[np.r_[0, 1 + rows]]
+    signs = signs.astype(np.float32)
     largest, tried = np.zeros(signs.shape[0], np.float32), 0
     best: dict[tuple[str, str, str], Atom] = {}
     for form in forms():
