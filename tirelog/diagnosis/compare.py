@@ -102,16 +102,16 @@ def start_from(pieces: Pieces | JointPieces, model: Model, *, several: bool = Tr
     if observables_of(pieces) != model.observables:
         raise other_observable(pieces, model)
     model = without_motion_parameters(model)
-    if isinstance(pieces, JointPieces):
-        cells = [cells_of(part) for part in pieces.parts]
-        if pieces.places:
-            cells = [
-                replace(own, member=name, place_rad=place)
-                for own, name, place in zip(cells, pieces.members, pieces.places, strict=True)
-            ]
-        drive = [part.manoeuvre for part in pieces.parts]
-        return prepare_together(cells, drive, model, several=several)
-    return prepare(cells_of(pieces), model, several=several)
+    if not isinstance(pieces, JointPieces):
+        return prepare(cells_of(pieces), model, several=several)
+    cells, drive = map(cells_of, pieces.parts), [part.manoeuvre for part in pieces.parts]
+    if not pieces.places:
+        return prepare_together(list(cells), drive, model, several=several)
+    members = [
+        replace(own, member=name, place_rad=place)
+        for own, name, place in zip(cells, pieces.members, pieces.places, strict=True)
+    ]
+    return prepare_together(members, drive, model, several=several)
 
 
 def observables_of(pieces: Pieces | JointPieces) -> tuple[str, ...]:
@@ -252,9 +252,9 @@ def remarks_of(base: FittedChannel) -> list[str]:
             "drive more of them"
         )
     measured = np.nanmean(base.cells.values, axis=0)
-    good = np.isfinite(measured) & np.isfinite(np.nanmean(base.fit.prediction, axis=0))
-    if good.sum() > 8 and base.cells.observable == STRAIN:
-        skew = float(np.mean((measured[good] - measured[good].mean()) ** 3))
+    good = measured[np.isfinite(measured + np.nanmean(base.fit.prediction, axis=0))]
+    if good.size > 8 and base.cells.observable == STRAIN:
+        skew = float(np.mean((good - good.mean()) ** 3))
         place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
         if word != base.cells.surface:
             said.append(
@@ -503,9 +503,9 @@ def untouched(after: Base, locked: Pieces | JointPieces) -> tuple[float, float] 
         return _untouched_several(after, locked)
     cells = cells_of(locked)
     for _ in range(3):
-        cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
-    cells = at_mean_speed(cells, _fit_on(after, cells))
-    fit = _fit_on(after, cells)
+        cells, _farthest = centred(cells, predicted(after.model, cells))
+    cells = at_mean_speed(cells, replace(after.fit, prediction=predicted(after.model, cells)))
+    fit = replace(after.fit, prediction=predicted(after.model, cells))
     plain = UnweightedMetric.of(cells)
     known = dict(zip(np.unique(after.cells.log).tolist(), after.fit.offsets, strict=False))
     offsets = np.array([known.get(log, 0.0) for log in cells.log.tolist()])
@@ -531,19 +531,12 @@ def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
     layout = after.cells.together
     assert layout is not None
     squares, weights = [], []
-    for part, own, scale in zip(
-        bases_by_observable(after), locked.parts, layout.scales, strict=True
-    ):
-        if len(own):
-            there = untouched(part, own)
-            if isinstance(there, ModelError):
-                raise there
-            squares.append(np.square(there) / scale**2)
-            weights.append(float(own.number.sum()))
+    members = zip(bases_by_observable(after), locked.parts, layout.scales, strict=True)
+    for part, own, scale in (member for member in members if len(member[1])):
+        there = untouched(part, own)
+        if isinstance(there, ModelError):
+            raise there
+        squares.append(np.square(there) / scale**2)
+        weights.append(float(own.number.sum()))
     rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
     return rmse, floor
-
-
-def _fit_on(after: Base, cells: Any) -> Any:
-    """The fitted model's prediction on other cells."""
-    return replace(after.fit, prediction=predicted(after.model, cells))

@@ -114,7 +114,7 @@ from tirelog.diagnosis.rules import (
     verdict_of,
 )
 from tirelog.errors import TirelogError, UsageError
-from tirelog.inference.base import Base, JointBase
+from tirelog.inference.base import JointBase
 from tirelog.inference.cells.joint import JointPieces, JointStacks
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.floor import Floor
@@ -305,16 +305,13 @@ def diagnose(
     """
     extra = tuple(effects)
     progress("fitting the model")
-    pieces = measured_pieces(measured)
-    stacks, gratings = single_revolutions(measured), None
+    pieces, stacks, gratings = measured_pieces(measured), single_revolutions(measured), None
     if isinstance(pieces, JointPieces) and pieces.places:
         gratings = gathered(pieces, model)
-        base: Base = gratings.base
         whole = gratings.searched is gratings.pieces
         if isinstance(stacks, JointStacks):
             stacks = stacks.of_channels(gratings.pieces.members) if whole else ()
-    else:
-        base = start_from(pieces, model)
+    base = start_from(pieces, model) if gratings is None else gratings.base
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
     found = replace(search_effects(base, extra, progress), given=base)
     progress("describing what is left")

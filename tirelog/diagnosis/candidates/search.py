@@ -462,18 +462,13 @@ def removed_errors(found: SearchResult) -> dict[str, float]:
     manoeuvres, gain over excess; its error is that of the sum of (gain - share x excess). Known for
     the candidates that were refitted in the first step; empty if there is no excess to share.
     """
-    base = found.steps[0].before
-    floor = (found.after if found.named else found.before).floor
-    excess = (
-        base.held_plain
-        - (base.plain.bias + (floor.square - base.floor.within) * base.plain.weight)
-        / base.held_plain.size
-    )
-    if excess.sum() <= 0.0:
-        return {}
-    errors = {}
-    for rival in found.steps[0].contenders:
-        share = float((base.held_plain - rival.base.held_plain).sum() / excess.sum())
+    base, errors = found.steps[0].before, dict[str, float]()
+    between = (found.after if found.named else found.before).floor.square - base.floor.within
+    noise = base.plain.bias + between * base.plain.weight
+    excess = base.held_plain - noise / base.held_plain.size
+    total = float(excess.sum())
+    for rival in found.steps[0].contenders if total > 0.0 else ():
+        share = float((base.held_plain - rival.base.held_plain).sum()) / total
         _, error = gain_and_error(base.held_plain, rival.base.held_plain + share * excess)
-        errors[rival.id] = error / float(excess.sum())
+        errors[rival.id] = error / total
     return errors

@@ -178,20 +178,14 @@ def _turned(
     scores: FloatArray, gram: FloatArray, size: FloatArray
 ) -> tuple[FloatArray, np.ndarray]:
     """Scores (K, M, k) in an orthonormal basis, and which say anything: T is their length."""
-    length = np.einsum("kii->ki", gram)
+    length, identity = np.einsum("kii->ki", gram), np.eye(gram.shape[-1])
     # a column of which less than this is left beside base and nuisances says nothing of its own, as
     # for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
     good = np.all(length > 1e-4 * np.maximum(size, 1e-300), axis=1)
-    if scores.shape[-1] == 1:
-        return scores / np.sqrt(np.where(good[:, None], length, 1.0))[:, None, :], good
-    safe = np.where(good[:, None, None], gram, np.eye(2))
-    first = np.sqrt(safe[:, 0, 0])
-    slope = safe[:, 0, 1] / first
-    rest = safe[:, 1, 1] - slope**2
-    good = good & (rest > 1e-6 * safe[:, 1, 1])
-    one = scores[:, :, 0] / first[:, None]
-    two = (scores[:, :, 1] - slope[:, None] * one) / np.sqrt(np.where(good, rest, 1.0))[:, None]
-    return np.stack([one, two], axis=-1), good
+    # of two columns that are one, to a share of squares of 1e-6, nothing is said
+    good &= np.linalg.det(gram) > 1e-6 * np.prod(length, axis=1)
+    root = np.linalg.cholesky(np.where(good[:, None, None], gram, identity))
+    return np.swapaxes(np.linalg.solve(root, np.swapaxes(scores, 1, 2)), 1, 2), good
 
 
 def _flipped(signs: FloatArray, turned: FloatArray) -> FloatArray:
@@ -214,11 +208,12 @@ def columns_of(ground: Ground, atom: Atom) -> FloatArray:
 
 def strengths(ground: Ground, atom: Atom) -> tuple[FloatArray, float]:
     """The amplitudes (k,) of the linear fit, and the whitened sum of squares explained."""
-    left = ground.without(ground.of_cells(columns_of(ground, atom)))
-    residual = ground.residual.ravel()
-    found = np.linalg.lstsq(left, residual, rcond=1e-9)[0]
-    explained = ground.square - float(((residual - left @ found) ** 2).sum())
-    return np.asarray(found, dtype=np.float64), explained
+    left, residual = (
+        ground.without(ground.of_cells(columns_of(ground, atom))),
+        ground.residual.ravel(),
+    )
+    found = np.asarray(np.linalg.lstsq(left, residual, rcond=1e-9)[0], dtype=np.float64)
+    return found, ground.square - float(((residual - left @ found) ** 2).sum())
 
 
 def polish(ground: Ground, atom: Atom) -> Atom:
@@ -491,9 +486,9 @@ def _costs_nothing(before: Base, rounded: Base, *, small: bool = False) -> bool:
     worse = rounded.noise_chi2 - before.noise_chi2
     # standard errors that a number may lie from a round one: beyond them rounding would push the
     # others out of their errors; twice as much makes rounder formulas that fit worse
-    if worse <= 2.0**2 * max(1.0, before.reduced_chi2):
-        return True
-    return (small or before.reduced_chi2 > QUIET_CHI2) and _as_good(before, rounded, before.excess)
+    near = worse <= 2.0**2 * max(1.0, before.reduced_chi2)
+    held_out = small or before.reduced_chi2 > QUIET_CHI2
+    return near or (held_out and _as_good(before, rounded, before.excess))
 
 
 def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:
@@ -505,12 +500,13 @@ def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:
     """
     moved = steps_left_out(base.cells, base.white, base.fit)
     M = moved.shape[0]
-    spread = np.sqrt((M - 1) / M * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
     # as wide as a normal distribution's error would have to be for the same 95 %
-    spread *= float(stdtrit(M - 1, 0.975) / ndtri(0.975))
-    changed = {}
-    for name, error in zip(base.fit.names, spread.tolist(), strict=True):
-        own = base.model.parameters[name]
-        if name.partition(".")[0] in effects and own.se is not None:
-            changed[name] = replace(own, se=max(own.se, error))
+    spread = np.sqrt(M - 1) * moved.std(axis=0) * float(stdtrit(M - 1, 0.975) / ndtri(0.975))
+    error = dict(zip(base.fit.names, spread.tolist(), strict=True))
+    known = {name: p for name, p in base.model.parameters.items() if name in error}
+    changed = {
+        name: replace(p, se=max(p.se, error[name]))
+        for name, p in known.items()
+        if name.partition(".")[0] in effects and p.se is not None
+    }
     return base.model.with_parameters(changed)

@@ -28,7 +28,8 @@ from tirelog.diagnosis.candidates.assessment import (
 )
 from tirelog.diagnosis.propose.grammar import Law, laws
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, change_to, with_fewer_cells
+from tirelog.inference.base import Base, with_fewer_cells
+from tirelog.inference.cells.joint import predicted
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import Whitener, side_by_side, stacked
 from tirelog.physics.effects import Effect
@@ -115,9 +116,8 @@ class Ground:
 
         ModelError if the model cannot be computed with it.
         """
-        change = change_to(self.base, self.base.model.with_effect(ModelEffect.of(effect)))
-        if isinstance(change, ModelError):
-            raise change
+        model = self.base.model.with_effect(ModelEffect.of(effect))
+        change = predicted(model, self.base.cells) - self.base.fit.prediction
         return np.nan_to_num(change) / probe
 
     def expression(self, text: str, numbers: Mapping[str, Any]) -> FloatArray:
@@ -127,13 +127,11 @@ class Ground:
 
     def in_bins(self, text: str, numbers: Mapping[str, Any]) -> FloatArray:
         """The same in the mean over the samples of each bin, as the model predicts it."""
-        below, above = self.at_ends(text, numbers)
-        return np.asarray(0.5 * (below + above))
+        return np.asarray(0.5 * sum(self.at_ends(text, numbers)))
 
     def at_ends(self, text: str, numbers: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
         """An expression a standard deviation of the samples' angles to either side of a bin."""
-        formula = parse_expression(text, {*PLACES, *CONDITIONS, *numbers})
-        below, above = (formula({**self.values, **at, **numbers}) for at in self._bins)
+        below, above = (self.expression(text, {**at, **numbers}) for at in self._bins)
         return below, above
 
     def law(self, text: str, numbers: Mapping[str, float]) -> FloatArray:
