@@ -11,6 +11,7 @@ The error falls to the floor on the way.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from tirelog.diagnosis.compare import (
     untouched,
 )
 from tirelog.diagnosis.gratings import gathered, inverse_of
+from tirelog.diagnosis.history import outcome_of
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
@@ -93,13 +95,11 @@ def ladder(
             sentence = f"{name} added, written down from what was left: {proposal.sentence}"
             p = max((term.p for term in proposal.terms), default=None)
             steps = [step for step in steps if step.outcome != "not_added"]
-            steps.append(
-                _row(len(steps), top, after, name, p, "added", "added: proposed", sentence)
-            )
+            steps.append(_row(top, after, name, "added: proposed", sentence, p))
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
                 after = after.with_scatter_estimated
-                steps.append(_removed(len(steps), after, top, dropped))
+                steps.append(_removed(after, top, dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)
     fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
@@ -120,7 +120,7 @@ def ladder(
     return Ladder(
         observable=observable,
         unit=unit,
-        steps=tuple(steps),
+        steps=tuple(replace(step, step=number) for number, step in enumerate(steps)),
         model=with_nuisances_on(after),
         verdict=verdict,
         rmse_untouched=on_locked[0],
@@ -152,67 +152,56 @@ def _reached(first: Base, last: Base) -> str:
 def _steps(found: SearchResult) -> Iterable[LadderStep]:
     """The base's row, a row for each effect that came in, and one for the first that did not."""
     last, later = found.before, [*(step.before for step in found.steps[1:]), found.after]
-    yield _row(0, last, None, "base", None, "start", "start", "The model as it came.")
-    number = 0
+    yield _row(last, None, "base", "start", "The model as it came.")
     for step, base in zip(found.steps, later, strict=True):
-        if step.named is None:
+        if (named := step.named) is None:
             break
-        number += 1
-        others = [name for name in step.group if name != step.named.id]
+        others = [name for name in step.group if name != named.id]
         decision = f"added (or {', '.join(others)})" if others else "added"
-        noise = probability(step.named.assessed.p, base.cells.manoeuvres)
-        sentence = f"{step.named.id} added: the improvement has probability {noise} of being noise."
-        p = step.named.assessed.p
-        yield _row(number, base, last, step.named.id, p, "added", decision, sentence)
+        noise = probability(named.assessed.p, base.cells.manoeuvres)
+        sentence = f"{named.id} added: the improvement has probability {noise} of being noise."
+        yield _row(base, last, named.id, decision, sentence, named.assessed.p)
         last = base
     if found.dropped:
-        number += 1
-        yield _removed(number, found.after, last, found.dropped)
+        yield _removed(found.after, last, found.dropped)
         last = found.after
     final = found.steps[-1]
     if final.named is None and final.assessed:
         best = final.contenders[0].assessed if final.contenders else final.assessed[0]
-        reason = "no gain"
-        if final.contenders:
-            reason = "within what a different form of the others would leave"
+        reason = "within what a different form of the others would leave"
         if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
             reason = "too few manoeuvres"
+        elif not final.contenders:
+            reason = "no gain"
         noise = probability(best.p, last.cells.manoeuvres)
         sentence = (
             f"An improvement by {best.id} has probability {noise} of being noise; it is not added "
             f"({reason})."
         )
-        decision = f"not added: {reason}"
-        yield _row(number + 1, last, last, best.id, best.p, "not_added", decision, sentence)
+        yield _row(last, last, best.id, f"not added: {reason}", sentence, best.p)
 
 
-def _removed(number: int, base: Base, last: Base, names: Sequence[str]) -> LadderStep:
+def _removed(base: Base, last: Base, names: Sequence[str]) -> LadderStep:
     """The step on which effects went that later ones had made needless."""
     every = ", ".join(names)
     sentence = f"{every} removed: what came later has made it needless."
-    return _row(number, base, last, every, None, "removed", "removed", sentence)
+    return _row(base, last, every, "removed", sentence)
 
 
 def _row(
-    number: int,
-    base: Base,
-    last: Base | None,
-    effect: str,
-    p: float | None,
-    outcome: str,
-    decision: str,
-    sentence: str,
+    base: Base, last: Base | None, effect: str, decision: str, sentence: str, p: float | None = None
 ) -> LadderStep:
+    """A step from the base `last`; steps are numbered once all are known."""
     held, floor = base.rmse_held, float(np.sqrt(base.floor.square))
     return LadderStep(
-        step=number,
+        step=0,
         effect=effect,
         rmse_fit=float(np.sqrt(max(base.square_fit, 0.0))),
         rmse_heldout=held,
         noise_floor=floor,
         excess_heldout=None if held is None else excess_of(held, floor),
         p_adjusted=p,
-        outcome=outcome,
+        outcome=outcome_of(decision),
         decision=decision,
         sentence=sentence,
         parameters=_parameters(base.model, last.model if last else None),

@@ -423,7 +423,8 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
             choice = None
         quiet = at_noise_floor(at, at.floor.square)
         rival = None if quiet else best_nuisance(at, allowed_nuisances(at))
-        if rival is not None and (choice is None or _leaves_less(rival, choice)):
+        losses = [draft.base.held_white.sum() for draft in choice.refitted] if choice else [np.inf]
+        if rival is not None and rival.held_white.sum() < min(losses):
             climb.beside.append(newest(rival, at))
             progress(f"beside the model: {climb.beside[-1]}")
             climb.bases[-1] = rival.with_scatter_estimated
@@ -453,12 +454,6 @@ def _with_needed_nuisances(climb: _Climb) -> _Climb:
     climb.bases, climb.shapes = [first, *climb.bases[1:-1], top], measured_shapes(full.few, full)
     climb.choices[-1] = replace(last, chosen=replace(last.chosen, base=top))
     return climb
-
-
-def _leaves_less(rival: Base, choice: Choice) -> bool:
-    """Does a nuisance leave less held out than the best form?"""
-    best = min(float(draft.base.held_white.sum()) for draft in choice.refitted)
-    return float(rival.held_white.sum()) < best
 
 
 def _free_name(base: Base, stem: str, number: int = 1) -> str:
