@@ -208,12 +208,10 @@ def class_of(verdict: str) -> str | None:
 
 def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certainty:
     """P(right) of a diagnosis with these marks, by the package's table or another."""
-    table = calibration() if table is None else table
-    kind = class_of(marks.verdict)
+    table, kind = calibration() if table is None else table, class_of(marks.verdict)
     if kind is None:
         return Certainty(None, reason="it claims nothing")
-    known = table.get(kind)
-    words = " or ".join(CLASSES[kind])
+    known, words = table.get(kind), " or ".join(CLASSES[kind])
     if known is None:
         return Certainty(None, reason=f"no simulated case was {words}")
     if marks.carcass not in known["carcasses"]:
@@ -571,6 +569,4 @@ def benjamini_hochberg(p: Sequence[float]) -> FloatArray:
     given = np.asarray(p, dtype=np.float64)
     order = np.argsort(given)[::-1]
     by_rank = given[order] * given.size / np.arange(given.size, 0, -1)
-    adjusted = np.empty(given.size)
-    adjusted[order] = np.minimum(np.minimum.accumulate(by_rank), 1.0)
-    return adjusted
+    return np.minimum(np.minimum.accumulate(by_rank), 1.0)[np.argsort(order)]

@@ -585,7 +585,7 @@ def with_stability(
     found: Diagnosis, stability: Stability, each: PerGroup | None = None
 ) -> Diagnosis:
     """The diagnosis, with whether it stands without single logs or tires, and what each says."""
-    said = [stability.sentence, *([] if each is None else [each.sentence])]
+    said = [one.sentence for one in (stability, each) if one is not None]
     return replace(found, stability=stability, each=each, notes=(*found.notes, *said))
 
 

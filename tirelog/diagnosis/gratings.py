@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -476,23 +476,17 @@ def gathered(pieces: JointPieces, model: Model) -> Gathered:
     A grating that shows what no other does is left out if most remain, two at least.
     """
 
-    def fitted(some: JointPieces) -> JointBase:
-        base = start_from(some, model)
-        assert isinstance(base, JointBase)
-        return base
-
     every, searched = pieces, spread_out(pieces)
     names = tuple(name for name in pieces.members if name)
     places = tuple(float(np.degrees(p) % 360.0) for p in pieces.places if np.isfinite(p))
-    base = fitted(searched)
+    base = cast(JointBase, start_from(searched, model))
     frames = frames_of(members_of(base) if searched is pieces else members_held(pieces, base))
     found = GratingsFound(names, places, frames, ())
     out = found.alone
     if out and len(names) - len(out) >= max(2, len(out) + 1):
-        found = replace(found, set_apart=out)
-        pieces = pieces.without(out)
+        found, pieces = replace(found, set_apart=out), pieces.without(out)
         searched = spread_out(pieces)
-        base = fitted(searched)
+        base = cast(JointBase, start_from(searched, model))
     found = replace(
         found,
         asked=tuple(name for name in names if name not in found.set_apart),

@@ -563,9 +563,9 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
             for part in bases_by_observable(base)
             for check in posterior_checks(part, seed)
         )
-    if base.cells.phi.shape[1] == 1:
-        return ()  # one number per revolution has no shape
     cells, white = base.cells, base.noise
+    if cells.phi.shape[1] == 1:
+        return ()  # one number per revolution has no shape
     other = ProjectedOut.of(Offsets.of(cells, white), white(base.fit.moving))
     measured = other.without(white(np.nan_to_num(cells.values - base.fit.prediction)))
     random, used = np.random.default_rng(seed), white.inverse_sd > 0.0

@@ -377,13 +377,12 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
             for group in held.groups
             if group != ZERO
         ]
-    for nuisance in base.model.nuisances:
-        if nuisance.name in groups or nuisance.use == "off":
-            continue
-        effects = shared_effects(base.cells, base.fit, nuisance.name)
+    others = [n.name for n in base.model.nuisances if n.name not in groups and n.use != "off"]
+    for name in others:
+        effects = shared_effects(base.cells, base.fit, name)
         if effects is not None:
-            parts = _parts(base, effects, nuisance.name, *_amplitudes(base, effects))
-            found.append(NuisanceFound(nuisance.name, False, parts))
+            parts = _parts(base, effects, name, *_amplitudes(base, effects))
+            found.append(NuisanceFound(name, False, parts))
     return tuple(found)
 
 
@@ -416,10 +415,10 @@ def _parts(
     """The numbers of one nuisance; cosine and sine of a harmonic are one."""
     at = {effects.names[i]: i for i, name in enumerate(effects.group) if name == group}
     parts = []
-    for name, i in at.items():
-        number, error, said = float(value[i]), float(se[i]), name
-        if group == "wheel" and " cos " not in name:
-            continue
+    shown_as = [name for name in at if group != "wheel" or " cos " in name]
+    for name in shown_as:
+        i, said = at[name], name
+        number, error = float(value[i]), float(se[i])
         if group == "wheel":
             s = at[name.replace(" cos ", " sin ")]
             number = float(np.hypot(value[i], value[s]))
@@ -619,10 +618,12 @@ def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> 
                 f"{_parted_by('drift', base)} parts them"
             )
         return said, tells
-    if found.nuisance == "rolling":
-        return said, "give the setup's [tire] the radius that a measured way shows"
-    if found.nuisance == FORM:
-        return said, "see `tirelog form`"
+    advice = {
+        "rolling": "give the setup's [tire] the radius that a measured way shows",
+        FORM: "see `tirelog form`",
+    }
+    if found.nuisance in advice:
+        return said, advice[found.nuisance]
     (part,) = found.parts
     said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
     for parameter in frees(base.model, found.nuisance):
