@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from tirelog.diagnosis.propose.formulas import (
     strengths,
     unit_columns,
 )
-from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
+from tirelog.diagnosis.propose.grammar import LAWS, forms
 from tirelog.diagnosis.propose.ground import Ground, measured_shapes
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -89,7 +91,7 @@ def test_polishing_does_not_explain_less(ground: Ground) -> None:
     assert len(chosen) == len(words)
     for form in chosen:
         grid = {name: float(values[0]) for name, values in next(form.grids(1)).items()}
-        atom = Atom(form, grid, GivenLaw(LAWS[0], LAWS[0].text, {"n": 1.0}))
+        atom = Atom(form, grid, replace(LAWS[0], numbers={"n": 1.0}))
         assert polish(ground, atom).explained >= strengths(ground, atom)[1] * (1.0 - 1e-3)
 
 
@@ -123,7 +125,7 @@ def test_a_law_is_written_without_what_is_one(
     law: int, numbers: dict[str, float], free: tuple[str, ...], written: str
 ) -> None:
     text = LAWS[law].text.format(load="3500")
-    assert GivenLaw(LAWS[law], text, numbers).written(free) == written
+    assert replace(LAWS[law], text=text, numbers=numbers).written(free) == written
 
 
 def test_hats_interpolate_straight_lines_and_close_on_themselves() -> None:

@@ -20,7 +20,7 @@ from tirelog.diagnosis.candidates.search import SearchResult, search_effects
 from tirelog.diagnosis.compare import compare, start
 from tirelog.diagnosis.diagnose import diagnose
 from tirelog.diagnosis.propose.formulas import Atom, Choice, Draft, Scanned, entry_of
-from tirelog.diagnosis.propose.grammar import LAWS, GivenLaw, forms
+from tirelog.diagnosis.propose.grammar import LAWS, forms
 from tirelog.diagnosis.propose.propose import (
     LOCK_EVERY,
     Proposal,
@@ -162,7 +162,7 @@ def test_a_term_that_a_later_one_made_needless_goes() -> None:
     """An odd wave of no size before the ringing that is there: one term is left, the first."""
     alone = start(LOGS, MODEL)
     by_words = {form.words: form for form in forms()}
-    law = GivenLaw(LAWS[0], LAWS[0].text, {"n": 1.0})
+    law = replace(LAWS[0], numbers={"n": 1.0})
     atoms = [
         Atom(by_words["odd wave along the patch (xi / L)"], {"width": 1.0}, law, fixed=("n",)),
         Atom(

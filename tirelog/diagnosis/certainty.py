@@ -35,7 +35,7 @@ from tirelog.diagnosis.candidates.assessment import (
     best_variants,
     candidate_effects,
     flip_signs,
-    gain_and_error,
+    gain_sigmas,
     scores_of,
     statistics,
 )
@@ -49,7 +49,6 @@ from tirelog.diagnosis.rules import (
     SECOND_LEAST,
 )
 from tirelog.inference.base import Base
-from tirelog.inference.floor import held_out_losses_with
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model.model import BY_NAME, FORM, Model
@@ -67,11 +66,6 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "part": ("partial",),
     "unknown": ("unknown",),
 }
-#: a rival, or a gain, is as far away as matters [standard errors]; doubling changes nothing that
-#: simulated cases showed
-_FAR = 10.0
-#: logs of at most so many times the manoeuvres that the cases had, or so few, are still like them
-_REACH = 1.5
 
 
 @dataclass(frozen=True)
@@ -108,14 +102,17 @@ def marks_of(
     held, floor  held-out errors before and after, and the noise floor, in one unit
     chi2         reduced chi-square before and after
     """
+    # a rival, or a gain, is as far away as matters [standard errors]; doubling changes nothing that
+    # simulated cases showed
+    far = 10.0
     gains, rivals = [], []
     for step in found.steps:
         if step.named is None:
             continue
         best = step.named.base
-        gains.append(_sigmas(step.before.held_white, best.held_white))
+        gains.append(gain_sigmas(step.before.held_white, best.held_white))
         apart = [r for r in step.contenders if r.id != step.named.id and r.id not in step.group]
-        rivals += [_sigmas(r.base.held_white, best.held_white) for r in apart] or [_FAR]
+        rivals += [gain_sigmas(r.base.held_white, best.held_white) for r in apart] or [far]
     in_floors = [math.nan if e is None or not floor > 0.0 else e / floor for e in held]
     return Marks(
         verdict,
@@ -126,15 +123,9 @@ def marks_of(
         chi2[0],
         chi2[1],
         least_p=min((a.p for a in found.steps[0].assessed), default=1.0),
-        gain_sigmas=min(gains, default=0.0),
-        rival_sigmas=min(rivals, default=0.0),
+        gain_sigmas=float(np.clip(min(gains), 0.0, far)) if gains else 0.0,
+        rival_sigmas=float(np.clip(min(rivals), 0.0, far)) if rivals else 0.0,
     )
-
-
-def _sigmas(before: Any, after: Any) -> float:
-    """A held-out gain in its standard errors, between 0 and as far as matters."""
-    gain, error = gain_and_error(before, after)
-    return min(max(gain / error, 0.0), _FAR) if error > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -217,19 +208,18 @@ def class_of(verdict: str) -> str | None:
 
 def certainty_of(marks: Marks, table: Mapping[str, Any] | None = None) -> Certainty:
     """P(right) of a diagnosis with these marks, by the package's table or another."""
-    table = calibration() if table is None else table
-    kind = class_of(marks.verdict)
+    table, kind = calibration() if table is None else table, class_of(marks.verdict)
     if kind is None:
         return Certainty(None, reason="it claims nothing")
-    known = table.get(kind)
-    words = " or ".join(CLASSES[kind])
+    known, words = table.get(kind), " or ".join(CLASSES[kind])
     if known is None:
         return Certainty(None, reason=f"no simulated case was {words}")
     if marks.carcass not in known["carcasses"]:
         had = " or ".join(known["carcasses"])
         return Certainty(None, reason=f"simulated cases that were {words} had a {had}")
     low, high = known["manoeuvres"]
-    if not low / _REACH <= marks.manoeuvres <= high * _REACH:
+    # so many times the manoeuvres that the cases had, or so few, are still like them
+    if not low / 1.5 <= marks.manoeuvres <= high * 1.5:
         return Certainty(
             None, reason=f"simulated cases had {low} to {high} manoeuvres, these logs "
             f"{marks.manoeuvres}",
@@ -256,21 +246,21 @@ def unlike_cases(model: Model, selected: Iterable[str], gratings: bool) -> str:
 
     `gratings`: it was asked of several.
     """
-    if gratings:
-        return "the cases had one grating"
-    if model.observables != (STRAIN,):
-        return f"the cases had {STRAIN}, these logs have {' and '.join(model.observables)}"
     own = [effect.id for effect in model.effects]
-    if FORM in own:
-        return "in the cases no form of the tire's own came in"
-    if own:
-        return "the cases began with a bare model, this one holds effects already"
-    if any(nuisance.use != BY_NAME[nuisance.name].use for nuisance in model.nuisances):
-        return "in the cases every nuisance might come in, this model says which"
-    own = [name for name in selected if name not in BY_ID]
-    if own:
-        return f"the cases had the catalogue alone, and {own[0]} is not of it"
-    return ""
+    new = [name for name in selected if name not in BY_ID]
+    logs = " and ".join(model.observables)
+    uses = [(nuisance.use, BY_NAME[nuisance.name].use) for nuisance in model.nuisances]
+    reasons = {
+        "the cases had one grating": gratings,
+        f"the cases had {STRAIN}, these logs have {logs}": model.observables != (STRAIN,),
+        "in the cases no form of the tire's own came in": FORM in own,
+        "the cases began with a bare model, this one holds effects already": own,
+        "in the cases every nuisance might come in, this model says which": any(
+            use != usual for use, usual in uses
+        ),
+        f"the cases had the catalogue alone, and {' '.join(new[:1])} is not of it": new,
+    }
+    return next((why for why, holds in reasons.items() if holds), "")
 
 
 @cache
@@ -349,25 +339,23 @@ def inclusion(
     found: SearchResult, draws: int, extra: Iterable[Effect] = (), seed: int = 0
 ) -> Inclusion:
     """How often each step of a search names each effect, over draws of its manoeuvres."""
-    extra = tuple(extra)
-    count = found.before.cells.manoeuvres
+    extra, count = tuple(extra), found.before.cells.manoeuvres
     random = np.random.default_rng(seed)
     times = random.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
-    steps = [
+    steps = tuple(
         StepInclusion(i, step.named.id if step.named else None, _shares(step, i, times, extra))
         for i, step in enumerate(found.steps, start=1)
-    ]
-    return Inclusion(draws, count, tuple(steps))
+    )
+    return Inclusion(draws, count, steps)
 
 
 def _shares(
     step: Step, number: int, times: FloatArray, extra: tuple[Effect, ...]
 ) -> dict[str, float]:
     """The share of the draws (D, M) that named each effect at this step, if any did."""
-    base = step.before
-    held = {effect.effect.id for effect in base.model.effects}
-    tried = [a.id for a in step.assessed if a.id not in held]
-    alarms = _alarms(base, tried, times, extra, first=number == 1)
+    tried = {a.id for a in step.assessed} - {effect.id for effect in step.before.model.effects}
+    effects = [e for e in candidate_effects(step.before.model, extra) if e.id in tried]
+    alarms = _alarms(step.before, effects, times, first=number == 1)
     refitted = [r for r in step.contenders if r.established and r.id in alarms]
     loss = {r.id: times @ r.base.held_white for r in refitted}
     if not loss:  # none was refitted: the largest statistic would be
@@ -382,13 +370,12 @@ def _shares(
 
 
 def _alarms(
-    base: Base, names: list[str], times: FloatArray, extra: tuple[Effect, ...], *, first: bool
+    base: Base, effects: Sequence[Effect], times: FloatArray, *, first: bool
 ) -> dict[str, tuple[Any, FloatArray]]:
     """By effect: which draws it alarms in, and its statistic in each, (D,).
 
     A further effect must remove more than the first.
     """
-    effects = [e for e in candidate_effects(base.model, extra) if e.id in names]
     kept, scores, _ = scores_of(base, all_signatures(base, effects)[0])
     if not kept:
         return {}
@@ -397,11 +384,8 @@ def _alarms(
     least, sure = (float(np.quantile(largest, 1.0 - p)) for p in (ALARM_P, BEYOND_DOUBT_P))
     share = LEAST_SHARE_OF_FLOOR if first else SECOND_LEAST
     size = share * base.floor.square * base.plain.weight
-    best = best_variants(kept, under_flips[0])
-    columns = [[kept[i].columns] for i in best.values()]
-    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
     result: dict[str, tuple[Any, FloatArray]] = {}
-    for (name, i), (white, plain) in zip(best.items(), losses, strict=True):
+    for name, (i, white, plain) in best_variants(base, kept, under_flips[0]).items():
         gain, large = base.held_white - white, times @ (base.held_plain - plain) > size
         statistic, count = statistics([scores[i]], times)[:, 0], gain.size
         mean = times @ gain / count
@@ -585,6 +569,4 @@ def benjamini_hochberg(p: Sequence[float]) -> FloatArray:
     given = np.asarray(p, dtype=np.float64)
     order = np.argsort(given)[::-1]
     by_rank = given[order] * given.size / np.arange(given.size, 0, -1)
-    adjusted = np.empty(given.size)
-    adjusted[order] = np.minimum(np.minimum.accumulate(by_rank), 1.0)
-    return adjusted
+    return np.minimum(np.minimum.accumulate(by_rank), 1.0)[np.argsort(order)]

@@ -101,16 +101,16 @@ def start_from(pieces: Pieces | JointPieces, model: Model, *, several: bool = Tr
     if observables_of(pieces) != model.observables:
         raise other_observable(pieces, model)
     model = without_motion_parameters(model)
-    if isinstance(pieces, JointPieces):
-        cells = [cells_of(part) for part in pieces.parts]
-        if pieces.places:
-            cells = [
-                replace(own, member=name, place_rad=place)
-                for own, name, place in zip(cells, pieces.members, pieces.places, strict=True)
-            ]
-        drive = [part.manoeuvre for part in pieces.parts]
-        return prepare_together(cells, drive, model, several=several)
-    return prepare(cells_of(pieces), model, several=several)
+    if not isinstance(pieces, JointPieces):
+        return prepare(cells_of(pieces), model, several=several)
+    cells, drive = map(cells_of, pieces.parts), [part.manoeuvre for part in pieces.parts]
+    if not pieces.places:
+        return prepare_together(list(cells), drive, model, several=several)
+    members = [
+        replace(own, member=name, place_rad=place)
+        for own, name, place in zip(cells, pieces.members, pieces.places, strict=True)
+    ]
+    return prepare_together(members, drive, model, several=several)
 
 
 def observables_of(pieces: Pieces | JointPieces) -> tuple[str, ...]:
@@ -137,12 +137,13 @@ def compare(measured: Measured, model: Model) -> Comparison:
     base = start(measured, model)
     result, beside = comparison_of(base, single_revolutions(measured)), with_best_nuisances(base)
     formed = beside if form_explains(beside, base) else None
-    result = replace(result, parameters=parameters_of(with_form_errors(base, formed)))
-    if beside is base:
-        return result
-    names = [name for name in groups_of(beside) if name not in groups_of(base)]
-    errors = {name: getattr(comparison_of(beside), name) for name in ERRORS}
-    return replace(result, with_nuisances={"nuisances": names, **errors})
+    errors: dict[str, Any] | None = None
+    if beside is not base:
+        more, names = comparison_of(beside), groups_of(base)
+        errors = {"nuisances": [name for name in groups_of(beside) if name not in names]}
+        errors |= {name: getattr(more, name) for name in ERRORS}
+    parameters = parameters_of(with_form_errors(base, formed))
+    return replace(result, parameters=parameters, with_nuisances=errors)
 
 
 def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Comparison:
@@ -158,16 +159,13 @@ def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Com
         _comparison_of_one(part, own)
         for part, own in zip(bases_by_observable(base, held_by_all=True), of_parts, strict=True)
     )
-    known, cells = contributions(base), base.cells
+    known, cells, first = contributions(base), base.cells, parts[0]
     units = {name: p.unit for name, p in base.model.parameters.items()}
     word = "grating" if all(part.member for part in parts) else "observable"
     values = cells.values - base.fit.beside
     level = np.array([np.nanmean(values[cells.part == i]) for i in range(len(base.channels))])
-    about = np.nan_to_num(values - level[cells.part][:, None])
-    spread = base.plain.mean_square((base.plain(about) ** 2).sum()) + base.floor.within
     assert cells.together is not None
-    first, floor = parts[0], cells.together.scales[0]
-    waves = first.waveforms
+    waves, floor = first.waveforms, cells.together.scales[0]
     shown = {name: getattr(waves, name) / floor for name in ("measured", "predicted", "floor")}
     return replace(
         first,
@@ -178,10 +176,7 @@ def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Com
         unit=FLOORS,
         member="",
         model=without_ratios(base.model),
-        **_errors(base, spread),
-        revolutions=int(cells.revolutions.sum()),
-        manoeuvres=cells.manoeuvres,
-        parameters=parameters_of(base.model),
+        **_errors(base, values - level[cells.part][:, None]),
         tables=ErrorTables.joined(parts),
         remarks=tuple(remarks_of(base)),
         parts=parts,
@@ -190,8 +185,11 @@ def comparison_of(base: Base, stacks: Sequence[Stack] | JointStacks = ()) -> Com
     )
 
 
-def _errors(base: Base, spread: float) -> dict[str, Any]:
-    """The errors of a comparison; `spread` is the mean square of what was measured."""
+def _errors(base: Base, about: FloatArray) -> dict[str, Any]:
+    """The errors of a comparison; `about` is what was measured about its level, (C, m)."""
+    spread = base.plain.mean_square((base.plain(np.nan_to_num(about)) ** 2).sum())
+    spread += base.floor.within
+    left = float(np.sqrt(max(base.square_held, 0.0) / spread)) if spread > 0.0 else 1.0
     return {
         "rmse": float(np.sqrt(max(base.square_fit, 0.0))),
         "rmse_heldout": base.rmse_held,
@@ -199,17 +197,16 @@ def _errors(base: Base, spread: float) -> dict[str, Any]:
         "noise_floor_within": float(np.sqrt(base.floor.within)),
         "noise_floor_between": float(np.sqrt(base.floor.between)),
         "reduced_chi2": base.reduced_chi2,
-        "fit_percent": 100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread)))
-        if spread > 0
-        else 0.0,
+        "fit_percent": 100.0 * (1.0 - left),
+        "revolutions": int(base.cells.revolutions.sum()),
+        "manoeuvres": base.cells.manoeuvres,
+        "parameters": parameters_of(base.model),
     }
 
 
 def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
     """The comparison of one observable."""
     cells, measured = base.cells, base.cells.values - base.fit.beside
-    square = (base.plain(measured - np.nanmean(measured)) ** 2).sum()
-    spread = base.plain.mean_square(square) + base.floor.within
     known = OBSERVABLES[base.model.observable]
     # time over all logs, one after the other
     time_s, logs = cells.conditions.time_s, range(int(cells.log.max()) + 1)
@@ -221,10 +218,7 @@ def _comparison_of_one(base: Base, stacks: Sequence[Stack]) -> Comparison:
         unit=known.unit,
         member=cells.member,
         model=without_ratios(base.model),
-        **_errors(base, spread),
-        revolutions=int(cells.revolutions.sum()),
-        manoeuvres=cells.manoeuvres,
-        parameters=parameters_of(base.model),
+        **_errors(base, np.asarray(measured - np.nanmean(measured))),
         tables=error_tables(base, stacks),
         waveforms=_waveforms(base),
         by_speed=_map(base, cells.conditions.speed_m_s, "speed_m_s"),
@@ -247,13 +241,9 @@ def remarks_of(base: FittedChannel) -> list[str]:
     if isinstance(base, JointBase):
         each = [(part.cells.label, remarks_of(part)) for part in bases_by_observable(base)]
         counted = Counter(remark for _, remarks in each for remark in dict.fromkeys(remarks))
-        return list(
-            dict.fromkeys(
-                remark if counted[remark] > 1 or remark in base.cells.notes else f"{name}: {remark}"
-                for name, remarks in each
-                for remark in remarks
-            )
-        )
+        of_all = {*base.cells.notes, *(remark for remark, n in counted.items() if n > 1)}
+        said = [r if r in of_all else f"{name}: {r}" for name, remarks in each for r in remarks]
+        return list(dict.fromkeys(said))
     said = [*base.cells.notes, *unit_remarks(base.model), *of_rounding(base)]
     if base.cells.manoeuvres < 2:
         said.append(
@@ -261,9 +251,9 @@ def remarks_of(base: FittedChannel) -> list[str]:
             "drive more of them"
         )
     measured = np.nanmean(base.cells.values, axis=0)
-    good = np.isfinite(measured) & np.isfinite(np.nanmean(base.fit.prediction, axis=0))
-    if good.sum() > 8 and base.cells.observable == STRAIN:
-        skew = float(np.mean((measured[good] - measured[good].mean()) ** 3))
+    good = measured[np.isfinite(measured + np.nanmean(base.fit.prediction, axis=0))]
+    if good.size > 8 and base.cells.observable == STRAIN:
+        skew = float(np.mean((good - good.mean()) ** 3))
         place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
         if word != base.cells.surface:
             said.append(
@@ -273,12 +263,12 @@ def remarks_of(base: FittedChannel) -> list[str]:
             )
     if not base.fit.settled:
         said.append("the fit did not settle; its parameters may be off; start from other values")
-    for name in base.fit.names:
-        p = base.model.parameters[name]
-        if p.value in (p.min, p.max) and "." not in name:
-            said.append(
-                f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
-            )
+    own = {name: base.model.parameters[name] for name in base.fit.names if "." not in name}
+    said += [
+        f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
+        for name, p in own.items()
+        if p.value in (p.min, p.max)
+    ]
     return said + out_of_range(base)
 
 
@@ -288,10 +278,9 @@ def of_rounding(base: FittedChannel) -> list[str]:
         return [
             f"{p.cells.label}: {said}" for p in bases_by_observable(base) for said in of_rounding(p)
         ]
-    if isinstance(base, Base) and base.cells.manoeuvres > 1:
+    held = base.square_fit
+    if isinstance(base, Base) and base.rmse_held is not None:
         held = base.square_held
-    else:
-        held = base.square_fit
     return rounding_sentences(base.model.observable, held, base.floor.square, base.square_rounding)
 
 
@@ -315,10 +304,8 @@ def _floor(base: Base) -> FloatArray:
 def _waveforms(base: Base) -> Waveforms:
     """Four cells, at most, that span the speeds."""
     c, speed = base.cells, base.cells.conditions.speed_m_s
-    order = np.argsort(speed)
-    chosen = np.unique(
-        order[np.linspace(0, order.size - 1, min(4, order.size)).round().astype(int)]
-    )
+    places = np.linspace(0, speed.size - 1, min(4, speed.size)).round().astype(int)
+    chosen = np.unique(np.argsort(speed)[places])
     chosen = chosen[np.argsort(speed[chosen])]
     logs = tuple(PurePath(c.logs[c.log[i]]).name for i in chosen)
     return Waveforms(
@@ -340,16 +327,15 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
     edges = np.linspace(axis.min(), axis.max() + 1e-9, min(24, axis.size) + 1)
     row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, edges.size - 2)
     alike = [row == r for r in np.unique(row)]
-
-    def mean(x: FloatArray, power: float) -> FloatArray:
-        count = [np.maximum(np.isfinite(x[own]).sum(axis=0), 1) ** power for own in alike]
-        return np.stack(
-            [np.nansum(x[own], axis=0) / n for own, n in zip(alike, count, strict=True)]
+    count = [np.maximum(np.isfinite(residual[own]).sum(axis=0), 1) for own in alike]
+    means, errors = (
+        np.stack(
+            [np.nansum(x[own], axis=0) / n**power for own, n in zip(alike, count, strict=True)]
         )
-
+        for x, power in ((residual, 1.0), (whitened, 0.5))
+    )
     centre = np.array([axis[own].mean() for own in alike])
-    phi = np.nanmean(base.cells.phi, axis=0)
-    return Map(centre, name, phi, mean(residual, 1.0), mean(whitened, 0.5))
+    return Map(centre, name, np.nanmean(base.cells.phi, axis=0), means, errors)
 
 
 # ---- tables --------------------------------------------------------------------------------------
@@ -389,11 +375,9 @@ def _row(base: Base, rows: NDArray[np.bool_], description: dict[str, Any]) -> di
     index = np.flatnonzero(rows)
     plain = UnweightedMetric.of(take_cells(base.cells, index))
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)[index]
-    share = plain.weights**2
-    of_noise = (share * np.where(share > 0, base.cells.within[index], 0.0)).sum()
-    left = plain.mean_square((plain(residual) ** 2).sum())
+    left, within = plain.mean_square((plain(residual) ** 2).sum()), base.cells.within[index]
     between, number = base.floor.between, base.cells.revolutions[index]
-    return description | _sizes(left, float(of_noise / plain.weight), between, number)
+    return description | _sizes(left, _mean_within(plain, within), between, number)
 
 
 def _sizes(left: float, within: float, between: float, revolutions: IntArray) -> dict[str, Any]:
@@ -416,19 +400,16 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
         "exit": (phi > 0.5 * edge) & (phi <= 1.5 * edge),
         "away": np.abs(phi) > 1.5 * edge,
     }
-    residual, _ = _residual(base)
-    share = base.plain.weights**2
-    bias = share * np.where(share > 0, base.cells.sd, 0.0) ** 2
-    bias = bias + share * np.einsum(
-        "cmi,cij,cmj->cm", base.cells.random, base.cells.random_cov, base.cells.random
-    )
+    cells, share = base.cells, base.plain.weights**2
+    spread = np.einsum("cmi,cij,cmj->cm", cells.random, cells.random_cov, cells.random)
+    bias = np.where(share > 0, cells.sd, 0.0) ** 2 + spread
+    square = share * (np.nan_to_num(_residual(base)[0]) ** 2 - bias)
+    noise = share * np.where(share > 0, cells.within, 0.0)
     rows = []
     for name, zone in zones.items():
-        total = share[:, zone].sum()
-        left = ((share * np.nan_to_num(residual) ** 2)[:, zone].sum() - bias[:, zone].sum()) / total
-        within = (share * np.where(share > 0, base.cells.within, 0.0))[:, zone].sum() / total
+        left, within = (x[:, zone].sum() / share[:, zone].sum() for x in (square, noise))
         between = float(base.floor.between_by_angle[zone].mean())
-        rows.append({"angle": name} | _sizes(left, within, between, base.cells.revolutions))
+        rows.append({"angle": name} | _sizes(left, within, between, cells.revolutions))
     return rows
 
 
@@ -437,10 +418,9 @@ def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[st
 
     The rms of measured less predicted, the offset of its log and its own shift taken out.
     """
-    first = 0
-    for stack in stacks:
-        yield _revolutions(base, stack, base.cells.cell[first : first + len(stack)])
-        first += len(stack)
+    ends = np.cumsum([len(stack) for stack in stacks])
+    for stack, end in zip(stacks, ends.tolist(), strict=True):
+        yield _revolutions(base, stack, base.cells.cell[end - len(stack) : end])
 
 
 def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict[str, Any]]:
@@ -449,16 +429,13 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     if stack.phi_rad.size > 1:
         angles["phi_rad"] = stack.phi_mean - base.cells.moved[cell][:, None]
         angles["phi_variance"] = stack.phi_variance
-    left_out = cell < 0  # of a log that many others left no room
-    cell = np.maximum(cell, 0)
+    left_out, cell = cell < 0, np.maximum(cell, 0)  # of a log that many others left no room
     model = base.model
     if model.beside:
         model = model_of(model, stack.observable, base.cells.member)
     predicted = _of_each(model, stack, angles) + base.fit.beside[cell]
-    left = np.where(
-        np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan
-    )
-    direction = base.plain.direction[cell]
+    left, direction = stack.values - predicted, base.plain.direction[cell]
+    left[~np.isfinite(left)] = np.nan
     size = np.nansum(left[..., None] * direction, axis=1, keepdims=True)
     left = left - (direction * size).sum(axis=-1)
     beyond, c = np.isnan(left).all(axis=1), stack.conditions
@@ -490,8 +467,7 @@ def _of_each(model: Model, stack: Stack, angles: Mapping[str, Any]) -> FloatArra
     for i in range(len(stack)):
         own = {name: None if all_ is None else all_[i : i + 1] for name, all_ in angles.items()}
         one = computed(stack.conditions.take(np.array([i])), **own)
-        if not isinstance(one, ModelError):
-            result[i] = one[0]
+        result[i] = np.nan if isinstance(one, ModelError) else one[0]
     return result
 
 
@@ -526,9 +502,9 @@ def untouched(after: Base, locked: Pieces | JointPieces) -> tuple[float, float] 
         return _untouched_several(after, locked)
     cells = cells_of(locked)
     for _ in range(3):
-        cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
-    cells = at_mean_speed(cells, _fit_on(after, cells))
-    fit = _fit_on(after, cells)
+        cells, _farthest = centred(cells, predicted(after.model, cells))
+    cells = at_mean_speed(cells, replace(after.fit, prediction=predicted(after.model, cells)))
+    fit = replace(after.fit, prediction=predicted(after.model, cells))
     plain = UnweightedMetric.of(cells)
     known = dict(zip(np.unique(after.cells.log).tolist(), after.fit.offsets, strict=False))
     offsets = np.array([known.get(log, 0.0) for log in cells.log.tolist()])
@@ -538,10 +514,15 @@ def untouched(after: Base, locked: Pieces | JointPieces) -> tuple[float, float] 
         cells = replace(cells, shared=beside)
         nuisances = beside.columns @ after.fit.amplitudes + bends(cells, fit, after.cells)
     left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None] - nuisances))
-    share = plain.weights**2
-    within = float((share * np.where(share > 0, cells.within, 0.0)).sum() / plain.weight)
+    within = _mean_within(plain, cells.within)
     rmse = float(np.sqrt(max(within + plain.mean_square((left**2).sum()), 0.0)))
     return rmse, float(np.sqrt(within + after.floor.between))
+
+
+def _mean_within(plain: UnweightedMetric, within: FloatArray) -> float:
+    """Mean square [unit^2] within manoeuvres, of that of each value (C, m)."""
+    share = plain.weights**2
+    return float((share * np.where(share > 0, within, 0.0)).sum() / plain.weight)
 
 
 def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
@@ -549,19 +530,12 @@ def _untouched_several(after: Base, locked: JointPieces) -> tuple[float, float]:
     layout = after.cells.together
     assert layout is not None
     squares, weights = [], []
-    for part, own, scale in zip(
-        bases_by_observable(after), locked.parts, layout.scales, strict=True
-    ):
-        if len(own):
-            there = untouched(part, own)
-            if isinstance(there, ModelError):
-                raise there
-            squares.append(np.square(there) / scale**2)
-            weights.append(float(own.number.sum()))
+    members = zip(bases_by_observable(after), locked.parts, layout.scales, strict=True)
+    for part, own, scale in (member for member in members if len(member[1])):
+        there = untouched(part, own)
+        if isinstance(there, ModelError):
+            raise there
+        squares.append(np.square(there) / scale**2)
+        weights.append(float(own.number.sum()))
     rmse, floor = np.sqrt(np.average(squares, axis=0, weights=weights)).tolist()
     return rmse, floor
-
-
-def _fit_on(after: Base, cells: Any) -> Any:
-    """The fitted model's prediction on other cells."""
-    return replace(after.fit, prediction=predicted(after.model, cells))

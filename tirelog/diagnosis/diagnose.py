@@ -114,8 +114,8 @@ from tirelog.diagnosis.rules import (
     verdict_of,
 )
 from tirelog.errors import TirelogError, UsageError
-from tirelog.inference.base import Base, JointBase, bases_by_observable
-from tirelog.inference.cells.joint import JointPieces, JointStacks, model_of
+from tirelog.inference.base import JointBase
+from tirelog.inference.cells.joint import JointPieces, JointStacks
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.floor import Floor
 from tirelog.physics.effects import Effect
@@ -203,13 +203,11 @@ class Diagnosis(AnswerRecord):
         )
 
     def to_json(self) -> dict[str, Any]:
-        apart = (
-            *("effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"),
-            *("gratings", "inclusion", "stability", "each"),
-        )
-        names = [name for name in self.__dataclass_fields__ if name not in apart]
+        apart = {"effects", "notes", "found", "stacks", "nuisances", "checks", "suspects"}
+        once_more = ("gratings", "inclusion", "stability", "each")
+        more = {name: getattr(self, name) for name in once_more}
         return plain_fields(
-            {name: getattr(self, name) for name in names}
+            {n: getattr(self, n) for n in self.__dataclass_fields__ if n not in apart | more.keys()}
             | {"effects": [vars(c) for c in self.effects], "note": " ".join(self.notes)}
             | {"certainty": self.certainty.to_json(), "drive_next": list(self.drive_next)}
             | {"nuisance_or_effect": [list(pair) for pair in self.found.alike]}
@@ -218,10 +216,7 @@ class Diagnosis(AnswerRecord):
             | {"form_may_hold": self.form_may_hold}
             | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
             | {"suspects": [asdict(s) for s in self.suspects]}
-            | ({} if self.gratings is None else {"gratings": self.gratings.to_json()})
-            | ({} if self.inclusion is None else {"inclusion": self.inclusion.to_json()})
-            | ({} if self.stability is None else {"stability": self.stability.to_json()})
-            | ({} if self.each is None else {"each": self.each.to_json()})
+            | {name: one.to_json() for name, one in more.items() if one is not None}
             | {"remarks": list(self.before.remarks)}
         )
 
@@ -270,10 +265,8 @@ class Diagnosis(AnswerRecord):
     def errors_sentence(self) -> str:
         """Errors before and after, the floor, and how much was measured."""
         factor, unit = shown(self.before.observable, self.before.unit)
-        error = (
-            f"held-out error {in_unit(self.rmse_heldout_before, factor)} -> "
-            f"{in_unit(self.rmse_heldout_after, factor)} {unit}"
-        )
+        errors = [in_unit(e, factor) for e in (self.rmse_heldout_before, self.rmse_heldout_after)]
+        error = f"held-out error {' -> '.join(errors)} {unit}"
         if self.rmse_heldout_before is None:
             error = f"error of the fit {in_unit(self.before.rmse, factor)} {unit}, none held out"
         elif (given := self.found.given) is not None and self.found.came_in:
@@ -312,16 +305,13 @@ def diagnose(
     """
     extra = tuple(effects)
     progress("fitting the model")
-    pieces = measured_pieces(measured)
-    stacks, gratings = single_revolutions(measured), None
+    pieces, stacks, gratings = measured_pieces(measured), single_revolutions(measured), None
     if isinstance(pieces, JointPieces) and pieces.places:
         gratings = gathered(pieces, model)
-        base: Base = gratings.base
         whole = gratings.searched is gratings.pieces
         if isinstance(stacks, JointStacks):
             stacks = stacks.of_channels(gratings.pieces.members) if whole else ()
-    else:
-        base = start_from(pieces, model)
+    base = start_from(pieces, model) if gratings is None else gratings.base
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
     found = replace(search_effects(base, extra, progress), given=base)
     progress("describing what is left")
@@ -342,8 +332,7 @@ def conclude(
         found = replace(found, after=replace(found.after, fit=fit))
     result = found.after if selected else before
     unnamed, manoeuvres = verdict in ("unknown", "partial"), before.cells.manoeuvres
-    excess = decision.excess
-    ranking = ranking_of(found, selected, excess.repeats, floor.square, excess.share)
+    ranking = ranking_of(found, selected, decision.repeats, floor.square, decision.share)
     scatter = scattered(before, floor.square) if verdict == "scatter" else None
     unexplained = _unexplained(decision, ranking, manoeuvres) | {"scatter": scatter}
     beside, checks = nuisances_found(result), posterior_checks(result)
@@ -366,6 +355,8 @@ def conclude(
         *(f"{said}." for said in out_of_range(result) if said not in left_before),
     ]
     few, ranked = manoeuvres < FEWEST_MANOEUVRES, {c.effect for c in ranking}
+    large = decision.after > SECOND_LEAST * floor.square
+    uses = {nuisance.name: nuisance.use for nuisance in before.model.nuisances}
     groups = tuple(s.group for s in found.steps if few and s.group)
     facts = _facts(decision, found, ranking) | {
         "suspects": tuple(s.said for s in suspected[:3]),
@@ -395,136 +386,128 @@ def conclude(
         revolutions=int(before.cells.revolutions.sum()),
         manoeuvres=manoeuvres,
         notes=tuple(filter(None, notes)),
-        next_command=_next_command(decision, before, result, gratings),
+        next_command=next_command(
+            verdict,
+            selected,
+            model=before.model,
+            logs=before.cells.log_names,
+            large_rest=verdict == "partial" and decision.left.significant and large,
+            beside=[
+                name for name, use in uses.items() if name in groups_of(result) and use != "on"
+            ],
+            grating=gratings.asked[0] if gratings is not None else "",
+        ),
         found=found,
         stacks=stacks,
         gratings=gratings,
     )
 
 
-@dataclass(frozen=True)
-class Excess:
-    """What there is to explain, and what the named effects remove of it; mean squares [unit^2].
+def shares_explained(
+    found: SearchResult, left: Leftover, before: float, after: float
+) -> tuple[float, float, float, float]:
+    """(repeats, share, alone, certain): what the named effects remove of the excess [unit^2].
 
-    before    held-out error above the floor without them;  after  with them
+    before, after  held-out error above the floor without them and with them
+    left           what repeats beside them
+
     repeats   what the shares are of: the excess before, or what repeats beside names that are
               beyond doubt
     share     of that, which they remove;  alone  which the first removes
     certain   what they remove if they are beyond doubt, else 0
     """
-
-    before: float
-    after: float
-    repeats: float
-    share: float
-    alone: float
-    certain: float = 0.0
-
-
-def excess_explained(found: SearchResult, left: Leftover) -> Excess:
-    """What the named effects remove of the excess; `left`: what repeats beside them."""
-    first, named = found.steps[0], found.steps[0].named
-    floor = (found.after if found.named else found.before).floor.square
-
-    def above(base: Base) -> float:
-        return max(base.square_held - floor, 0.0)
-
-    before = above(found.before)
-    after = above(found.after) if found.named else before
-    alone = 1.0 - above(named.base) / before if named and before else 0.0
-    share = 1.0 - after / before if before > 0 else 0.0
-    excess = Excess(before, after, before, share, alone)
     names = [step.named for step in found.steps if step.named is not None]
-    if not names or any(r.assessed.p > BEYOND_DOUBT_P for r in names):
-        return excess
+    if not names:
+        return before, 0.0, 0.0, 0.0
+    first = names[0]
+    left_alone = max(first.base.square_held - found.after.floor.square, 0.0)
+    share, alone = (1.0 - x / before if before > 0.0 else 0.0 for x in (after, left_alone))
+    if any(r.assessed.p > BEYOND_DOUBT_P for r in names):
+        return before, share, alone, 0.0
     # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
     size, by_size = removed_by(found.before, found.after, sure=True)
     removed = max(before - after, size) if by_size else before - after
     repeats = max(removed, 0.0) + (max(left.size, 0.0) if left.significant else 0.0)
-    excess = replace(excess, certain=removed)
     if repeats <= 0.0 or not (repeats < before or by_size):
-        return excess
+        return before, share, alone, removed
     alone *= before / repeats
-    if by_size and named is not None:
-        alone = removed_by(first.before, named.base, sure=True)[0] / repeats
-    return replace(excess, repeats=repeats, share=min(removed / repeats, 1.0), alone=alone)
+    if by_size:
+        alone = removed_by(found.steps[0].before, first.base, sure=True)[0] / repeats
+    return repeats, min(removed / repeats, 1.0), alone, removed
 
 
 @dataclass(frozen=True)
 class Decision:
     """A verdict with the effects that are claimed, and what it was decided by.
 
-    left, floor   what repeats of what the claimed model leaves, and its noise floor
-    groups        effects that cannot be told apart;  or_nuisance  (nuisance, effect) likewise
+    before, after   held-out error above the floor [unit^2] without them and with them
+    repeats, share  what the share is of, which they remove (`shares_explained`)
+    left, floor     what repeats of what the claimed model leaves, and its noise floor
+    groups          effects that cannot be told apart;  or_nuisance  (nuisance, effect) likewise
     """
 
     verdict: str
     selected: tuple[str, ...]
-    excess: Excess
+    before: float
+    after: float
+    repeats: float
+    share: float
     left: Leftover
     floor: Floor
     groups: tuple[tuple[str, ...], ...]
     or_nuisance: list[tuple[str, str]]
 
-    @property
-    def matters(self) -> bool:
-        """Whether something repeats that is no effect's and is large enough to matter."""
-        return self.left.significant and (
-            self.excess.after > LEAST_SHARE_OF_FLOOR * self.floor.square
-        )
-
 
 def decide(found: SearchResult) -> Decision:
     """The verdict of a search by the table of rules, and what it claims."""
-    before, after, left = found.before, found.after, describe(found.after)
-    excess = excess_explained(found, left)
-    floor = (after if found.named else before).floor
+    last, left = found.after if found.named else found.before, describe(found.after)
+    floor = last.floor
+    before, after = (max(b.square_held - floor.square, 0.0) for b in (found.before, last))
+    repeats, share, alone, certain = shares_explained(found, left, before, after)
     groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
     or_nuisance = [
         (nuisance, effect)
         for nuisance, effect in found.alike
-        if effect in found.named and nuisance not in groups_of(after)
+        if effect in found.named and nuisance not in groups_of(found.after)
     ]
-    decision = Decision("", found.named, excess, left, floor, groups, or_nuisance)
-    enough = excess.share >= MOST and (
-        len(found.named) == 1 or excess.alone >= MOST or excess.share >= TOGETHER
-    )
+    enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
+    matters = left.significant and after > LEAST_SHARE_OF_FLOOR * floor.square
     evidence = Evidence(
-        few=before.cells.manoeuvres < FEWEST_MANOEUVRES,
+        few=found.before.cells.manoeuvres < FEWEST_MANOEUVRES,
         named=len(found.named),
-        share=excess.share if enough else 0.0,
-        rest=decision.matters and excess.after > REST_SHARE * excess.before,
+        share=share if enough else 0.0,
+        rest=matters and after > REST_SHARE * before,
         alike=bool(groups or or_nuisance),
-        repeats=decision.matters,
-        quiet=at_noise_floor(before, floor.square),
+        repeats=matters,
+        quiet=at_noise_floor(found.before, floor.square),
     )
-    verdict = verdict_of(evidence)
-    if not found.named or verdict in CLAIMING:
-        return replace(decision, verdict=verdict)
-    # what was named is not claimed: all that is said is of the model as it came
-    floor = before.floor
-    above = max(before.square_held - floor.square, 0.0)
-    if max(above, excess.certain) <= LEAST_SHARE_OF_FLOOR * floor.square:
-        # what alarmed is gone, once less is taken for scatter, or too small to be missing
-        verdict = verdict_of(replace(evidence, named=0, repeats=False))
-    excess = replace(excess, before=above, after=above)
-    return Decision(verdict, (), excess, describe(before), floor, groups, or_nuisance)
+    verdict, selected = verdict_of(evidence), found.named
+    if selected and verdict not in CLAIMING:
+        # what was named is not claimed: all that is said is of the model as it came
+        selected, floor, left = (), found.before.floor, describe(found.before)
+        before = after = max(found.before.square_held - floor.square, 0.0)
+        if max(before, certain) <= LEAST_SHARE_OF_FLOOR * floor.square:
+            # what alarmed is gone, once less is taken for scatter, or too small to be missing
+            verdict = verdict_of(replace(evidence, named=0, repeats=False))
+    return Decision(
+        verdict, selected, before, after, repeats, share, left, floor, groups, or_nuisance
+    )
 
 
 def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]) -> dict[str, Any]:
     """What the verdict's sentence is made of, beside what stands in the diagnosis."""
-    before, excess = found.before, decision.excess
+    before, (observable, unit) = found.before, observed(found.before)
     return {
         "verdict": decision.verdict,
         "selected": decision.selected,
-        "share": excess.share,
-        "total": 1.0 - excess.after / excess.before if excess.before > 0 else 0.0,
+        "share": decision.share,
+        "total": 1.0 - decision.after / decision.before if decision.before > 0 else 0.0,
         "shares": {c.effect: c.excess_removed for c in ranking},
         "enough": MOST,
         "explained": EXPLAINED,
         "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
-        "observable": observed(before)[0],
-        "unit": observed(before)[1],
+        "observable": observable,
+        "unit": unit,
         "chi2": before.reduced_chi2,
         "groups": decision.groups,
         "or_nuisance": decision.or_nuisance,
@@ -535,36 +518,17 @@ def _facts(decision: Decision, found: SearchResult, ranking: Sequence[Candidate]
     }
 
 
-def _next_command(
-    decision: Decision, before: Base, result: Base, gratings: GratingsFound | None
-) -> str:
-    """What to type next; `before`, `result`: the base as it came and with what is claimed."""
-    model = before.model
-    large = decision.excess.after > SECOND_LEAST * decision.floor.square
-    return next_command(
-        decision.verdict,
-        decision.selected,
-        model=model,
-        logs=before.cells.log_names,
-        large_rest=decision.verdict == "partial" and decision.left.significant and large,
-        beside=[n.name for n in model.nuisances if n.name in groups_of(result) and n.use != "on"],
-        grating=gratings.asked[0] if gratings is not None else "",
-    )
-
-
 def _unexplained(
     decision: Decision, ranking: Sequence[Candidate], manoeuvres: int
 ) -> dict[str, Any]:
     """What remains, in the contract's keys and a sentence."""
-    left, excess = decision.left, decision.excess
-    near = [c for c in ranking if not c.selected and c.excess_removed >= REST_SHARE]
-    nearest = max(near, key=lambda c: c.excess_removed) if near and left.significant else None
-    counts = excess.before > LEAST_SHARE_OF_FLOOR * decision.floor.square
+    left, counts = decision.left, decision.before > LEAST_SHARE_OF_FLOOR * decision.floor.square
+    near = [c for c in ranking if c.excess_removed >= REST_SHARE]
+    tells = left.significant and not decision.selected
+    nearest = max(near, key=lambda c: c.excess_removed, default=None) if tells else None
     facts = {
         "significant": left.significant,
-        "share_of_excess": float(np.clip(excess.after / excess.before, 0.0, 1.0))
-        if counts
-        else 0.0,
+        "share_of_excess": min(decision.after / decision.before, 1.0) if counts else 0.0,
         "p": left.p,
         "size": float(np.sqrt(max(left.size, 0.0))),
         "where": left.where,
@@ -575,8 +539,8 @@ def _unexplained(
         "frequency_Hz": left.frequency_Hz,
         "in_pressure": left.in_pressure,
         "in_time": left.in_time,
-        "nearest_effect": nearest.effect if nearest and not decision.selected else None,
-        "nearest_share": nearest.excess_removed if nearest and not decision.selected else None,
+        "nearest_effect": nearest.effect if nearest else None,
+        "nearest_share": nearest.excess_removed if nearest else None,
     }
     if left.observable is not None:  # of several that are fitted together
         facts |= {"observable": left.observable, "contradicts": left.contradicts}
@@ -585,27 +549,17 @@ def _unexplained(
 
 def _advice(found: SearchResult, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:
     """What to drive next, for rivals and for too few manoeuvres."""
-    step = found.steps[0]
-    notes: list[str] = []
-    if verdict == "too_few":
-        notes.append(
-            f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two "
-            "mixed logs of a minute have a dozen: drive more of them."
-        )
-        rivals = [(r.id, r.base.model) for r in step.contenders[:3]]
-    elif verdict == "ambiguous":
+    step, few = found.steps[0], verdict == "too_few"
+    notes = [
+        f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two "
+        "mixed logs of a minute have a dozen: drive more of them."
+    ] * few
+    if verdict == "ambiguous":
         step = next((s for s in found.steps if s.named is not None and s.group), step)
-        rivals = [(r.id, r.base.model) for r in step.contenders if r.id in step.group]
-    else:
+    rivals = [r for r in step.contenders if r.id in step.group] if not few else step.contenders[:3]
+    if verdict not in ("too_few", "ambiguous") or len(rivals) < 2:
         return [], notes
-    if len(rivals) < 2:
-        return [], notes
-    before = step.before
-    if isinstance(before, JointBase):  # the list is searched in the first waveform
-        before = max(bases_by_observable(before), key=lambda part: part.cells.phi.shape[1])
-        seen, member = before.cells.observable, before.cells.member
-        rivals = [(name, model_of(model, seen, member)) for name, model in rivals]
-    rows, more = advise(before, rivals)
+    rows, more = advise(step.before, [(r.id, r.base.model) for r in rivals])
     return rows, notes + more
 
 
@@ -631,7 +585,7 @@ def with_stability(
     found: Diagnosis, stability: Stability, each: PerGroup | None = None
 ) -> Diagnosis:
     """The diagnosis, with whether it stands without single logs or tires, and what each says."""
-    said = [stability.sentence, *([] if each is None else [each.sentence])]
+    said = [one.sentence for one in (stability, each) if one is not None]
     return replace(found, stability=stability, each=each, notes=(*found.notes, *said))
 
 
@@ -665,8 +619,7 @@ def _of_logs(pieces: Pieces, names: set[str]) -> Pieces | None:
     some = pieces.take(mine)
     number, log = np.unique(some.log, return_inverse=True)
     manoeuvre = np.unique(some.manoeuvre, return_inverse=True)[1]
-    kept = tuple(pieces.logs[i] for i in number)
-    return replace(some, log=log, manoeuvre=manoeuvre, logs=kept)
+    return replace(some, log=log, manoeuvre=manoeuvre, logs=tuple(pieces.logs[i] for i in number))
 
 
 def answer_of(group: str, logs: Sequence[str], found: Diagnosis) -> GroupVerdict:

@@ -77,9 +77,9 @@ class FitOfLogs(AnswerRecord):
 
     def to_json(self) -> dict[str, Any]:
         """Values, standard errors (None: not determined) and units by name, and how good it is."""
-        parameters = self.model.parameters
         names = (*self.found.names, *(self.learned.names if self.learned else ()))
         errors = dict(zip(self.found.names, self.found.se, strict=True))
+        parameters = {name: self.model.parameters[name] for name in names}
         return plain_fields(
             {
                 "observable": self.model.observable,
@@ -135,10 +135,9 @@ def fit_channels_measured(
                 or an unknown nuisance
     UsageError  there is nothing to fit, or it is not what the model predicts
     """
-    given = [measured_pieces(channel) for channel in channels]
+    given, said = [measured_pieces(channel) for channel in channels], list[str]()
     pieces = [p for one in given for p in (one.parts if isinstance(one, JointPieces) else (one,))]
     _refuse(pieces, model)
-    said = []
     if len(pieces) > 1:
         said.append(
             f"{len(pieces)} channels are fitted together as if each had a scatter of its own; "
@@ -172,10 +171,8 @@ def fit_channels_measured(
     for channel in fitted:
         said += remarks_of(channel)
     result = result_of(fitted, with_form_errors(fitted[0]))
-    own = {name: p.free for name, p in model.parameters.items()}
-    free = {
-        name: replace(p, free=own.get(name, p.free)) for name, p in result.model.parameters.items()
-    }
+    found = result.model.parameters
+    free = {n: replace(found[n], free=p.free) for n, p in model.parameters.items() if n in found}
     return replace(result, model=result.model.with_parameters(free)), tuple(dict.fromkeys(said))
 
 
@@ -213,10 +210,12 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
             allowed="one with { value, min, max } is needed",
             do="free one in the model file",
         )
-    same = [pieces.observable in model.observables for pieces in channels]
-    for pieces, is_same in zip(channels, same, strict=True):
-        beside = any(same) and {pieces.observable, model.observable} <= set(WAVEFORMS)
-        if not is_same and not beside:
+    given = {pieces.observable for pieces in channels}
+    allowed = set(model.observables)
+    if given & allowed and model.observable in WAVEFORMS:
+        allowed |= set(WAVEFORMS)
+    for pieces in channels:
+        if pieces.observable not in allowed:
             raise other_observable(pieces, model)
         for log in np.unique(pieces.log):
             known = pieces.conditions.take(pieces.log == log)
@@ -243,9 +242,6 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
 #: is never sharper than a twentieth of the half length in a series of fourteen
 _PLACES = np.linspace(-1.2, 1.2, 97)
 _WAVES = np.unique(np.geomspace(2.0, 120.0, 30).round())
-#: a pressure below zero by more of its errors, or of this share of the highest, is said to pull;
-#: twice as many leave a pull of a tenth without a word
-_PULLS, _LEAST = 2.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -291,21 +287,20 @@ class TireForm(AnswerRecord):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Half length, and whether the form holds more than the tire's own."""
-        length = 1e3 * np.array([self.half_length_m, self.half_length_se_m])
-        said = f"half length of the patch {length[0]:.2f} ± {length[1]:.2f} mm"
-        if not self.doubtful:
-            return (said,)
-        return (
-            f"the fit leaves more than noise (reduced chi-square {self.reduced_chi2:.3g}, noise "
-            "gives 1): an effect may be missing, and its mean is in the form; see `tirelog "
-            "diagnose`",
-        )
+        """The same, beside the picture."""
+        return (self.headline,)
 
     @property
     def headline(self) -> str:
         """The half length, or that the form holds more than the tire's own."""
-        return self.notes[0]
+        if self.doubtful:
+            return (
+                f"the fit leaves more than noise (reduced chi-square {self.reduced_chi2:.3g}, "
+                "noise gives 1): an effect may be missing, and its mean is in the form; see "
+                "`tirelog diagnose`"
+            )
+        half, error = 1e3 * self.half_length_m, 1e3 * self.half_length_se_m
+        return f"half length of the patch {half:.2f} ± {error:.2f} mm"
 
     def rows(self) -> list[dict[str, Any]]:
         """The two profiles as rows of one table, the columns of the other blank."""
@@ -315,13 +310,16 @@ class TireForm(AnswerRecord):
             ("stiffness", "wavelength_m", "N_m2", self.stiffness),
         ):
             own = (f"{quantity}_{unit}", f"{quantity}_se_{unit}", f"{quantity}_formula_{unit}")
-            names = (place, *own)
             columns = (profile.at, profile.value, profile.se, profile.formula)
-            pulls = profile.value < -_PULLS * np.maximum(profile.se, _LEAST * profile.value.max())
-            words = marked(pulls | self.doubtful, Quality.FORM_UNCLEAR)
-            for *numbers, word in zip(*columns, words, strict=True):
-                row = {"quantity": quantity, **dict(zip(names, numbers, strict=True))}
-                rows.append(row | {"quality": quality_text(int(word))})
+            # a pressure below zero by more of its errors, or of this share of the highest, is said
+            # to pull; twice as many leave a pull of a tenth without a word
+            pulls = profile.value < -2.0 * np.maximum(profile.se, 0.01 * profile.value.max())
+            words = map(quality_text, marked(pulls | self.doubtful, Quality.FORM_UNCLEAR).tolist())
+            names = ("quantity", place, *own, "quality")
+            rows += [
+                dict(zip(names, (quantity, *row), strict=True))
+                for row in zip(*columns, words, strict=True)
+            ]
         return rows
 
     def to_json(self) -> dict[str, Any]:
@@ -362,25 +360,21 @@ def tire_form(measured: Measured, model: Model) -> TireForm:
         centre = phi @ there / there.sum()
         return np.asarray(of.predict(at, phi + centre, observable="contact_pressure")[0])
 
-    def stiffness(of: Model) -> FloatArray:
-        return np.asarray(of.static_stiffness(at)[_WAVES.astype(int)])
-
     drawn = draws(base.fit)
 
-    def error(quantity: Callable[[Model], FloatArray]) -> FloatArray:
-        """Of a quantity of the fitted model, by models that the log allows as well."""
-        value = quantity(fitted)
-        squares = [(quantity(one) - value) ** 2 for one in drawn]
-        return np.asarray(np.sqrt(np.mean(squares, axis=0)))
-
     def profile(at: FloatArray, quantity: Callable[[Model], FloatArray]) -> FormProfile:
-        return FormProfile(at, quantity(fitted), error(quantity), quantity(plain))
+        """Of the fitted model, with errors by models that the log allows as well."""
+        value = quantity(fitted)
+        squares = np.mean([(quantity(one) - value) ** 2 for one in drawn], axis=0)
+        return FormProfile(at, value, np.asarray(np.sqrt(squares)), quantity(plain))
 
     return TireForm(
         pressure=profile(_PLACES * half, pressure),
-        stiffness=profile(2.0 * np.pi * radius / _WAVES, stiffness),
+        stiffness=profile(
+            2.0 * np.pi * radius / _WAVES, lambda of: of.static_stiffness(at)[_WAVES.astype(int)]
+        ),
         half_length_m=half,
-        half_length_se_m=float(error(lambda of: of.half_length_m(at))[0]),
+        half_length_se_m=float(profile(phi, lambda of: of.half_length_m(at)).se[0]),
         load_N=float(fitted.site_loads_N(at)[0]),
         speed_m_s=float(at.speed_m_s[0]),
         reduced_chi2=base.reduced_chi2,
@@ -395,11 +389,10 @@ def draws(fit: Fit) -> list[Model]:
     Each is moved to where its numbers keep what their effects do, as the fit itself is. A patch
     that is longer moves the steps at its edges, which no derivative of a pressure shows.
     """
-    names, covariance = fit.names, fit.known.covariance
+    names, covariance, models = fit.names, fit.known.covariance, []
     low, high = bounds(fit.model, names)
     rows, floor = inequalities(fit.model, names)
     mean = np.array([fit.model.values[name] for name in names])
-    models = []
     se = np.sqrt(np.diagonal(covariance))
     # eigenvectors of like values turn with the rounding of a machine, a triangle does not
     unit = np.where(se > 0.0, se, 1.0)

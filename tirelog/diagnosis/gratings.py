@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -112,27 +112,22 @@ class GratingsFound:
 
     def to_json(self) -> dict[str, Any]:
         """Each grating by its name, the frames, and the effects' strengths."""
-        by_frame = {f.frame: f for f in self.frames}
-
-        def of(name: str) -> dict[str, Any]:
-            own, i = by_frame.get(name), self.names.index(name)
-            k = self.asked.index(name) if name in self.asked else None
-            return {
-                "angle_deg": self.angles_deg[i],
-                "alone_size": own.size if own else 0.0,
-                "alone_p": own.p if own else None,
-                "contradicts": name in self.alone,
-                "set_apart": name in self.set_apart,
-                "strengths": {
-                    s.parameter: {"value": s.values[k], "se": s.errors[k], "unit": s.unit}
-                    for s in self.strengths
-                    if k is not None
-                },
-            }
-
+        alone = {f.frame: {"alone_size": f.size, "alone_p": f.p} for f in self.frames}
+        nothing = {"alone_size": 0.0, "alone_p": None}
+        gratings: dict[str, dict[str, Any]] = {
+            name: {"angle_deg": angle}
+            | alone.get(name, nothing)
+            | {"contradicts": name in self.alone, "set_apart": name in self.set_apart}
+            | {"strengths": {}}
+            for name, angle in zip(self.names, self.angles_deg, strict=True)
+        }
+        for s in self.strengths:
+            for name, value, error in zip(self.asked, s.values, s.errors, strict=True):
+                own = {"value": value, "se": error, "unit": s.unit}
+                gratings[name]["strengths"][s.parameter] = own
         parameters = ("parameter", "q", "freedom", "p", "size", "contradicts")
         return {
-            "gratings": {name: of(name) for name in self.names},
+            "gratings": gratings,
             "frames": [vars(f) for f in self.frames],
             "heterogeneity": [{n: getattr(s, n) for n in parameters} for s in self.strengths],
             "searched_on": list(self.searched or self.asked),
@@ -141,25 +136,22 @@ class GratingsFound:
 
     def sentences(self) -> list[str]:
         """What the gratings say together, in words."""
-        said = []
-        for frame in self.frames:
-            if not frame.matters:
-                continue
-            size = f"{frame.size:.2g} squared floors"
-            if frame.frame == ROAD:
-                said.append(f"Fixed to the road, the same in all gratings: {size}.")
-            elif frame.frame == WHEEL:
-                said.append(f"Fixed to the wheel, shifted by each grating's angle: {size}.")
-            elif frame.frame in self.agreeing:
-                said.append(
-                    f"{frame.frame} seemed to show {size} of its own; beside what is named it says "
-                    "what the others do."
-                )
-            else:
-                said.append(
-                    f"{frame.frame} alone shows {size} that no other grating does: its bonding, "
-                    "its channel or its place across the tread, not the tire."
-                )
+        words = {
+            ROAD: "Fixed to the road, the same in all gratings: {size}.",
+            WHEEL: "Fixed to the wheel, shifted by each grating's angle: {size}.",
+        }
+        for name in self.agreeing:
+            words[name] = (
+                f"{name} seemed to show {{size}} of its own; beside what is named it says what the "
+                "others do."
+            )
+        for name in self.alone:
+            words[name] = (
+                f"{name} alone shows {{size}} that no other grating does: its bonding, its channel "
+                "or its place across the tread, not the tire."
+            )
+        matter = [frame for frame in self.frames if frame.matters]
+        said = [words[f.frame].replace("{size}", f"{f.size:.2g} squared floors") for f in matter]
         if self.set_apart:
             one = len(self.set_apart) == 1
             said.append(f"What follows is without {'it' if one else ', '.join(self.set_apart)}.")
@@ -215,8 +207,8 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
     Its parameters and what its nuisances do are as they are; each grating has its own lever arm.
     """
     shared = fitted.cells.shared
-    groups = () if shared is None else shared.groups
-    found = dict(zip(() if shared is None else shared.names, fitted.fit.amplitudes, strict=True))
+    groups, names = ((), ()) if shared is None else (shared.groups, shared.names)
+    found = dict(zip(names, fitted.fit.amplitudes, strict=True))
     model = without_ratios(fitted.model)
     model = replace(model, nuisances=tuple(n.used("auto") for n in model.nuisances))
     free = [name for name in model.free if name != LEVER]
@@ -240,14 +232,12 @@ def members_held(pieces: JointPieces, fitted: JointBase) -> Iterator[Member]:
             does = beside.columns @ np.array([found.get(own, 0.0) for own in beside.names])
             cells = replace(cells, values=cells.values - does)
             (channel,) = fit_together([cells], one, several=False)
-        anew = channel.model.with_parameters(
-            {n: replace(channel.model.parameters[n], free=True) for n in free}
-        )
-        names = tuple(n for n in (*free, LEVER) if n in anew.parameters)
-        (fit,) = finish([Problem(channel.cells, channel.white)], anew, names, True)
+        known = channel.model.parameters
+        anew = channel.model.with_parameters({n: replace(known[n], free=True) for n in free})
+        moved = tuple(n for n in (*free, LEVER) if n in anew.parameters)
+        (fit,) = finish([Problem(channel.cells, channel.white)], anew, moved, True)
         own = replace(fit.cells, member=name, manoeuvre=manoeuvre)
-        none = np.zeros((*own.phi.shape, 0))
-        yield replace(channel, fit=fit, cells=own), none, WHEEL in groups
+        yield replace(channel, fit=fit, cells=own), np.zeros((*own.phi.shape, 0)), WHEEL in groups
 
 
 # ---- Flips over normal equations by manoeuvre: in which frame something repeats, and how strongly.
@@ -316,10 +306,9 @@ def strengths_of(
         own = [f"{_EFFECT} {part.name}" for part in parts]
         each, _ = _evidence(parts, prior, [], own)
         differing, size = _evidence(parts, prior, [_EFFECT], own[1:])
-        scale = max(1.0, fitted.fit.reduced_chi2)
+        scale, parameter = max(1.0, fitted.fit.reduced_chi2), fitted.model.parameters[name]
         errors = np.sqrt((each.root() ** 2).sum(axis=1) * scale)
         statistic, p = flip_test([differing], len(each.scores))
-        parameter = fitted.model.parameters[name]
         found.append(
             Strengths(
                 parameter=name,
@@ -342,17 +331,14 @@ def _parts(
     found, prior, lever = [], np.zeros(0), 0.0
     for channel, shared, has_wheel in members:
         fit, cells = channel.fit, channel.cells
-        of_lever = (LEVER, ratio_name(cells.member))
-        kept = [
-            k
-            for k, name in enumerate(fit.names)
-            if name not in (effect, LEVER) and not name.startswith(ratio_name(""))
-        ]
+        number = {name: k for k, name in enumerate(fit.names)}
+        of_levers = [n for n in number if n == LEVER or n.startswith(ratio_name(""))]
+        kept = [k for name, k in number.items() if name not in (effect, *of_levers)]
         prior = np.concatenate([np.zeros(len(kept)), np.ones(shared.shape[-1])])
-        own = [k for k, name in enumerate(fit.names) if name in of_lever][:1]
+        own = [number[n] for n in of_levers if n in (LEVER, ratio_name(cells.member))][:1]
         blocks: dict[str, list[FloatArray]] = {
             _BASE: [fit.moving[..., kept], shared],
-            _EFFECT: [fit.moving[..., [fit.names.index(effect)]]] if effect else [],
+            _EFFECT: [fit.moving[..., [number[effect]]]] if effect else [],
             ROAD: [],
             WHEEL: [],
             _LEVER: [fit.moving[..., own]],
@@ -368,8 +354,7 @@ def _parts(
                 still = ratio * hats(angle)
                 blocks[block] += [still, still * faster]
             wheel = None if has_wheel else shared_effects(cells, fit, WHEEL)
-            if wheel is not None:
-                blocks[WHEEL].append(wheel.columns * wheel.sd)
+            blocks[WHEEL] += [] if wheel is None else [wheel.columns * wheel.sd]
         found.append(_normal(channel, blocks))
     return found, prior
 
@@ -388,20 +373,13 @@ def _normal(channel: FittedChannel, blocks: Mapping[str, Sequence[FloatArray]]) 
 
     normal = Normal.of(*without_own(channel.white), manoeuvre)
     slopes, residual = without_own(channel.plain)
-    flat = stacked(slopes)
+    flat, square, name = stacked(slopes), channel.floor.square, cells.member
     ends = np.cumsum([0, *(sum(x.shape[-1] for x in block) for block in blocks.values())])
     own = {name: np.arange(a, b) for name, (a, b) in zip(blocks, pairwise(ends), strict=True)}
-    name = cells.member
-    return _Part(
-        name=name,
-        gram=normal.gram,
-        right=normal.right,
-        size_gram=flat.T @ flat / channel.floor.square,
-        size_right=flat.T @ residual.ravel() / channel.floor.square,
-        weight=channel.plain.weight,
-        columns=own
-        | {name: own[ROAD], f"{_EFFECT} {name}": own[_EFFECT], f"{_LEVER} {name}": own[_LEVER]},
-    )
+    own |= {name: own[ROAD], f"{_EFFECT} {name}": own[_EFFECT], f"{_LEVER} {name}": own[_LEVER]}
+    size_gram, size_right = flat.T @ flat / square, flat.T @ residual.ravel() / square
+    weight = channel.plain.weight
+    return _Part(name, normal.gram, normal.right, size_gram, size_right, weight, own)
 
 
 def _evidence(
@@ -424,9 +402,8 @@ def _evidence(
         right[np.ix_(turns, where)] += part.right[np.ix_(turns, local)]
         size_gram[np.ix_(where, where)] += part.size_gram[np.ix_(local, local)]
         size_right[where] += part.size_right[local]
-    whole = gram.sum(axis=0)
-    whole[np.diag_indices(prior.size)] += prior
-    inverse = _inverse(whole[:n, :n])
+    whole = gram.sum(axis=0) + np.diag(np.pad(prior, (0, many - prior.size)))
+    inverse = inverse_of(whole[:n, :n])
     ground = inverse @ right[:, :n].sum(axis=0)
     left = right - gram[:, :, :n] @ ground
     turn = inverse @ whole[:n, n:]
@@ -442,7 +419,7 @@ def _evidence(
     return evidence, float(removed) / (sum(weights) or sum(part.weight for part in parts))
 
 
-def _inverse(whole: FloatArray) -> FloatArray:
+def inverse_of(whole: FloatArray) -> FloatArray:
     """The inverse of normal equations, whatever units their columns have."""
     size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
     # eigenvalues of the normal equations below this share of the largest are rounding
@@ -499,23 +476,17 @@ def gathered(pieces: JointPieces, model: Model) -> Gathered:
     A grating that shows what no other does is left out if most remain, two at least.
     """
 
-    def fitted(some: JointPieces) -> JointBase:
-        base = start_from(some, model)
-        assert isinstance(base, JointBase)
-        return base
-
     every, searched = pieces, spread_out(pieces)
     names = tuple(name for name in pieces.members if name)
     places = tuple(float(np.degrees(p) % 360.0) for p in pieces.places if np.isfinite(p))
-    base = fitted(searched)
+    base = cast(JointBase, start_from(searched, model))
     frames = frames_of(members_of(base) if searched is pieces else members_held(pieces, base))
     found = GratingsFound(names, places, frames, ())
     out = found.alone
     if out and len(names) - len(out) >= max(2, len(out) + 1):
-        found = replace(found, set_apart=out)
-        pieces = pieces.without(out)
+        found, pieces = replace(found, set_apart=out), pieces.without(out)
         searched = spread_out(pieces)
-        base = fitted(searched)
+        base = cast(JointBase, start_from(searched, model))
     found = replace(
         found,
         asked=tuple(name for name in names if name not in found.set_apart),
@@ -532,8 +503,7 @@ def spread_out(pieces: JointPieces) -> JointPieces:
     gratings = [i for i, name in enumerate(pieces.members) if name]
     if len(gratings) < MOST_SEARCHED:
         return pieces
-    place = np.array(pieces.places)
-    chosen = gratings[:1]
+    place, chosen = np.array(pieces.places), gratings[:1]
     while len(chosen) < MOST_SEARCHED:
         off = np.abs(np.angle(np.exp(1j * (place[gratings][:, None] - place[chosen]))))
         chosen.append(gratings[int(off.min(axis=1).argmax())])

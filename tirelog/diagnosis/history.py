@@ -49,8 +49,8 @@ _WHOLE = _LADDER | {
 }
 
 
-def _outcome(decision: str) -> str:
-    """The outcome of a step that was kept when its decision alone said it."""
+def outcome_of(decision: str) -> str:
+    """The outcome of a step by its decision, which alone said it once."""
     first = ("start", "removed", "added")
     return next((word for word in first if decision.startswith(word)), "not_added")
 
@@ -83,7 +83,7 @@ def read_history(model: Path) -> list[dict[str, Any]]:
 
 def _with_outcomes(ladder: dict[str, Any]) -> dict[str, Any]:
     for step in ladder["steps"]:
-        step.setdefault("outcome", _outcome(step["decision"]))
+        step.setdefault("outcome", outcome_of(step["decision"]))
     return ladder
 
 

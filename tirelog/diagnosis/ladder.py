@@ -11,6 +11,7 @@ The error falls to the floor on the way.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,8 @@ from tirelog.diagnosis.compare import (
     start,
     untouched,
 )
-from tirelog.diagnosis.gratings import gathered
+from tirelog.diagnosis.gratings import gathered, inverse_of
+from tirelog.diagnosis.history import outcome_of
 from tirelog.diagnosis.propose.propose import propose
 from tirelog.diagnosis.results import Ladder, LadderStep
 from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
@@ -93,13 +95,11 @@ def ladder(
             sentence = f"{name} added, written down from what was left: {proposal.sentence}"
             p = max((term.p for term in proposal.terms), default=None)
             steps = [step for step in steps if step.outcome != "not_added"]
-            steps.append(
-                _row(len(steps), top, after, name, p, "added", "added: proposed", sentence)
-            )
+            steps.append(_row(top, after, name, "added: proposed", sentence, p))
             after, dropped = without_needless(top, [*found.named, *proposal.written])
             if dropped:
                 after = after.with_scatter_estimated
-                steps.append(_removed(len(steps), after, top, dropped))
+                steps.append(_removed(after, top, dropped))
             verdict = _reached(found.before, after)
     on_locked = untouched(after, locked) if locked is not None else (None, None)
     fails = verdict != "at_the_floor" and not at_noise_floor(after, after.floor.square)
@@ -120,7 +120,7 @@ def ladder(
     return Ladder(
         observable=observable,
         unit=unit,
-        steps=tuple(steps),
+        steps=tuple(replace(step, step=number) for number, step in enumerate(steps)),
         model=with_nuisances_on(after),
         verdict=verdict,
         rmse_untouched=on_locked[0],
@@ -152,67 +152,56 @@ def _reached(first: Base, last: Base) -> str:
 def _steps(found: SearchResult) -> Iterable[LadderStep]:
     """The base's row, a row for each effect that came in, and one for the first that did not."""
     last, later = found.before, [*(step.before for step in found.steps[1:]), found.after]
-    yield _row(0, last, None, "base", None, "start", "start", "The model as it came.")
-    number = 0
+    yield _row(last, None, "base", "start", "The model as it came.")
     for step, base in zip(found.steps, later, strict=True):
-        if step.named is None:
+        if (named := step.named) is None:
             break
-        number += 1
-        others = [name for name in step.group if name != step.named.id]
+        others = [name for name in step.group if name != named.id]
         decision = f"added (or {', '.join(others)})" if others else "added"
-        noise = probability(step.named.assessed.p, base.cells.manoeuvres)
-        sentence = f"{step.named.id} added: the improvement has probability {noise} of being noise."
-        p = step.named.assessed.p
-        yield _row(number, base, last, step.named.id, p, "added", decision, sentence)
+        noise = probability(named.assessed.p, base.cells.manoeuvres)
+        sentence = f"{named.id} added: the improvement has probability {noise} of being noise."
+        yield _row(base, last, named.id, decision, sentence, named.assessed.p)
         last = base
     if found.dropped:
-        number += 1
-        yield _removed(number, found.after, last, found.dropped)
+        yield _removed(found.after, last, found.dropped)
         last = found.after
     final = found.steps[-1]
     if final.named is None and final.assessed:
         best = final.contenders[0].assessed if final.contenders else final.assessed[0]
-        reason = "no gain"
-        if final.contenders:
-            reason = "within what a different form of the others would leave"
+        reason = "within what a different form of the others would leave"
         if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
             reason = "too few manoeuvres"
+        elif not final.contenders:
+            reason = "no gain"
         noise = probability(best.p, last.cells.manoeuvres)
         sentence = (
             f"An improvement by {best.id} has probability {noise} of being noise; it is not added "
             f"({reason})."
         )
-        decision = f"not added: {reason}"
-        yield _row(number + 1, last, last, best.id, best.p, "not_added", decision, sentence)
+        yield _row(last, last, best.id, f"not added: {reason}", sentence, best.p)
 
 
-def _removed(number: int, base: Base, last: Base, names: Sequence[str]) -> LadderStep:
+def _removed(base: Base, last: Base, names: Sequence[str]) -> LadderStep:
     """The step on which effects went that later ones had made needless."""
     every = ", ".join(names)
     sentence = f"{every} removed: what came later has made it needless."
-    return _row(number, base, last, every, None, "removed", "removed", sentence)
+    return _row(base, last, every, "removed", sentence)
 
 
 def _row(
-    number: int,
-    base: Base,
-    last: Base | None,
-    effect: str,
-    p: float | None,
-    outcome: str,
-    decision: str,
-    sentence: str,
+    base: Base, last: Base | None, effect: str, decision: str, sentence: str, p: float | None = None
 ) -> LadderStep:
+    """A step from the base `last`; steps are numbered once all are known."""
     held, floor = base.rmse_held, float(np.sqrt(base.floor.square))
     return LadderStep(
-        step=number,
+        step=0,
         effect=effect,
         rmse_fit=float(np.sqrt(max(base.square_fit, 0.0))),
         rmse_heldout=held,
         noise_floor=floor,
         excess_heldout=None if held is None else excess_of(held, floor),
         p_adjusted=p,
-        outcome=outcome,
+        outcome=outcome_of(decision),
         decision=decision,
         sentence=sentence,
         parameters=_parameters(base.model, last.model if last else None),
@@ -221,13 +210,10 @@ def _row(
 
 def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]:
     """Free parameters with errors, and how far each moved, in sigma of both."""
-    rows = {}
-    for name, p in model.parameters.items():
-        if not p.free:
-            continue
+    rows, known = {}, before.parameters if before else {}
+    for name, p in ((name, p) for name, p in model.parameters.items() if p.free):
         shift = None
-        if before is not None and name in before.parameters:
-            old = before.parameters[name]
+        if (old := known.get(name)) is not None:
             sigma = np.hypot(p.se or 0.0, old.se or 0.0)
             shift = (p.value - old.value) / sigma if sigma > 0 and np.isfinite(sigma) else None
         rows[name] = {"value": p.value, "se": p.se, "unit": p.unit, "shift_sigma": shift}
@@ -248,10 +234,8 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
     step = solve_scaled(normal.gram, normal.right)
     rows: list[Mapping[str, Any]] = []
-    for log, logname in enumerate(base.cells.logs):
-        if log >= normal.gram.shape[0] or not np.any(base.cells.log == log):
-            continue
-        of = {}
+    for log in np.unique(base.cells.log).tolist():
+        of, logname = {}, base.cells.logs[log]
         if (layout := base.cells.together) is not None:
             part = log // len(layout.logs)
             of = {"observable": layout.observables[part]}
@@ -259,27 +243,17 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
                 of["grating"] = layout.members[part]
             if not normal.gram[log, : len(names), : len(names)].any():
                 continue
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.gram[log]), 1e-300))
-        covariance = (
-            np.linalg.pinv(normal.gram[log] * scale[:, None] * scale, rcond=1e-10)
-            * scale[:, None]
-            * scale
-        )
+        se = np.sqrt(np.maximum(np.diag(inverse_of(normal.gram[log])), 0.0)).tolist()
+        known = base.cells.conditions.take(np.flatnonzero(base.cells.log == log))
         for i, name in enumerate(names):
             visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
             p = base.model.parameters[name]
-            rows.append(
-                of
-                | {
-                    "log": logname,
-                    "parameter": name,
-                    "unit": p.unit,
-                    "value": p.value + float(step[log, i]) if visible else None,
-                    "se": float(np.sqrt(max(covariance[i, i], 0.0))) if visible else None,
-                    "distance_km": float(
-                        np.mean(base.cells.conditions.distance_km[base.cells.log == log])
-                    ),
-                    "load_N": float(np.mean(base.cells.conditions.load_N[base.cells.log == log])),
-                }
-            )
+            row = {
+                "log": logname, "parameter": name, "unit": p.unit,
+                "value": p.value + float(step[log, i]) if visible else None,
+                "se": se[i] if visible else None,
+                "distance_km": float(np.mean(known.distance_km)),
+                "load_N": float(np.mean(known.load_N)),
+            }  # fmt: skip
+            rows.append(of | row)
     return rows

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.answer import AnswerTable, excess_of, plain_fields
 from tirelog.errors import ModelError, UsageError, or_refusal
-from tirelog.inference.fit.cells import descend, errors_of
+from tirelog.inference.fit.cells import bounds, descend, errors_of
 from tirelog.inference.measured import motion_names
 from tirelog.inference.obstacle_log import DISTURBED, WINDOW_S, TransientLog, around
 from tirelog.inference.stacks.align import split_turns
@@ -53,9 +54,6 @@ from tirelog.vocabulary.quality import OK, Quality, quality_text
 
 #: Nuisance numbers of a hit.
 NUISANCES = 4
-#: The patch centre of the model is sought this far [rad] from the passages, and compared at so
-#: many angles. Twice as far reaches shapes that lie on the wrong side of the patch.
-_ALIGNED_RAD, _ALIGNED_AT = 0.15, 1024
 #: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns]
 #: from the rough time; then beside the best few on a fine grid and unsmoothed. Twice as coarse a
 #: grid needs signals smoothed as much more; twice as many of the best take twice as long.
@@ -63,9 +61,6 @@ _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
 #: Turns before and after the rough time between which the hit is sought. Twice as far takes in the
 #: passages before and after the one that was hit.
 _BEFORE, _AFTER = 1.25, 0.5
-#: Largest phase [rad] of a hit, either way. Twice as much lets a hit that the model does not
-#: describe be turned as far until it seems to.
-_PHASE_RAD = 0.2
 
 
 @dataclass(frozen=True)
@@ -102,8 +97,7 @@ def motion_at(
     around = np.linspace(rough_s - 2.0 * turn, rough_s + window_s, 64)
     around = around[(around >= log.time_s[0]) & (around <= log.time_s[-1])]
     slope, spin = np.polyfit(around - rough_s, log.wheel.speed_rad_s(around), 1)
-    nearest = int(np.argmin(np.abs(log.conditions.time_s - (rough_s - 1.5 * turn))))
-    conditions = log.conditions.take(slice(nearest, nearest + 1))
+    conditions = _conditions_at(log, rough_s - 1.5 * turn)
     load = float(conditions.load_N[0]) if conditions.known("load_N") else model.values["load_N"]
     # the axle's speed at which the model's wheel turns as the log's does
     radius = free_rolling_radius(
@@ -112,13 +106,10 @@ def motion_at(
     # Distance [m] driven on a level road before the obstacle. Half a turn of a car's wheel, for
     # what the start leaves to die away; twice as much drives that metre more.
     run_up = 1.0 / (radius * spin)
-    length = run_up + window_s + 0.02
-    speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
-    speed = (
-        Schedule((0.0, length), speeds)
-        if abs(slope) > 1e-2 * spin
-        else Schedule.constant(float(radius * spin))
-    )
+    length, speed = run_up + window_s + 0.02, Schedule.constant(float(radius * spin))
+    if abs(slope) > 1e-2 * spin:
+        speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
+        speed = Schedule((0.0, length), speeds)
     folder = Path(log.folder).parent if log.folder else None
     begins = 0.5 * (speed(0.0) + speed(run_up)) * run_up
     road = road_of(replace(log.road, spacing_m=None), begins, folder=folder)
@@ -139,13 +130,21 @@ def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = W
     def left_at(x: FloatArray) -> FloatArray:
         return view.left(best + 1e-3 * float(x[0]), float(x[1]))
 
-    bounds = ([-1.0, -_PHASE_RAD], [1.0, _PHASE_RAD])
-    found = least_squares(left_at, np.zeros(2), bounds=bounds, diff_step=[1e-3, 1e-3])
+    # largest phase [rad] of a hit, either way: twice as much lets a hit that the model does not
+    # describe be turned as far until it seems to
+    most = np.array([1.0, 0.2])
+    found = least_squares(left_at, np.zeros(2), bounds=(-most, most), diff_step=[1e-3, 1e-3])
     time, phase = best + 1e-3 * float(found.x[0]), float(found.x[1])
     left, slopes = view.left(time, phase), np.asarray(found.jac, dtype=np.float64)
     variance = float(left @ left) / max(left.size - NUISANCES, 1)
     error = 1e-3 * float(np.sqrt(variance * np.linalg.pinv(slopes.T @ slopes)[0, 0]))
     return view.hit(time, error, phase, window_s)
+
+
+def _conditions_at(log: TransientLog, time_s: float) -> Conditions:
+    """Those of the revolution next to a time."""
+    nearest = int(np.argmin(np.abs(log.conditions.time_s - time_s)))
+    return log.conditions.take(np.array([nearest]))
 
 
 def view_of(log: TransientLog, model: Model, rough_s: float, window_s: float) -> View:
@@ -159,21 +158,18 @@ def view_of(log: TransientLog, model: Model, rough_s: float, window_s: float) ->
 
 def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
     """Angle [rad] of the model's patch where the passages are: its steady waveform laid on T."""
-    phi = np.linspace(-np.pi, np.pi, _ALIGNED_AT, endpoint=False)
-    measured = log.steady_at(phi, np.full(_ALIGNED_AT, log.spin_rad_s))
-    measured = measured - measured.mean()
+    phi = np.linspace(-np.pi, np.pi, 1024, endpoint=False)
+    measured = log.steady_at(phi, np.full(phi.size, log.spin_rad_s))
 
     def left(shift: float) -> float:
-        wave = model.predict(
-            conditions, np.mod(phi + shift + np.pi, 2.0 * np.pi) - np.pi, surface=log.surface
-        )[0]
-        return float(np.sum((measured - wave + wave.mean()) ** 2))
+        turned = np.mod(phi + shift + np.pi, 2.0 * np.pi) - np.pi
+        missed = measured - model.predict(conditions, turned, surface=log.surface)[0]
+        return float(np.sum((missed - missed.mean()) ** 2))
 
-    return float(
-        minimize_scalar(
-            left, bounds=(-_ALIGNED_RAD, _ALIGNED_RAD), method="bounded", options={"xatol": 1e-6}
-        ).x
-    )
+    # so far from the passages [rad]: twice as far reaches shapes that lie on the wrong side of the
+    # patch
+    near = (-0.15, 0.15)
+    return float(minimize_scalar(left, bounds=near, method="bounded", options={"xatol": 1e-6}).x)
 
 
 def _sought(view: View, times: FloatArray, width: int) -> float:
@@ -183,19 +179,16 @@ def _sought(view: View, times: FloatArray, width: int) -> float:
     # Angle [rad] from the patch centre within which the steady waveform is steep. Twice as much
     # leaves an eighth less of the turn to find a hit's time by.
     apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > 0.4
-    losses = np.array(
-        [
-            np.sum(uniform_filter1d(view.left(float(time), 0.0) * apart, width) ** 2)
-            for time in times
-        ]
-    )
+
+    def loss(time: float, width: int) -> float:
+        return float(np.sum(uniform_filter1d(view.left(time, 0.0) * apart, width) ** 2))
+
+    losses = np.array([loss(time, width) for time in times.tolist()])
     low = np.flatnonzero((losses <= np.roll(losses, 1)) & (losses <= np.roll(losses, -1)))
     candidates = times[low[np.argsort(losses[low])[:_BEST]]]
     near = np.arange(-2.0 * _GRID_S, 2.0 * _GRID_S, _FINE_S)
     fine = (candidates[:, None] + near).ravel()
-    return float(
-        fine[int(np.argmin([np.sum((view.left(float(time), 0.0) * apart) ** 2) for time in fine]))]
-    )
+    return float(fine[int(np.argmin([loss(time, 1) for time in fine.tolist()]))])
 
 
 @dataclass(frozen=True)
@@ -236,8 +229,7 @@ class View:
         """Measured less steady as measured less added by the model, without its mean, (m,)."""
         added, steady, _, _ = self._parts(time_s, phase_rad)
         left = self.log.values[self.rows] - steady - added
-        centred: FloatArray = left - left.mean()
-        return centred
+        return np.asarray(left - left.mean(), dtype=np.float64)
 
     def hit(self, time_s: float, error_s: float, phase_rad: float, window_s: float) -> Hit:
         since = self.log.time_s - time_s
@@ -334,79 +326,63 @@ class _Hits:
 
     def __init__(self, model: Model, names: tuple[str, ...], logs: Sequence[TransientLog]) -> None:
         self.model, self.names, self.stage = model, names, _STAGES[-1]
-        self._seen: tuple[tuple[bytes, float], list[View]] = (b"", 0.0), []
+        self._seen: tuple[tuple[list[float], float], list[View]] = ([], 0.0), []
         #: of each hit its log around it, its time and window [s]
         self.events: list[tuple[TransientLog, float, float]] = []
         start = [model.values[name] for name in names]
-        for log in logs:
-            for i, rough in enumerate(log.hits_s):
-                ends = [self.stage[0], *(log.hits_s[i + 1 : i + 2] - rough - 0.02)]
-                window = float(min([*ends, log.time_s[-1] - rough]))
-                near = around(log, float(rough))
-                hit = fit_hit(near, model, float(rough), window)
-                self.events.append((near, hit.time_s, window))
-                start += [hit.time_s, hit.phase_rad]
+        for near, rough, window in (
+            event for log in logs for event in _windows(log, self.stage[0])
+        ):
+            hit = fit_hit(near, model, rough, window)
+            self.events.append((near, hit.time_s, window))
+            start += [hit.time_s, hit.phase_rad]
         self.start = np.array(start)
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Those of the parameters; a hit's time and phase have none."""
-        parameters = [self.model.parameters[name] for name in self.names]
-        free = np.full(self.start.size - len(parameters), np.inf)
-        return (
-            np.concatenate([[p.min for p in parameters], -free]),
-            np.concatenate([[p.max for p in parameters], free]),
-        )
+        low, high = bounds(self.model, self.names)
+        free = np.full(self.start.size - low.size, np.inf)
+        return np.append(low, -free), np.append(high, free)
 
     def sizes(self, theta: FloatArray) -> FloatArray:
-        own = [max(abs(v), 0.3 * abs(self.model.parameters[n].probe)) for n, v in self._own(theta)]
-        hits = (theta.size - len(own)) // 2
-        return np.concatenate([own, np.tile(10.0 * np.array(_NUISANCE_STEPS), hits)])
+        probes = [0.3 * abs(self.model.parameters[name].probe) for name in self.names]
+        own = np.maximum(np.abs(theta[: len(probes)]), probes)
+        return np.append(own, np.tile(10.0 * np.array(_NUISANCE_STEPS), len(self.events)))
 
     def residual(self, theta: FloatArray) -> FloatArray:
-        return self._left(self._views(theta), theta)
+        """What the model misses at all hits within the stage, one after the other, (N,)."""
+        parts = []
+        for view, at in zip(self._views(theta), theta[len(self.names) :].reshape(-1, 2).tolist()):
+            left = view.left(*at)
+            width = round(self.stage[1] * view.log.rate_Hz)
+            parts.append(uniform_filter1d(left, width) if width > 1 else left)
+        return np.concatenate(parts)
 
     def square(self, theta: FloatArray) -> float:
         left = or_refusal(self.residual)(theta)
         return float("inf") if isinstance(left, ModelError) else float((left**2).sum())
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
-        views, columns = self._views(theta), []
-        left = self._left(views, theta)
-        for i, (name, value) in enumerate(self._own(theta)):
+        left, steps = self.residual(theta), []
+        for name, value in zip(self.names, theta.tolist()):
             step = _STEP * max(abs(value), 0.1 * abs(self.model.parameters[name].probe))
-            step = -step if value + step > self.model.parameters[name].max else step
-            moved = theta + step * (np.arange(theta.size) == i)
-            columns.append((left - self._left(self._made(moved), moved)) / step)
-        for i in range(len(self.names), theta.size):
-            step = _NUISANCE_STEPS[(i - len(self.names)) % 2]
-            moved = theta + step * (np.arange(theta.size) == i)
-            columns.append((left - self._left(views, moved)) / step)
-        return np.stack(columns, axis=1) * size
-
-    def _own(self, theta: FloatArray) -> list[tuple[str, float]]:
-        return list(zip(self.names, theta.tolist()))
+            steps.append(-step if value + step > self.model.parameters[name].max else step)
+        steps += _NUISANCE_STEPS * len(self.events)
+        columns = np.empty((left.size, theta.size))
+        for i in reversed(range(theta.size)):  # hits first: they need no other motions
+            moved = theta + steps[i] * (np.arange(theta.size) == i)
+            columns[:, i] = (left - self.residual(moved)) / steps[i]
+        return columns * size
 
     def _views(self, theta: FloatArray) -> list[View]:
         """The motions at the parameters, which take long: those of the last point are kept."""
-        key = theta[: len(self.names)].tobytes(), self.stage[0]
-        if self._seen[0] != key:
-            self._seen = key, self._made(theta)
+        own, longest = theta[: len(self.names)].tolist(), self.stage[0]
+        if self._seen[0] != (own, longest):
+            model = self.model.with_values(dict(zip(self.names, own)))
+            views = [view_of(log, model, at, min(longest, end)) for log, at, end in self.events]
+            self._seen = (own, longest), views
         return self._seen[1]
-
-    def _made(self, theta: FloatArray) -> list[View]:
-        model = self.model.with_values(dict(self._own(theta)))
-        longest = self.stage[0]
-        return [view_of(log, model, at, min(longest, end)) for log, at, end in self.events]
-
-    def _left(self, views: Sequence[View], theta: FloatArray) -> FloatArray:
-        """What the model misses at all hits within the stage, one after the other, (N,)."""
-        parts = []
-        for view, (time, phase) in zip(views, theta[len(self.names) :].reshape(-1, 2)):
-            left = view.left(float(time), float(phase))
-            width = round(self.stage[1] * view.log.rate_Hz)
-            parts.append(uniform_filter1d(left, width) if width > 1 else left)
-        return np.concatenate(parts)
 
 
 def _variance(left: FloatArray, fitted: int) -> float:
@@ -414,8 +390,7 @@ def _variance(left: FloatArray, fitted: int) -> float:
 
     After so many numbers are fitted; what is missed is taken for noise, correlated as it is.
     """
-    spectrum = np.abs(np.fft.rfft(left, 2 * left.size)) ** 2
-    covariance = np.fft.irfft(spectrum)[: left.size]
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(left, 2 * left.size)) ** 2)[: left.size]
     fades = int(np.argmax(covariance <= 0.0)) or left.size
     together = 2.0 * float(np.sum(covariance[:fades])) / float(covariance[0]) - 1.0
     return float(left @ left) / max(left.size - fitted, 1) * together
@@ -477,51 +452,25 @@ _ANGLES = 128
 
 
 @dataclass(frozen=True)
-class Spectrum:
-    """Mean squares of one hit per band of frequency, (b,).
-
-    `edges_Hz` (b + 1,) of the bands; `added` by the obstacle as measured, `residual` that the model
-    leaves, `missed` by its answer, `steady` error, noise `floor`.
-    """
-
-    edges_Hz: FloatArray
-    added: FloatArray
-    residual: FloatArray
-    missed: FloatArray
-    steady: FloatArray
-    floor: FloatArray
-
-
-@dataclass(frozen=True)
 class HitResult:
-    """A hit and its numbers, in the observable's unit but for times, phase and shares."""
+    """A hit and its numbers, in the observable's unit but for times, phase and shares.
+
+    `squares` (5, m) of what `_errors` names, charged for the nuisances. Mean squares of the bands
+    between `edges_Hz` (b + 1,) in `bands`, (b,) each: "added" by the obstacle as measured,
+    "residual" that the model leaves, "missed" by its answer, "steady" error, noise "floor".
+    """
 
     log: TransientLog
     ordinal: int
     hit: Hit
-    floor: FloatArray
-    steady: FloatArray
-    spectrum: Spectrum
-
-    @property
-    def _charged(self) -> float:
-        """Samples over samples less nuisances."""
-        size = self.hit.since_s.size
-        return size / max(size - NUISANCES, 1)
-
-    @property
-    def _squares(self) -> FloatArray:
-        """Squares of what `_errors` names, (5, m), charged for the nuisances."""
-        hit, charged = self.hit, self._charged
-        left = charged * (hit.measured - hit.predicted) ** 2
-        missed = charged * hit.missed**2
-        return np.stack([left, self.steady, self.floor, hit.added**2, missed])
+    squares: FloatArray
+    edges_Hz: FloatArray
+    bands: Mapping[str, FloatArray]
 
     def row(self) -> dict[str, Any]:
         """One row of the table by hit."""
-        hit, errors = self.hit, _errors(self._squares.mean(axis=1))
-        floor, added, missed = (errors[name] for name in ("noise_floor", "added", "missed"))
-        covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
+        hit, errors = self.hit, _errors(self.squares.mean(axis=1))
+        covered = _covered(errors)
         # A hit of which the model covers less than this share may be something else than the
         # obstacle. Twice as much marks also hits of which a third is explained.
         unlike = 0 if covered > 0.2 else Quality.UNLIKE
@@ -541,24 +490,25 @@ class HitResult:
 
     def time_rows(self) -> list[dict[str, Any]]:
         """Rows of 10 ms after the hit."""
-        bins, squares = (self.hit.since_s / BIN_S).astype(np.int64), self._squares
+        bins = (self.hit.since_s / BIN_S).astype(np.int64)
         return [
             {
                 **self._name(),
                 "since_s": (number + 0.5) * BIN_S,
                 "samples": int((bins == number).sum()),
-                **_errors(squares[:, bins == number].mean(axis=1)),
+                **_errors(self.squares[:, bins == number].mean(axis=1)),
             }
             for number in np.unique(bins)
         ]
 
     def frequency_rows(self) -> list[dict[str, Any]]:
         """Rows of bands up to half the sampling rate."""
-        s, charged = self.spectrum, self._charged
-        squares = [charged * s.residual, s.steady, s.floor, s.added, charged * s.missed]
+        b, charged = self.bands, _charged(self.hit)
+        model = [charged * b[name] for name in ("residual", "missed")]
+        squares = np.stack([model[0], b["steady"], b["floor"], b["added"], model[1]])
         return [
             {**self._name(), "low_Hz": float(low), "high_Hz": float(high), **_errors(own)}
-            for low, high, own in zip(s.edges_Hz[:-1], s.edges_Hz[1:], np.transpose(squares))
+            for (low, high), own in zip(pairwise(self.edges_Hz), squares.T, strict=True)
         ]
 
     def _name(self) -> dict[str, Any]:
@@ -575,6 +525,12 @@ def _errors(squares: FloatArray) -> dict[str, float]:
         "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor),
         "added": added, "missed": missed,
     }  # fmt: skip
+
+
+def _covered(errors: Mapping[str, float]) -> float:
+    """The share of what the obstacle added above the floor that the model covers."""
+    floor, added, missed = (errors[name] ** 2 for name in ("noise_floor", "added", "missed"))
+    return 1.0 - max(missed - floor, 0.0) / max(added - floor, 1e-300)
 
 
 @dataclass(frozen=True)
@@ -597,14 +553,9 @@ class TransientComparison:
     def to_json(self) -> dict[str, Any]:
         """Totals over the hits, each as many samples as it has, and a row per hit."""
         rows = self.tables["hit"]
-        names = ("rmse", "rmse_steady", "noise_floor", "added", "missed")
-        squares = [[row[name] ** 2 for row in rows] for name in names]
-        means = np.average(squares, axis=1, weights=[row["samples"] for row in rows])
-        numbers = dict(zip(names, np.sqrt(means).tolist(), strict=True))
-        floor = numbers["noise_floor"] ** 2
-        added, missed = (numbers[name] ** 2 - floor for name in ("added", "missed"))
-        numbers["excess"] = excess_of(numbers["rmse"], numbers["noise_floor"])
-        numbers["covered"] = 1.0 - max(missed, 0.0) / max(added, 1e-300)
+        squares = [hit.squares.mean(axis=1) for hit in self.hits]
+        numbers = _errors(np.average(squares, axis=0, weights=[row["samples"] for row in rows]))
+        numbers["covered"] = _covered(numbers)
         return plain_fields({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
 
     def hits_table(self, log_name: Callable[[str], str] = str) -> AnswerTable:
@@ -635,11 +586,8 @@ def compare_transients(
     results: list[HitResult] = []
     remarks: list[str] = []
     for log in logs:
-        for ordinal, rough in enumerate(log.hits_s):
-            following = log.hits_s[ordinal + 1 :]
-            window = min([WINDOW_S, *(following[:1] - rough - 0.02)])
-            near = around(log, float(rough))
-            hit = fit_hit(near, model, float(rough), float(window))
+        for ordinal, (near, rough, window) in enumerate(_windows(log, WINDOW_S)):
+            hit = fit_hit(near, model, rough, window)
             results.append(_result(near, ordinal, hit, model))
             remarks += [remark for remark in hit.remarks if remark not in remarks]
             if results[-1].row()["quality"] != OK:
@@ -650,32 +598,36 @@ def compare_transients(
     return TransientComparison(model.observable, unit, tuple(results), tuple(remarks))
 
 
+def _windows(log: TransientLog, most_s: float) -> Iterator[tuple[TransientLog, float, float]]:
+    """Of each hit the log around it, its rough time, and how long it is seen [s]."""
+    ends = [*(log.hits_s[1:] - 0.02).tolist(), np.inf]
+    for rough, end in zip(log.hits_s.tolist(), ends, strict=True):
+        yield around(log, rough), rough, min(most_s, end - rough, float(log.time_s[-1]) - rough)
+
+
 def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResult:
     """The hit beside the errors off the obstacle, by wheel angle and by frequency."""
-    off, error = log.off(), _steady_error(log, hit, model)
-    near = np.flatnonzero(log.calm)
+    off, error, near = log.off(), _steady_error(log, hit, model), np.flatnonzero(log.calm)
     phi = split_turns(log.wheel.theta(log.time_s))[1]
-    place = (phi + np.pi) * (_ANGLES / (2.0 * np.pi))
-    bins = np.clip(place.astype(np.int64), 0, _ANGLES - 1)
+    bins = np.clip((phi + np.pi) * (_ANGLES / (2.0 * np.pi)), 0, _ANGLES - 1).astype(np.int64)
     rows = (log.time_s >= hit.time_s) & (log.time_s - hit.time_s <= hit.since_s[-1] + 1e-9)
     at_hit = bins[rows][: hit.since_s.size]
-    edges = BANDS_HZ[: int(np.searchsorted(BANDS_HZ, 0.5 * log.rate_Hz))]
-    edges = (
-        np.append(edges[:-1], 0.5 * log.rate_Hz)
-        if edges.size > 1
-        else np.array([0.0, 0.5 * log.rate_Hz])
-    )
-    spectra = {"added": hit.added, "residual": hit.measured - hit.predicted, "missed": hit.missed}
-    powers = {
-        name: band_squares(hit.since_s, values, edges, log.rate_Hz)
-        for name, values in spectra.items()
-    }
-    calm = {
-        name: _calm_squares(log, values, near, hit.since_s[-1], edges)
-        for name, values in (("steady", error), ("floor", off))
-    }
-    by_angle = [_by_angle(values[near] ** 2, bins[near])[at_hit] for values in (off, error)]
-    return HitResult(log, ordinal, hit, by_angle[0], by_angle[1], Spectrum(edges, **powers, **calm))
+    edges = BANDS_HZ[0.5 * log.rate_Hz > BANDS_HZ]
+    edges = np.append(edges[:-1] if edges.size > 1 else [0.0], 0.5 * log.rate_Hz)
+    left = hit.measured - hit.predicted
+    answers = {"added": hit.added, "residual": left, "missed": hit.missed}
+    bands = {n: band_squares(hit.since_s, x, edges, log.rate_Hz) for n, x in answers.items()}
+    for name, values in (("steady", error), ("floor", off)):
+        bands[name] = _calm_squares(log, values, near, hit.since_s[-1], edges)
+    steady, floor = (_by_angle(values[near] ** 2, bins[near])[at_hit] for values in (error, off))
+    charged = _charged(hit)
+    squares = [charged * left**2, steady, floor, hit.added**2, charged * hit.missed**2]
+    return HitResult(log, ordinal, hit, np.stack(squares), edges, bands)
+
+
+def _charged(hit: Hit) -> float:
+    """Samples over samples less nuisances, which errors of the model are charged for."""
+    return hit.since_s.size / max(hit.since_s.size - NUISANCES, 1)
 
 
 def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
@@ -683,20 +635,16 @@ def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
 
     At the angle of the passages and at the hit's conditions.
     """
-    nearest = int(np.argmin(np.abs(log.conditions.time_s - hit.time_s)))
-    conditions = log.conditions.take(slice(nearest, nearest + 1))
+    conditions = _conditions_at(log, hit.time_s)
     phi = split_turns(log.wheel.theta(log.time_s) + hit.alignment_rad)[1]
     wave = model.predict(conditions, phi, surface=log.surface)[0]
     if log.observable == "radial_acceleration":
-        frame = model.predict(conditions, phi, observable="frame_acceleration")[
-            0
-        ]  # does not follow the spin
-        wave = (wave - frame) * (
-            log.wheel.speed_rad_s(log.time_s) * log.radius_m / conditions.speed_m_s[0]
-        ) ** 2 + frame
-    error: FloatArray = log.values - wave
-    level: FloatArray = error - error[log.calm].mean()
-    return level
+        # the frame's part does not follow the spin
+        frame = model.predict(conditions, phi, observable="frame_acceleration")[0]
+        speed = log.wheel.speed_rad_s(log.time_s) * log.radius_m
+        wave = (wave - frame) * (speed / conditions.speed_m_s[0]) ** 2 + frame
+    error = log.values - wave
+    return np.asarray(error - error[log.calm].mean(), dtype=np.float64)
 
 
 def _by_angle(squares: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
@@ -724,10 +672,8 @@ def _calm_squares(
         for stretch in stretches
         for i in range(0, len(stretch) - size + 1, size)
     ]
-    squares: FloatArray = np.mean(
-        [band_squares(log.time_s[p], values[p], edges_Hz, log.rate_Hz) for p in parts], axis=0
-    )
-    return squares
+    squares = [band_squares(log.time_s[p], values[p], edges_Hz, log.rate_Hz) for p in parts]
+    return np.asarray(np.mean(squares, axis=0), dtype=np.float64)
 
 
 def band_squares(

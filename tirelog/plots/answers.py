@@ -378,18 +378,18 @@ def hit_panels(
 
     `colours`: of what is measured, added, predicted, missed, and of the floor.
     """
-    hit, s, (factor, unit) = result.hit, result.spectrum, as_shown
+    hit, (factor, unit) = result.hit, as_shown
     at = hit.since_s <= SHOWN_S
     time, since, thin = 1e3 * hit.since_s[at], "time since the hit [ms]", {"width": 0.9}
     measured, added, predicted, missed, floor = colours
     sizes = [
-        (name, factor * np.sqrt(np.maximum(squares, 0.0)), colour, dash)
-        for name, squares, colour, dash in (
-            ("added", s.added, added, "solid"),
-            ("missed", s.missed, missed, "solid"),
-            ("residual", s.residual, predicted, "dot"),
-            ("off the obstacle", s.steady, measured, "dash"),
-            ("floor", s.floor, floor, "dash"),
+        (name, factor * np.sqrt(np.maximum(result.bands[band], 0.0)), colour, dash)
+        for name, band, colour, dash in (
+            ("added", "added", added, "solid"),
+            ("missed", "missed", missed, "solid"),
+            ("residual", "residual", predicted, "dot"),
+            ("off the obstacle", "steady", measured, "dash"),
+            ("floor", "floor", floor, "dash"),
         )
     ]
     title = (
@@ -418,7 +418,7 @@ def hit_panels(
             "frequency [Hz]",
             f"rms in the band [{unit}]",
             [
-                line(s.edges_Hz, [*size, size[-1]], name, c, dash=dash, drawstyle="steps-post")
+                line(result.edges_Hz, [*size, size[-1]], name, c, dash=dash, drawstyle="steps-post")
                 for name, size, c, dash in sizes
             ],
             scales=("linear", "log"),

@@ -65,12 +65,11 @@ def candidate_effects(
     not try, if `tried` is False.
     """
     beside = [held.effect for held in model.effects]
-    held = {effect.id for effect in beside}
-    known = {**BY_ID, **{effect.id: effect for effect in extra}}
+    held = {FORM, *(effect.id for effect in beside)}
     return [
         effect
-        for effect in known.values()
-        if effect.id not in {*held, FORM}
+        for effect in {**BY_ID, **{effect.id: effect for effect in extra}}.values()
+        if effect.id not in held
         and effect.tried == tried
         and model.acted_on_by(effect, beside)
         and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
@@ -99,12 +98,8 @@ def variants(effect: Effect) -> list[dict[str, float]]:
     shapes = [p for p in effect.parameters if p.name not in effect.strength and p.free]
     start = {p.name: p.value for p in shapes}
     # shape parameters are tried at these factors of their probe
-    moved = [
-        {**start, p.name: float(np.clip(f * p.probe, p.min, p.max))}
-        for p in shapes
-        for f in (0.5, 2.0)
-    ]
-    return [start, *(m for m in moved if m != start)]
+    tried = [(p.name, float(np.clip(f * p.probe, p.min, p.max))) for p in shapes for f in (0.5, 2)]
+    return [start, *({**start, name: value} for name, value in tried if value != start[name])]
 
 
 def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) -> Model:
@@ -123,12 +118,10 @@ def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) ->
 def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
     """All variants of one candidate, or why it cannot be tested on these cells."""
     cells, model = base.cells, base.model
-    missing = lacking(effect, model, cells)
-    if missing:
+    if missing := lacking(effect, model, cells):
         raise ModelError(f"needs {', '.join(missing)}")
     refuse_stand_in(effect, model, cells)
-    own = {p.name: p for p in effect.parameters}
-    result = []
+    own, result = {p.name: p for p in effect.parameters}, []
     size = float(np.nanmax(np.abs(base.fit.prediction)))
     for shape in variants(effect):
         columns, names = [], []
@@ -142,17 +135,15 @@ def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
             if np.nanmax(np.abs(change)) > 1e-9 * size:
                 columns.append(change / own[name].probe)
                 names.append(name)
-        several = np.unique(cells.log).size > 1
-        if columns and several and all(_moves_zeros_alone(cells, x) for x in columns):
+        if not columns:
+            continue
+        if np.unique(cells.log).size > 1 and all(_moves_zeros_alone(cells, x) for x in columns):
             raise ModelError(
                 "differs from log to log alone, and each log counts the "
                 f"{' and '.join(OWN_ZERO)} from a zero of its own"
             )
-        if columns:
-            single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
-            result.append(
-                Signature(effect, tuple(names), shape, np.stack(columns, axis=-1), single)
-            )
+        single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
+        result.append(Signature(effect, tuple(names), shape, np.stack(columns, axis=-1), single))
     if not result:
         raise ModelError(
             "does nothing under these conditions (a quantity it follows is zero or does not vary)"
@@ -162,16 +153,14 @@ def signatures_of(base: Base, effect: Effect) -> list[Signature] | ModelError:
 
 def refuse_stand_in(effect: Effect, model: Model, cells: Cells) -> None:
     """ModelError if the effect stands for what is measured, in all observables that it acts on."""
-    names: dict[str, None] = {}
-    for observable, rows in rows_by_observable(cells).items():
-        if not model.acts_on(effect, observable):
-            continue
-        own = effect.stands_for.get(observable, ())
-        known = [np.isfinite(getattr(cells.conditions, name)[rows]).all() for name in own]
-        if not known or not all(known):
-            return
-        names |= dict.fromkeys(own)
-    if names:
+    stands_for = [
+        [np.isfinite(getattr(cells.conditions, name)[rows]).all() and name for name in names]
+        for observable, rows in rows_by_observable(cells).items()
+        if model.acts_on(effect, observable)
+        for names in [effect.stands_for.get(observable, ())]
+    ]
+    if stands_for and all(known and all(known) for known in stands_for):
+        names = dict.fromkeys(name for known in stands_for for name in known)
         raise ModelError(f"stands for {' and '.join(names)}, which is measured")
 
 
@@ -190,15 +179,9 @@ def _moves_zeros_alone(cells: Cells, change: FloatArray) -> bool:
 
 def all_signatures(base: Base, effects: Iterable[Effect]) -> tuple[list[Signature], dict[str, str]]:
     """Signatures of all candidates, and the reasons of those that are not tested."""
-    found: list[Signature] = []
-    reasons: dict[str, str] = {}
-    for effect in effects:
-        own = signatures_of(base, effect)
-        if isinstance(own, ModelError):
-            reasons[effect.id] = own.what
-        else:
-            found += own
-    return found, reasons
+    tried = {effect.id: signatures_of(base, effect) for effect in effects}
+    found = [s for own in tried.values() if not isinstance(own, ModelError) for s in own]
+    return found, {n: own.what for n, own in tried.items() if isinstance(own, ModelError)}
 
 
 # ---- Free shapes over the angle: what a form that is somewhat wrong could leave of an effect.
@@ -207,9 +190,6 @@ def all_signatures(base: Base, effects: Iterable[Effect]) -> tuple[list[Signatur
 #: nodes of free shapes over the wheel's angle [rad]: 3 degrees apart about the patch, 10 beyond;
 #: half as many lose the edges of the patch, twice as many measure noise
 ANGLES = np.r_[-180:-60:10.0, -60:60:3.0, 60:181:10.0] * (np.pi / 180.0)
-#: share of a contribution's energy that makes it even, or odd: the other part is a quarter as large
-#: at most; with twice the rest, a third
-_SYMMETRIC = 0.95
 
 
 def hats_on(x: FloatArray, nodes: FloatArray, period: float | None = None) -> FloatArray:
@@ -249,18 +229,15 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
         if all(part.cells.member for part in parts):  # the tire's shape is one to all
             return np.asarray(sum(each), dtype=np.float64)
         return np.concatenate(each, axis=-1)
-    weight = base.plain.weights
+    weight, phi = base.plain.weights, base.cells.phi
     contribution = np.nan_to_num(_contribution(base, effect_id)) * weight
     size, strength, shape = np.linalg.svd(contribution, full_matrices=False)
     loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
-    phi = base.cells.phi
-    here = hats(phi)
-    even = even_share(shape[0], np.nanmean(phi, axis=0))
-    if even > _SYMMETRIC:
-        here += hats(-phi)
-    elif even < 1.0 - _SYMMETRIC:
-        here -= hats(-phi)
-    if not 1.0 - _SYMMETRIC <= even <= _SYMMETRIC:
+    here, even = hats(phi), even_share(shape[0], np.nanmean(phi, axis=0))
+    # share of a contribution's energy that makes it even, or odd: the other part is a quarter as
+    # large at most; with twice the rest, a third
+    if max(even, 1.0 - even) > 0.95:
+        here += np.sign(even - 0.5) * hats(-phi)
         here = here[..., : here.shape[-1] // 2 + 1]  # symmetric pairs once
     loading /= max(float(np.abs(loading).max()), 1e-300)
     return np.asarray(loading[:, None, None] * here)
@@ -376,10 +353,7 @@ def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1
         return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
     random, signs = np.random.default_rng(seed), np.empty((_RANDOM + 1, manoeuvres))
-    for start in range(
-        0, signs.shape[0], _BLOCK
-    ):  # row by row, so that the signs are those of one draw
-        block = signs[start : start + _BLOCK]
+    for block in np.split(signs, (_RANDOM + 1) // _BLOCK):  # the signs of one draw, in less memory
         block[:] = random.integers(0, 2, block.shape) * 2.0 - 1.0
     signs[0] = 1.0
     return signs
@@ -403,13 +377,10 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
 
 def flip_test(candidates: Sequence[Scores], manoeuvres: int) -> tuple[FloatArray, FloatArray]:
     """(T (K,), family-wise p (K,)) of the candidates."""
-    if not candidates:
-        return np.zeros(0), np.zeros(0)
     all_t = statistics(candidates, flip_signs(manoeuvres))
-    largest = np.sort(all_t.max(axis=1))
-    observed = all_t[0]
-    reached = largest.size - np.searchsorted(largest, observed * (1.0 - 1e-9), side="left")
-    return observed, reached / largest.size
+    largest = np.sort(all_t.max(axis=1, initial=0.0))
+    reached = largest.size - np.searchsorted(largest, all_t[0] * (1.0 - 1e-9), side="left")
+    return all_t[0], reached / largest.size
 
 
 def surely_gains(gain: float, error: float, p: float, share: float) -> bool:
@@ -426,9 +397,19 @@ def surely_gains(gain: float, error: float, p: float, share: float) -> bool:
 def gain_and_error(before: FloatArray, after: FloatArray) -> tuple[float, float]:
     """Held-out gain, summed over manoeuvres (M,), and its standard error from their scatter."""
     gain = before - after
-    return float(gain.sum()), float(
-        np.sqrt(gain.size) * gain.std(ddof=1)
-    ) if gain.size > 1 else float("inf")
+    error = np.sqrt(gain.size) * gain.std(ddof=1) if gain.size > 1 else np.inf
+    return float(gain.sum()), float(error)
+
+
+def mean_drop(base: Base, after: FloatArray) -> float:
+    """What goes of the held-out mean square [unit^2] with the losses `after` (M,)."""
+    return float((base.held_plain - after).sum()) / base.plain.weight
+
+
+def gain_sigmas(before: FloatArray, after: FloatArray) -> float:
+    """A held-out gain in its standard errors; 0 without an error."""
+    gain, error = gain_and_error(before, after)
+    return gain / error if error > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -450,6 +431,11 @@ class Assessed:
     @property
     def id(self) -> str:
         return self.signature.effect.id
+
+    @property
+    def without_columns(self) -> Assessed:
+        """The same once its columns have served."""
+        return replace(self, signature=replace(self.signature, columns=np.zeros((0, 0, 0))))
 
     def alarms(self, base: Base) -> bool:
         """All three rules: significance, held-out gain, size beside what the base leaves.
@@ -486,20 +472,12 @@ def assess(
     """
     kept, scores, reasons = scores_of(base, signatures, more)
     statistic, p = flip_test(scores, base.cells.manoeuvres)
-    best = best_variants(kept, statistic)
-    columns = [[kept[i].columns] for i in best.values()]
-    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
-    found = []
-    for i, (white, plain) in zip(best.values(), losses, strict=True):
+    best, found = best_variants(base, kept, statistic), []
+    for i, white, plain in best.values():
         gain, error = gain_and_error(base.held_white, white)
-        removed = float((base.held_plain - plain).sum()) / base.plain.weight
-        found.append(
-            Assessed(
-                kept[i], float(statistic[i]), float(p[i]), scores[i].step(), gain, error, removed
-            )
-        )
-    tested = {a.id for a in found}
-    untested = {k: v for k, v in reasons.items() if k not in tested}
+        evidence = float(statistic[i]), float(p[i]), scores[i].step(), gain, error
+        found.append(Assessed(kept[i], *evidence, mean_drop(base, plain)))
+    untested = {name: why for name, why in reasons.items() if name not in best}
     return sorted(found, key=lambda a: -a.statistic), untested
 
 
@@ -512,18 +490,22 @@ def least_left(base: Base, assessed: Sequence[Assessed]) -> float:
         return base.excess
     columns = [[a.signature.columns for a in assessed]]
     ((_, held),) = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
-    by_all = float((base.held_plain - held).sum()) / base.plain.weight
-    return base.excess - max(by_all, *(a.removed for a in assessed))
+    return base.excess - max(mean_drop(base, held), *(a.removed for a in assessed))
 
 
-def best_variants(kept: Sequence[Signature], statistic: FloatArray) -> dict[str, int]:
-    """The variant of each effect that has the largest statistic, by the effect's name."""
+def best_variants(
+    base: Base, kept: Sequence[Signature], statistic: FloatArray
+) -> dict[str, tuple[int, FloatArray, FloatArray]]:
+    """Of each effect, by name, the variant with the largest statistic, and its held-out losses.
+
+    Its number among those `kept`; losses (M,) in the metrics of significance and of size.
+    """
     best: dict[str, int] = {}
-    for i, signature in enumerate(kept):
-        name = signature.effect.id
-        if name not in best or statistic[i] > statistic[best[name]]:
-            best[name] = i
-    return best
+    for i, name in enumerate(signature.effect.id for signature in kept):
+        best[name] = max(best.get(name, i), i, key=lambda at: statistic[at])
+    columns = [[kept[i].columns] for i in best.values()]
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
+    return {name: (i, *own) for (name, i), own in zip(best.items(), losses, strict=True)}
 
 
 def scores_of(
@@ -531,8 +513,7 @@ def scores_of(
 ) -> tuple[list[Signature], list[Scores], dict[str, str]]:
     """The signatures that show something of their own, their scores, and why others do not."""
     taken, residual = beside_base(base, more)
-    kept, scores = [], []
-    reasons: dict[str, str] = {}
+    kept, scores, reasons = [], [], dict[str, str]()
     for signature in signatures:
         white = base.white(signature.columns)
         left = taken.without(white)
@@ -594,15 +575,11 @@ def out_of_range(base: FittedChannel) -> list[str]:
     A log's conditions are judged by the means of like revolutions, which is what is fitted; one
     that is not known leaves no range.
     """
-    model, cells = base.model, base.cells
-    flat, carcass = model.values, steady_carcass(model.carcass)
-    said = []
+    model, cells, said = base.model, base.cells, []
     for entry in model.effects:
-        effect, values = entry.effect, entry.values(flat)
-        if not effect.is_on(values, carcass):
-            continue
-        for name, bounds in effect.valid_range.items():
-            low, high = float(bounds[0]), float(bounds[1])
+        effect, values = entry.effect, entry.values(model.values)
+        is_on = effect.is_on(values, steady_carcass(model.carcass))
+        for name, (low, high) in effect.valid_range.items() if is_on else ():
             condition = CONDITIONS.get(name)
             if condition is None:
                 unit = next(p.unit for p in entry.parameters if p.name == name)
@@ -627,6 +604,6 @@ def out_of_range(base: FittedChannel) -> list[str]:
 def _range(low: float, high: float, unit: str) -> str:
     """`from 2 to 40 m/s`, or one bound if there is no other."""
     after = "" if unit == "1" else f" {unit}"
-    upper = "" if np.isinf(high) else f"to {high:g}{after}"
-    lower = "" if np.isinf(low) else f"from {low:g}" + ("" if upper else after)
-    return f"{lower} {upper}".strip() if lower else f"up {upper}"
+    if np.isinf(low):
+        return f"up to {high:g}{after}"
+    return f"from {low:g}{after}" if np.isinf(high) else f"from {low:g} to {high:g}{after}"

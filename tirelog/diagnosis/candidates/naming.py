@@ -32,6 +32,7 @@ from tirelog.diagnosis.candidates.assessment import (
     freedom_of_shape,
     gain_and_error,
     idle_candidates,
+    mean_drop,
     surely_gains,
     with_candidate,
 )
@@ -59,8 +60,7 @@ from tirelog.inference.base import (
     with_fewer_cells,
 )
 from tirelog.inference.fit.cells import NULL, Fit, Problem, descend_together, free_names, starts
-from tirelog.inference.floor import held_out_losses
-from tirelog.inference.metric import Offsets
+from tirelog.inference.floor import held_out_losses_with
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.process_pool import made_apart
@@ -94,20 +94,17 @@ def _starts(base: Base, candidate: Assessed) -> list[tuple[Model, dict[str, floa
     }
     shape = dict(candidate.signature.shape)
     models = [base.model]
-    if (
-        base.fit.held and base.given is not None
-    ):  # what drove the base to a bound may be the very effect: begin within, too
-        within = {
-            name: base.given.values[name] for name in base.fit.names if name in base.given.values
-        }
+    given = {} if base.given is None else base.given.values
+    within = {name: given[name] for name in base.fit.names if name in given}
+    if base.fit.held and base.given is not None:
+        # what drove the base to a bound may be the very effect: begin within, too
         models.append(base.model.with_values(within))
     begun = [(m, {**shape, **s}) for m in models for s in (linear, probes)]
     learnt = {n: p.prior[0] for n, p in base.model.parameters.items() if p.free and p.prior}
     if learnt:  # what a form has learnt may be the very effect
         bare = starts(base.model.with_values(learnt), base.fit.names)
         if base.given is not None:  # and what it made of the other values with it
-            values = {n: x for n, x in base.given.values.items() if n in base.fit.names}
-            bare.append(bare[0].with_values(values))
+            bare.append(bare[0].with_values(within))
         begun += [(m, {**shape, **linear}) for m in bare]
     return begun
 
@@ -169,14 +166,10 @@ def refits(base: Base, candidates: Sequence[Assessed]) -> list[Base | ModelError
     few = with_fewer_cells(base, 24)
     begun = [(one, *start) for one in candidates for start in _starts(base, one)]
     ends = made_apart([partial(_trial, base, few, *start) for start in begun])
-    trials = [
-        [
-            end
-            for start, end in zip(begun, ends, strict=True)
-            if start[0] is one and not isinstance(end, ModelError)
-        ]
-        for one in candidates
+    good = [
+        (s[0], end) for s, end in zip(begun, ends, strict=True) if not isinstance(end, ModelError)
     ]
+    trials = [[end for of, end in good if of is one] for one in candidates]
     jobs = [partial(_again, base, *pair) for pair in zip(candidates, trials, strict=True)]
     return [
         again
@@ -246,15 +239,9 @@ class Step:
         What is not established is never named.
         """
         named = named and nameable(contenders)
-        light = [replace(r, assessed=_without_columns(r.assessed)) for r in contenders]
+        light = tuple(replace(r, assessed=r.assessed.without_columns) for r in contenders)
         best, group = (light[0], group_of(contenders)) if named else (None, ())
-        return cls(
-            before, tuple(_without_columns(a) for a in assessed), reasons, tuple(light), best, group
-        )
-
-
-def _without_columns(a: Assessed) -> Assessed:
-    return replace(a, signature=replace(a.signature, columns=np.zeros((0, 0, 0))))
+        return cls(before, tuple(a.without_columns for a in assessed), reasons, light, best, group)
 
 
 def assess_all(base: Base, extra: Iterable[Effect]) -> tuple[list[Assessed], dict[str, str]]:
@@ -315,23 +302,17 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     mu, y and T share, and says nothing against an effect; in a number per revolution it does, since
     there almost any effect can stand in for another.
     """
-    fit = base.fit
-    own = next(e.effect for e in base.model.effects if e.id == effect_id)
+    fit, own = base.fit, next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
-    columns = (
-        Offsets.of(base.cells, base.white)
-        .without(base.white(fit.moving))
-        .reshape(-1, len(fit.names))
-    )
+    columns = Problem(base.cells, base.white).whitened(fit.moving)
     norm = np.linalg.norm(columns, axis=0)
-    seen = [i for i in range(len(fit.names)) if norm[i] > 0.0]
-    mine = np.array([i for i, at in enumerate(seen) if fit.names[at] in strengths], int)
+    seen = norm > 0.0
+    names, norm, unit = np.array(fit.names)[seen], norm[seen], columns[:, seen] / norm[seen]
+    mine = np.flatnonzero(np.isin(names, strengths))
     if not mine.size:
         return 0.0
-    values = np.array([base.model.values[fit.names[seen[i]]] * norm[seen[i]] for i in mine])
-    size, direction = np.linalg.eigh(
-        columns[:, seen].T @ columns[:, seen] / norm[seen][:, None] / norm[seen]
-    )
+    values = norm[mine] * [base.model.values[name] for name in names[mine].tolist()]
+    size, direction = np.linalg.eigh(unit.T @ unit)
     good = size > NULL * size[-1]
     # share of such a direction that makes a strength undetermined; a cosine: twice as much lets a
     # strength be told of which a fifth cannot be seen
@@ -346,10 +327,9 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
 
 def nameable(contenders: Sequence[Refitted]) -> bool:
     """Is the best established, and none that is not clearly better?"""
-    if not contenders or not contenders[0].established:
-        return False
-    best = contenders[0].base
-    return not any(clearly_worse(best, r.base) for r in contenders[1:] if not r.established)
+    sure = bool(contenders) and contenders[0].established
+    rest = [r.base for r in contenders if not r.established]
+    return sure and not any(clearly_worse(contenders[0].base, other) for other in rest)
 
 
 def clearly_worse(one: Base, other: Base) -> bool:
@@ -381,8 +361,7 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
     floor alone its form is right, and a rival that leaves clearly more, and more than the floor, is
     none.
     """
-    best = contenders[0]
-    floor = best.base.floor.square
+    best, floor = contenders[0], contenders[0].base.floor.square
     like = [
         r
         for r in contenders[1:]
@@ -441,13 +420,17 @@ def removed_by(before: Base, after: Base, *, sure: bool) -> tuple[float, bool]:
     drop, error = (
         x / before.plain.weight for x in gain_and_error(before.held_plain, after.held_plain)
     )
-    gone = before.noise_chi2 - after.noise_chi2
-    explains = gone >= NUISANCE_SHARE * (before.noise_chi2 - before.fit.freedom) > 0.0
-    if drop > GAIN_SIGMAS * error or not (sure and explains):
+    if drop > GAIN_SIGMAS * error or not (sure and explains_noise(before, after)):
         return drop, False
     one, other = (base.fit.prediction + base.fit.beside for base in (before, after))
     change = float((before.plain(np.nan_to_num(other - one)) ** 2).sum()) / before.plain.weight
     return min(change, drop + GAIN_SIGMAS * error), True
+
+
+def explains_noise(before: Base, after: Base) -> bool:
+    """Does a refit remove of chi-square's excess what a nuisance must?"""
+    gone = before.noise_chi2 - after.noise_chi2
+    return gone >= NUISANCE_SHARE * (before.noise_chi2 - before.fit.freedom) > 0.0
 
 
 #: the candidates by falling statistic, and why others are not among them
@@ -552,9 +535,7 @@ def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:
     again, _ = assess(base, [candidate.assessed.signature], free)
     if not again or again[0].p > 0.01:
         return False
-    _, without_it = held_out_losses(base.cells, base.white, base.plain, base.fit, free)
-    own = candidate.assessed.signature.columns
-    _, with_it = held_out_losses(base.cells, base.white, base.plain, base.fit, free, own)
-    return (
-        float((without_it - with_it).sum()) / base.plain.weight > SECOND_LEAST * base.floor.square
-    )
+    added = ([free], [free, candidate.assessed.signature.columns])
+    losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, added)
+    removed = mean_drop(base, losses[1][1]) - mean_drop(base, losses[0][1])
+    return removed > SECOND_LEAST * base.floor.square

@@ -24,7 +24,7 @@ from tirelog.diagnosis.candidates.assessment import (
     quiet_waveforms,
     signatures_of,
 )
-from tirelog.diagnosis.candidates.naming import worth_it
+from tirelog.diagnosis.candidates.naming import explains_noise, worth_it
 from tirelog.diagnosis.rules import ALARM_P, FEWEST_MANOEUVRES, GAIN_SIGMAS, NUISANCE_SHARE, TWINS
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import (
@@ -55,32 +55,10 @@ from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.observables import FLOORS, OBSERVABLES, STRAIN, shown
 
 
-@dataclass(frozen=True)
-class AssessedNuisance:
-    """A nuisance with its evidence: family-wise p, held-out gain and its error.
-
-    Its size is judged once it is fitted: what scatters takes it for its own before.
-    """
-
-    effects: SharedEffects
-    p: float
-    gain: float
-    gain_error: float
-
-    @property
-    def group(self) -> str:
-        return self.effects.group[0]
-
-    @property
-    def alarms(self) -> bool:
-        """It repeats and gains, as an effect must."""
-        return self.p <= ALARM_P and self.gain > GAIN_SIGMAS * self.gain_error
-
-
 def groups_of(base: Base) -> tuple[str, ...]:
     """The nuisances that a base holds already."""
     shared = () if base.cells.shared is None else base.cells.shared.groups
-    linear = (group for group in shared if group != ZERO)  # which no model names
+    linear = [group for group in shared if group != ZERO]  # which no model names
     given = base.given or base.model
     made_free = [
         n.name
@@ -109,8 +87,12 @@ def allowed_nuisances(base: Base) -> tuple[str, ...]:
     return tuple(n.name for n in base.model.nuisances if n.use == "auto" and n.name not in own)
 
 
-def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisance]:
-    """Every nuisance that the base does not hold, by falling gain."""
+def alarming_nuisances(base: Base, allowed: Iterable[str]) -> list[tuple[SharedEffects, float]]:
+    """The nuisances beside those of the base that repeat and gain, as an effect must.
+
+    By falling held-out gain, which stands beside each. Their size is judged once they are fitted:
+    what scatters takes it for its own before.
+    """
     missing = [name for name in allowed if name not in groups_of(base)]
     found = [shared_effects(base.cells, base.fit, name) for name in missing]
     effects = [x for x in found if x is not None]
@@ -123,11 +105,13 @@ def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisanc
     _, p = flip_test(scores, base.cells.manoeuvres)
     columns = [[x.columns] for x in effects]
     losses = held_out_losses_with(base.cells, base.white, base.plain, base.fit, columns)
-    assessed = [
-        AssessedNuisance(x, float(own), *gain_and_error(base.held_white, white))
-        for x, own, (white, _) in zip(effects, p, losses, strict=True)
+    gains = [gain_and_error(base.held_white, white) for white, _ in losses]
+    alarming = [
+        (x, gain)
+        for x, own, (gain, error) in zip(effects, p, gains, strict=True)
+        if own <= ALARM_P and gain > GAIN_SIGMAS * error
     ]
-    return sorted(assessed, key=lambda a: -a.gain)
+    return sorted(alarming, key=lambda pair: -pair[1])
 
 
 #: a base with one nuisance more, refitted, and how many amplitudes that has
@@ -141,18 +125,19 @@ def rival_nuisances(base: Base, allowed: Iterable[str], least: float = 0.0) -> t
     fitted.
     """
     alarming = [
-        a
-        for a in assess_nuisances(base, allowed)
-        if a.alarms and (least <= 0.0 or _linear_share(base, a.effects) >= least)
+        effects
+        for effects, _ in alarming_nuisances(base, allowed)
+        if least <= 0.0 or _linear_share(base, effects) >= least
     ]
-    found = []
     # alarming nuisances that are fitted in full, the best first; twice as many take twice as many
     # fits of the whole model
-    for a in alarming[:2]:
-        refitted = with_nuisance(base, a.effects)
-        if not isinstance(refitted, ModelError) and (a.group != "drift" or _drifts(refitted)):
-            found.append((len(a.effects), refitted))
-    return tuple(found)
+    tried = [(effects, with_nuisance(base, effects)) for effects in alarming[:2]]
+    return tuple(
+        (len(effects), refitted)
+        for effects, refitted in tried
+        if not isinstance(refitted, ModelError)
+        and (effects.groups != ("drift",) or _drifts(refitted))
+    )
 
 
 def best_of(base: Base, rivals: Iterable[Rival], least: float = NUISANCE_SHARE) -> Base | None:
@@ -164,13 +149,10 @@ def best_of(base: Base, rivals: Iterable[Rival], least: float = NUISANCE_SHARE) 
     anything they imitate. And one that leaves most of the excess imitates what it is not.
     """
     enough = least * (base.noise_chi2 - base.fit.freedom)
-    tried = [(count, base.noise_chi2 - rival.noise_chi2, rival) for count, rival in rivals]
-    tried = [row for row in tried if row[1] >= enough]
-    if not tried:
-        return None
-    most = max(removed for _, removed, _ in tried)
-    alike = [row for row in tried if row[1] >= TWINS**2 * most]
-    return min(alike, key=lambda row: (row[0], -row[1]))[2]
+    rows = [(count, base.noise_chi2 - rival.noise_chi2, rival) for count, rival in rivals]
+    most = max((removed for _, removed, _ in rows), default=0.0)
+    alike = [row for row in rows if row[1] >= max(enough, TWINS**2 * most)]
+    return min(alike, key=lambda row: (row[0], -row[1]))[2] if alike else None
 
 
 def best_nuisance(base: Base, allowed: Iterable[str], least: float = 0.0) -> Base | None:
@@ -224,24 +206,26 @@ def with_form_errors(base: FittedChannel, formed: FittedChannel | None = None) -
         formed = None if isinstance(found, ModelError) else found.with_scatter_estimated
     if formed is None:
         return model
-    errors = {}
-    for name, se in zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True):
-        if (parameter := model.parameters.get(name)) is not None:
-            moved = formed.model.values[name] - parameter.value
-            errors[name] = replace(parameter, se_with_form=float(np.hypot(se, moved)))
-    return model.with_parameters(errors)
+    se = dict(zip(formed.fit.names, formed.fit.known.se.tolist(), strict=True))
+    own_of = {name: p for name, p in model.parameters.items() if name in se}
+    moved = {name: formed.model.values[name] - p.value for name, p in own_of.items()}
+    return model.with_parameters(
+        {
+            name: replace(p, se_with_form=float(np.hypot(se[name], moved[name])))
+            for name, p in own_of.items()
+        }
+    )
 
 
 def _with_best(base: Base, allowed: Sequence[str], least: float = 0.0) -> Base:
     """The base with the best of the allowed nuisances, one after the other, up to the form."""
-    while base.cells.manoeuvres >= FEWEST_MANOEUVRES and not quiet_waveforms(base):
-        more = best_nuisance(base, allowed, least)
-        if more is None:
-            break
-        came_in, base = newest(more, base), more.with_scatter_estimated
-        if came_in == FORM:
-            break
-    return base
+    if base.cells.manoeuvres < FEWEST_MANOEUVRES or quiet_waveforms(base):
+        return base
+    more = best_nuisance(base, allowed, least)
+    if more is None:
+        return base
+    better = more.with_scatter_estimated
+    return better if newest(more, base) == FORM else _with_best(better, allowed, least)
 
 
 def _linear_share(base: Base, effects: SharedEffects) -> float:
@@ -262,7 +246,7 @@ def _drifts(base: Base) -> bool:
     held = base.cells.shared
     if held is None:
         return False
-    own = [i for i, group in enumerate(held.group) if group == "drift"]
+    own = np.flatnonzero(np.array(held.group) == "drift")
     return is_drift(held.of_groups(["drift"]), base.fit.amplitudes[own])
 
 
@@ -295,19 +279,16 @@ def needed_nuisances(base: Base) -> tuple[str, ...]:
         if isinstance(less, ModelError) or worth_it(less, base):
             continue
         gain, error = gain_and_error(less.held_white, base.held_white)
-        enough = NUISANCE_SHARE * (less.noise_chi2 - less.fit.freedom)
-        if gain > GAIN_SIGMAS * error and less.noise_chi2 - base.noise_chi2 >= enough > 0.0:
-            continue
-        base, groups = less, kept
+        if not (gain > GAIN_SIGMAS * error and explains_noise(less, base)):
+            base, groups = less, kept
     return tuple(groups)
 
 
 def _free_of_law(base: Base, groups: Sequence[str]) -> Model:
     """The base's model with the parameters of these nuisances free, of the others as given."""
     model = base.model
-    for name in groups_of(base):
-        if frees(model, name) and name not in groups:
-            model = bound(model, base.given or base.model, name)
+    for name in (n for n in groups_of(base) if frees(model, n) and n not in groups):
+        model = bound(model, base.given or base.model, name)
     return freed(model, groups)
 
 
@@ -355,8 +336,9 @@ class NuisancePart:
     ordinary: float
 
     @property
-    def sigmas(self) -> float:
-        return abs(self.value) / self.se if self.se > 0.0 else 0.0
+    def sizes(self) -> float:
+        """Its size in ordinary ones."""
+        return abs(self.value) / self.ordinary
 
 
 @dataclass(frozen=True)
@@ -370,12 +352,12 @@ class NuisanceFound:
     @property
     def largest(self) -> NuisancePart:
         """The part that is largest against its ordinary size."""
-        return max(self.parts, key=lambda part: abs(part.value) / part.ordinary)
+        return max(self.parts, key=lambda part: part.sizes)
 
     def to_json(self) -> dict[str, Any]:
         """Its largest part as size, se and unit; all parts; whether it stayed."""
-        most, names = self.largest, ("name", "value", "se", "unit")
-        parts = [{name: getattr(part, name) for name in names} for part in self.parts]
+        most = self.largest
+        parts = [{n: x for n, x in vars(p).items() if n != "ordinary"} for p in self.parts]
         return {
             "size": most.value, "se": most.se, "unit": most.unit, "what": most.name,
             "stayed": self.stayed, "parts": parts,
@@ -394,23 +376,21 @@ def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
             for group in held.groups
             if group != ZERO
         ]
-    for nuisance in base.model.nuisances:
-        if nuisance.name in groups or nuisance.use == "off":
-            continue
-        effects = shared_effects(base.cells, base.fit, nuisance.name)
+    others = [n.name for n in base.model.nuisances if n.name not in groups and n.use != "off"]
+    for name in others:
+        effects = shared_effects(base.cells, base.fit, name)
         if effects is not None:
-            parts = _parts(base, effects, nuisance.name, *_amplitudes(base, effects))
-            found.append(NuisanceFound(nuisance.name, False, parts))
+            parts = _parts(base, effects, name, *_amplitudes(base, effects))
+            found.append(NuisanceFound(name, False, parts))
     return tuple(found)
 
 
 def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
     """A nuisance that is parameters of the model: their changes from the values given."""
-    given, (size, *_) = (base.given or base.model).values, nuisance.sizes
-    parts = []
+    given, parts = (base.given or base.model).values, []
     for name in (n for n in frees(base.model, nuisance.name) if n in base.fit.names):
-        fitted = base.model.parameters[name]
-        own, ordinary = size.name, size.value
+        fitted, usual = base.model.parameters[name], nuisance.sizes[0]
+        own, ordinary = usual.name, usual.value
         if fitted.prior is not None:
             own, ordinary = name.partition(".")[2], fitted.prior[1]
         change = fitted.value - given.get(name, 0.0)
@@ -419,41 +399,41 @@ def _parameter(base: Base, nuisance: Nuisance) -> NuisanceFound:
 
 
 def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatArray]:
-    """Posterior means (K,) and covariance (K, K), base parameters and offsets free."""
+    """Posterior means (K,) and standard errors (K,), base parameters and offsets free."""
     taken, residual = beside_base(base)
     flat = stacked(taken.without(base.white(effects.columns * effects.sd)))
     covariance = np.linalg.inv(np.eye(len(effects)) + flat.T @ flat)
-    scale = max(1.0, base.fit.reduced_chi2)
+    variance = np.diag(covariance) * max(1.0, base.fit.reduced_chi2)
     value = effects.sd * (covariance @ (flat.T @ residual.ravel()))
-    return value, covariance * effects.sd[:, None] * effects.sd * scale
+    return value, effects.sd * np.sqrt(np.maximum(variance, 0.0))
 
 
 def _parts(
-    base: Base, effects: SharedEffects, group: str, value: FloatArray, covariance: FloatArray
+    base: Base, effects: SharedEffects, group: str, value: FloatArray, se: FloatArray
 ) -> tuple[NuisancePart, ...]:
     """The numbers of one nuisance; cosine and sine of a harmonic are one."""
-    se = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     at = {effects.names[i]: i for i, name in enumerate(effects.group) if name == group}
     parts = []
-    for name, i in at.items():
-        number, error, said = float(value[i]), float(se[i]), name
+    shown_as = [name for name in at if group != "wheel" or " cos " in name]
+    for name in shown_as:
+        i, said = at[name], name
+        number, error = float(value[i]), float(se[i])
         if group == "wheel":
-            if " cos " not in name:
-                continue
             s = at[name.replace(" cos ", " sin ")]
             number = float(np.hypot(value[i], value[s]))
             error = float(np.hypot(value[i] * se[i], value[s] * se[s]) / max(number, 1e-300))
             name, place = name.split(" cos ")
             of_log = f" of{place[1:]}" if place[1:] else ""
             said = f"{name} at the {_ORDER[int(place[0]) - 1]} harmonic{of_log}"
-        parts.append(NuisancePart(said, number, error, _unit(base, name), float(effects.sd[i])))
+        # the observable's for what adds to it, else a share
+        unit = observed(base, name)[1] if _adds(name) else "1"
+        parts.append(NuisancePart(said, number, error, unit, float(effects.sd[i])))
     return tuple(parts)
 
 
-def _unit(base: Base, name: str) -> str:
-    """The unit of a part: the observable's for what adds to it, else a share."""
-    adds = _plain(name).startswith(("run-out", "baseline"))
-    return observed(base, name)[1] if adds else "1"
+def _adds(name: str) -> bool:
+    """Does a part add to the observable?"""
+    return _plain(name).startswith(("run-out", "baseline"))
 
 
 def _plain(name: str) -> str:
@@ -479,27 +459,27 @@ def nuisance_sentences(
     """
     values = [(name, base.model.parameters[name]) for name in base.fit.names]
     at_bound = [name for name, p in values if p.value != 0.0 and p.value in (p.min, p.max)]
-    doubts = ["the model leaves a rest"] if fails else []
+    doubts = ["the model leaves a rest"] * fails
     doubts += [f"{name} is at its bound" for name in dict.fromkeys([*base.fit.held, *at_bound])]
     return [_sentence(nuisance, base, doubts) for nuisance in found if nuisance.stayed]
 
 
 def scatter_sentences(base: Base) -> list[str]:
     """What the noise floor mostly is, if that is what loads that scatter would do; else nothing."""
-    if isinstance(base, JointBase):
-        each = [(part.cells.label, scatter_sentences(part)) for part in bases_by_observable(base)]
-        return [f"Of {name}: {said}" for name, sentences in each for said in sentences]
-    scatter = base.floor.scatter
-    columns = scatter_columns(base.cells, base.fit)
-    by_load = replace(scatter, baseline_square=np.zeros_like(scatter.baseline_square))
-    square = base.plain.weights**2 * np.nan_to_num(by_load.square(columns))
-    if float(square.sum()) / base.plain.weight <= 0.5 * base.floor.square:
-        return []
-    within = f" and by {100.0 * scatter.wander_sd:.2g} % within" if scatter.wander_sd > 0.0 else ""
-    return [
-        "Most of the noise floor is as if loads scattered by "
-        f"{100.0 * scatter.load_sd:.2g} % between manoeuvres{within}."
-    ]
+    said = []
+    for part in bases_by_observable(base):
+        scatter, wander = part.floor.scatter, 100.0 * part.floor.scatter.wander_sd
+        by_load = replace(scatter, baseline_square=np.zeros_like(scatter.baseline_square))
+        columns = scatter_columns(part.cells, part.fit)
+        square = part.plain.weights**2 * np.nan_to_num(by_load.square(columns))
+        if float(square.sum()) / part.plain.weight > 0.5 * part.floor.square:
+            of = f"Of {part.cells.label}: " if isinstance(base, JointBase) else ""
+            within = f" and by {wander:.2g} % within" if wander > 0.0 else ""
+            said.append(
+                f"{of}Most of the noise floor is as if loads scattered by "
+                f"{100.0 * scatter.load_sd:.2g} % between manoeuvres{within}."
+            )
+    return said
 
 
 def held_by_form(base: Base) -> dict[str, list[str]]:
@@ -538,9 +518,8 @@ def _left_by_form(
     without, with_it = (ProjectedOut.of(offsets, x) for x in (slopes[..., others], slopes))
     there = replace(base, cells=cells, fit=replace(base.fit, prediction=moved[0]))
     shares = {}
-    for effect in candidate_effects(base.model):
-        if names is not None and effect.id not in names:
-            continue
+    effects = [e for e in candidate_effects(base.model) if names is None or e.id in names]
+    for effect in effects:
         signatures = signatures_of(there, effect)
         if isinstance(signatures, ModelError):
             continue
@@ -556,13 +535,12 @@ def _left_by_form(
 def held_sentences(held: Mapping[str, Sequence[str]]) -> list[str]:
     """What the form may hold beside the tire's own, and what would part it; none if nothing."""
     alone = [name for name, by in held.items() if not by]
-    said = [
+    return [
         f"The tire's own form may hold {name}: logs that differ more in {' or '.join(by)} part "
         "them."
         for name, by in held.items()
         if by
-    ]
-    return said + [
+    ] + [
         f"The tire's own form may hold {', '.join(alone)}: no drive parts them. Add what is "
         "known of them to the model."
     ] * bool(alone)
@@ -601,13 +579,13 @@ def alike_sentences(
 
 
 def _sentence(found: NuisanceFound, base: Base, doubts: Sequence[str]) -> str:
-    most = max((abs(part.value) / part.ordinary for part in found.parts), default=0.0)
+    most = max((part.sizes for part in found.parts), default=0.0)
     # parts below so many of their standard errors are not spoken of, nor those below this share of
     # the largest; with twice as much of either a sentence names fewer parts, always the largest
     told = [
         part
         for part in found.parts
-        if part.sigmas >= 3.0 and abs(part.value) / part.ordinary > 0.2 * most
+        if abs(part.value) >= 3.0 * part.se > 0.0 and part.sizes > 0.2 * most
     ] or [found.largest]
     sizes, tells = _reading(found, told, base)
     # beyond three ordinary sizes a nuisance may be misfit: one in 370 is larger by chance; twice as
@@ -639,15 +617,15 @@ def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> 
                 f"{_parted_by('drift', base)} parts them"
             )
         return said, tells
-    if found.nuisance == "rolling":
-        return said, "give the setup's [tire] the radius that a measured way shows"
-    if found.nuisance == FORM:
-        return said, "see `tirelog form`"
+    advice = {
+        "rolling": "give the setup's [tire] the radius that a measured way shows",
+        FORM: "see `tirelog form`",
+    }
+    if found.nuisance in advice:
+        return said, advice[found.nuisance]
     (part,) = found.parts
-    (parameter,) = frees(base.model, found.nuisance) or (None,)
-    if parameter is None:
-        said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
-    else:
+    said = f"the load acts as to another power, {part.value:+.2g} ± {part.se:.1g}"
+    for parameter in frees(base.model, found.nuisance):
         exponent = base.model.values[parameter]
         said = f"{parameter} is {exponent:.3g} ± {part.se:.1g}, not {exponent - part.value:.3g}"
     law, other = ("pressure", "load") if found.nuisance == "pressure_law" else ("load", "pressure")
@@ -655,7 +633,7 @@ def _reading(found: NuisanceFound, told: Sequence[NuisancePart], base: Base) -> 
 
 
 def _said(part: NuisancePart, base: Base) -> str:
-    if part.unit == "1" and not _plain(part.name).startswith(("run-out", "baseline")):
+    if part.unit == "1" and not _adds(part.name):
         sign = "" if _plain(part.name).startswith("force") else "+"
         return f"{part.name} {100.0 * part.value:{sign}.2g} ± {100.0 * part.se:.1g} %"
     factor, unit = shown(*observed(base, part.name))

@@ -33,8 +33,8 @@ from tirelog.diagnosis.candidates.naming import (
 )
 from tirelog.diagnosis.candidates.nuisances import (
     Rival,
+    alarming_nuisances,
     allowed_nuisances,
-    assess_nuisances,
     best_of,
     form_explains,
     groups_of,
@@ -175,14 +175,10 @@ def _or_form(plain: SearchResult) -> SearchResult:
     if named is None or not named.assessed.signature.effect.followed:
         return plain  # one number that does the same throughout is the cause
     gained = float((before.held_white - named.base.held_white).sum())
-    forms = [a for a in assess_nuisances(before, [FORM]) if a.alarms and a.gain > TWINS**2 * gained]
-    alike = tuple(
-        (FORM, named.id)
-        for a in forms
-        if not isinstance(rival := with_nuisance(before, a.effects), ModelError)
-        and _as_much(before, rival, named)
-    )
-    return replace(plain, alike=(*plain.alike, *alike))
+    forms = [x for x, gain in alarming_nuisances(before, [FORM]) if gain > TWINS**2 * gained]
+    rivals = [with_nuisance(before, effects) for effects in forms]
+    alike = [r for r in rivals if not isinstance(r, ModelError) and _as_much(before, r, named)]
+    return replace(plain, alike=(*plain.alike, *[(FORM, named.id)] * len(alike)))
 
 
 def _search(
@@ -413,13 +409,11 @@ def ranking_of(
     for a in first.assessed:
         if a.id in first.reasons and a.id not in selected:
             continue  # a failed refit is no number
-        left = first.before.square_held - a.removed
-        if a.id in refitted:
-            left = refitted[a.id].base.square_held
-        unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
+        again = refitted.get(a.id)
+        removed = first.before.square_held - again.base.square_held if again else a.removed
+        unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and not again
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
-        share = (first.before.square_held - left) / excess if shared else 0.0
-        share = share_of_all if tuple(selected) == (a.id,) else share
+        share = share_of_all if tuple(selected) == (a.id,) else removed / excess if shared else 0.0
         own[a.id] = a, float(np.clip(share, 0.0, 1.0))
     p = {s.named.id: s.named.assessed.p for s in found.steps[1:] if s.named is not None}
     order = dict.fromkeys([*selected, *(r.id for r in first.contenders), *own])
@@ -468,18 +462,13 @@ def removed_errors(found: SearchResult) -> dict[str, float]:
     manoeuvres, gain over excess; its error is that of the sum of (gain - share x excess). Known for
     the candidates that were refitted in the first step; empty if there is no excess to share.
     """
-    base = found.steps[0].before
-    floor = (found.after if found.named else found.before).floor
-    excess = (
-        base.held_plain
-        - (base.plain.bias + (floor.square - base.floor.within) * base.plain.weight)
-        / base.held_plain.size
-    )
-    if excess.sum() <= 0.0:
-        return {}
-    errors = {}
-    for rival in found.steps[0].contenders:
-        share = float((base.held_plain - rival.base.held_plain).sum() / excess.sum())
+    base, errors = found.steps[0].before, dict[str, float]()
+    between = (found.after if found.named else found.before).floor.square - base.floor.within
+    noise = base.plain.bias + between * base.plain.weight
+    excess = base.held_plain - noise / base.held_plain.size
+    total = float(excess.sum())
+    for rival in found.steps[0].contenders if total > 0.0 else ():
+        share = float((base.held_plain - rival.base.held_plain).sum()) / total
         _, error = gain_and_error(base.held_plain, rival.base.held_plain + share * excess)
-        errors[rival.id] = error / float(excess.sum())
+        errors[rival.id] = error / total
     return errors

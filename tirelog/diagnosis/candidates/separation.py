@@ -11,16 +11,18 @@ parted by driving, and that is said.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
 from tirelog.data.recording import Conditions
 from tirelog.diagnosis.candidates.assessment import (
     candidate_effects,
-    gain_and_error,
+    gain_sigmas,
     with_candidate,
 )
 from tirelog.diagnosis.candidates.naming import Step
@@ -29,14 +31,12 @@ from tirelog.diagnosis.candidates.search import SearchResult
 from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError, or_refusal
 from tirelog.inference.base import Base, JointBase, bases_by_observable
-from tirelog.inference.cells.cells import Cells
 from tirelog.inference.cells.joint import model_of
 from tirelog.inference.fit.cells import Problem, free_names
-from tirelog.inference.metric import orthonormal
+from tirelog.inference.metric import orthonormal, projected_out, stacked
 from tirelog.inference.nuisances import freed, frees, shared_by
 from tirelog.inference.stacks.manoeuvres import CRUISE_M_S2
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import CONDITIONS
 
 #: separation that is aimed at [standard errors]: taken for another effect once in 740; doubled, it
@@ -45,13 +45,7 @@ WANTED_SIGMA = 3.0
 _REVOLUTIONS = 40
 _ANGLES = 128
 _SPEEDS = 6
-#: a planned stretch has been driven if speed, load, age or water come within this share of the
-#: plan; if most of the range of speeds was passed, at an acceleration no further off than by this
-#: factor; or if the log is as long.  Cells average over a band of speed; twice as wide calls more
-#: stretches driven, and advises fewer
-SAME = 0.1
-_MOST_OF = 0.7
-_SLOWER = 0.4
+#: a planned stretch that is as long has been driven if a log is
 _LONG_S = 60.0
 
 
@@ -131,19 +125,23 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
     if manoeuvre.load != 1.0:
         wanted["load_N"] = manoeuvre.load * float(np.median(c.load_N))
     alike = np.ones(len(base.cells), bool)
+    # share of the plan that speed, load, age or water must come within: cells average over a band
+    # of speed; twice as wide calls more stretches driven, and advises fewer
+    same = 0.1
     for name, value in wanted.items():
-        alike &= np.abs(getattr(c, name) - value) <= SAME * max(abs(value), 1e-9)
+        alike &= np.abs(getattr(c, name) - value) <= same * max(abs(value), 1e-9)
     low, high = sorted(manoeuvre.speed_m_s)
     for one in np.unique(number[alike]):
         cells = alike & (number == one)
         speed, acceleration = c.speed_m_s[cells], float(np.mean(c.acceleration_m_s2[cells]))
         if low == high:
-            if np.abs(speed - low).min() <= SAME * low and abs(acceleration) < CRUISE_M_S2:
+            if np.abs(speed - low).min() <= same * low and abs(acceleration) < CRUISE_M_S2:
                 return True
         elif acceleration * manoeuvre.acceleration_m_s2 > 0.0:
             passed = min(speed.max(), high) - max(speed.min(), low)
             ratio = acceleration / manoeuvre.acceleration_m_s2
-            if passed >= _MOST_OF * (high - low) and _SLOWER <= ratio <= 1.0 / _SLOWER:
+            # most of the range, at an acceleration no further off than by this factor
+            if passed >= 0.7 * (high - low) and 0.4 <= ratio <= 1.0 / 0.4:
                 return True
     return False
 
@@ -168,8 +166,7 @@ def separations(
     theirs, jacobian = problem.linearised(second, names, {})
     parts = [np.nan_to_num(mine - theirs)[..., None], jacobian]
     parts += [] if shared is None else [shared.columns]
-    old = problem.offsets.without(base.white(np.concatenate(parts, axis=-1)))
-    old = old.reshape(-1, old.shape[-1])
+    old = problem.whitened(np.concatenate(parts, axis=-1))
     if shared is not None:  # how large an amplitude is before anything is measured
         ordinary = np.diag(1.0 / shared.sd)
         old = np.vstack([old, np.pad(ordinary, ((0, 0), (old.shape[1] - len(shared), 0)))])
@@ -189,48 +186,41 @@ def separations(
         loaded = replace(conditions, load_N=conditions.load_N * 1.01)
         slope = (first.predict(loaded, phi, surface=base.cells.surface) - ours) / 0.01
         between = np.where(np.isfinite(slope), slope, ours)[..., None]
-        own = np.ones((_SPEEDS, _ANGLES, 1))
         columns = [(ours - other)[..., None], np.moveaxis(slopes, 0, -1)]
         if shared is not None:
-            there = _stretch(cells, conditions, phi, other)
+            # the planned stretch as cells of the first log, as far as nuisances ask for them
+            zeros, none = np.zeros(other.shape), np.zeros(_SPEEDS, np.int64)
+            there = replace(
+                cells, values=other, phi=phi + zeros, phi_variance=zeros, conditions=conditions,
+                log=none, manoeuvre=none, revolutions=none + _REVOLUTIONS // _SPEEDS,
+                moved=zeros[:, 0], shared=None,
+            )  # fmt: skip
             fit = replace(base.fit, prediction=other, cells=there)
             stretch = shared_by(there, fit, groups, cells)
             if stretch is None or stretch.names != shared.names:
                 return None
             columns.append(stretch.columns)
-        new = np.concatenate([*columns, own, shift, between], axis=-1) / noise
-        new = new.reshape(-1, new.shape[-1])
-        both = np.vstack(
-            [np.hstack([old, np.zeros((old.shape[0], new.shape[1] - old.shape[1]))]), new]
-        )
-        basis = orthonormal(both[:, 1:])
-        left = both[:, 0] - basis @ (basis.T @ both[:, 0])
-        sigma = float(np.linalg.norm(left[old.shape[0] :]))
-        rest = float(left[old.shape[0] :].std() * noise)
+        new = np.concatenate([*columns, np.ones_like(between), shift, between], axis=-1) / noise
+        new = stacked(new)
+        both = np.vstack([np.pad(old, ((0, 0), (0, new.shape[1] - old.shape[1]))), new])
+        left = projected_out(orthonormal(both[:, 1:]), both[:, 0])[old.shape[0] :]
+        sigma, rest = float(np.linalg.norm(left)), float(left.std() * noise)
         return {
             "manoeuvre": manoeuvre.name, "separation_sigma": sigma, "rest": rest, "plan": manoeuvre
         }  # fmt: skip
 
+    floor = np.sqrt(base.floor.square)
     rows = [row for row in map(row_of, ALLOWED) if isinstance(row, dict)]
-    known = [row for row in rows if np.isfinite(row["separation_sigma"])]
+    known = [r for r in rows if np.isfinite(r["separation_sigma"]) and r["rest"] > floor / 9.0]
     return sorted(known, key=lambda row: -row["separation_sigma"])
 
 
-def _stretch(cells: Cells, conditions: Conditions, phi: FloatArray, level: FloatArray) -> Cells:
-    """A planned stretch as cells of the first log, as far as nuisances ask for them."""
-    shape, none = level.shape, np.zeros(len(level), np.int64)
-    return replace(
-        cells,
-        values=level,
-        phi=np.broadcast_to(phi, shape).copy(),
-        phi_variance=np.zeros(shape),
-        conditions=conditions,
-        log=none,
-        manoeuvre=none,
-        revolutions=np.full(len(level), _REVOLUTIONS // _SPEEDS),
-        moved=np.zeros(len(level)),
-        shared=None,
-    )
+def first_waveform(base: Base) -> tuple[Base, Callable[[Model], Model]]:
+    """The base of the observable that the list is searched in, and what makes a model one of it."""
+    if not isinstance(base, JointBase):
+        return base, lambda model: model
+    first = max(bases_by_observable(base), key=lambda part: part.cells.phi.shape[1])
+    return first, partial(model_of, observable=first.cells.observable, member=first.cells.member)
 
 
 def advise(
@@ -240,20 +230,19 @@ def advise(
 
     The notes say when no drive on the list parts two rivals.
     """
+    base, of_one = first_waveform(base)
     if base.cells.phi.shape[1] == 1:
         return [], [
             "the list of manoeuvres is searched for waveforms only: compare the rivals there."
         ]
     rows, notes = [], []
-    (name, model), floor = rivals[0], np.sqrt(base.floor.square)
-    for other, rival in rivals[1:]:
+    (name, model), *others = [(name, of_one(model)) for name, model in rivals]
+    for other, rival in others:
         found = separations(base, model, rival)
         if isinstance(found, ModelError):
             notes.append(f"Not tested, what tells {name} from {other}: {found.what}.")
             continue
-        useful = [
-            row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0
-        ]
+        useful = [row for row in found if row["separation_sigma"] >= 1.0]
         new = [row for row in useful if not driven(base, row["plan"])]
         if not useful:
             notes.append(
@@ -266,16 +255,15 @@ def advise(
                 "what is new would have to be another load, pressure, water depth or tread."
             )
         for row in new[:most]:
-            repeats = max(1, int(np.ceil((WANTED_SIGMA / row["separation_sigma"]) ** 2)))
+            plan, sigma = row["plan"], row["separation_sigma"]
+            repeats = math.ceil((WANTED_SIGMA / sigma) ** 2)
+            minutes = plan.minutes(base.cells.radius_m, repeats)
             rows.append(
                 {
-                    "manoeuvre": row["manoeuvre"],
-                    "separates": [name, other],
-                    "separation_sigma": row["separation_sigma"],
-                    "repeats": repeats,
-                    "minutes": row["plan"].minutes(base.cells.radius_m, repeats),
+                    "manoeuvre": plan.name, "separates": [name, other],
+                    "separation_sigma": sigma, "repeats": repeats, "minutes": minutes,
                 }
-            )
+            )  # fmt: skip
     return rows, notes
 
 
@@ -299,8 +287,6 @@ def advise(
 #: a growth of the probability below this is not worth a drive; at half of it a tenth of what is
 #: advised would be for rivals that are as good as excluded
 LEAST_GAIN = 0.005
-#: runs of one manoeuvre at most
-_MOST_REPEATS = 20
 
 
 @dataclass(frozen=True)
@@ -308,7 +294,7 @@ class Rival:
     """What else may be: its name, the model that has the verdict's, and that of the rival.
 
     `first` is taken as true and parted from any refit of `second` with the nuisances `beside`;
-    `mass` is the probability of the rival, `base` what it is measured from.
+    `mass` and `verdict_mass` are the probabilities of the rival and of the verdict.
     """
 
     name: str
@@ -316,8 +302,12 @@ class Rival:
     first: Model
     second: Model
     mass: float
+    verdict_mass: float
     beside: tuple[str, ...] = ()
-    verdict_mass: float | None = None
+
+    def gain(self, sigma: float, repeats: int) -> float:
+        """What so many runs that part by `sigma` each add to the probability of being right."""
+        return expected_gain(self.verdict_mass, self.mass, sigma * repeats**0.5)
 
 
 def probability_after(odds_log: float, sigma: float) -> float:
@@ -325,13 +315,8 @@ def probability_after(odds_log: float, sigma: float) -> float:
     p = 1.0 / (1.0 + math.exp(-odds_log))
     if sigma <= 0.0:
         return max(p, 1.0 - p)
-    return p * _normal((0.5 * sigma**2 + odds_log) / sigma) + (1.0 - p) * _normal(
-        (0.5 * sigma**2 - odds_log) / sigma
-    )
-
-
-def _normal(x: float) -> float:
-    return 0.5 * math.erfc(-x / math.sqrt(2.0))
+    right = ndtr((0.5 * sigma**2 + np.array([odds_log, -odds_log])) / sigma)
+    return float(p * right[0] + (1.0 - p) * right[1])
 
 
 def expected_gain(verdict: float, rival: float, sigma: float) -> float:
@@ -356,21 +341,20 @@ def drive_next(
     base, rivals = _rivals(found, verdict, p)
     if base is None:
         return []
-    floor = math.sqrt(base.floor.square)
     parted: dict[str, tuple[CandidateManoeuvre, list[tuple[Rival, float]]]] = {}
     for rival in rivals[:4]:  # rivals that are asked about at most
         rows = separations(base, rival.first, rival.second, rival.beside)
         for row in [] if isinstance(rows, ModelError) else rows:
-            if not driven(base, row["plan"]) and row["rest"] > floor / 9.0:
+            if not driven(base, row["plan"]):
                 _, pairs = parted.setdefault(row["manoeuvre"], (row["plan"], []))
                 pairs.append((rival, row["separation_sigma"]))
     result: list[dict[str, Any]] = []
     for plan, pairs in parted.values():
         # so often that the likeliest rival is parted: what is driven in part settles nothing
-        likeliest = max(pairs, key=lambda pair: _gain(p, pair[0], pair[1], _MOST_REPEATS))
-        wanted = (WANTED_SIGMA / max(likeliest[1], 1e-9)) ** 2
-        repeats = int(min(max(1.0, math.ceil(wanted)), _MOST_REPEATS))
-        gains = [(_gain(p, rival, sigma, repeats), rival, sigma) for rival, sigma in pairs]
+        most = 20  # runs of one manoeuvre
+        _, likeliest = max(pairs, key=lambda pair: pair[0].gain(pair[1], most))
+        repeats = int(np.clip(math.ceil((WANTED_SIGMA / max(likeliest, 1e-9)) ** 2), 1, most))
+        gains = [(rival.gain(sigma, repeats), rival, sigma) for rival, sigma in pairs]
         gain, minutes = sum(own for own, _, _ in gains), plan.minutes(base.cells.radius_m, repeats)
         if gain < LEAST_GAIN:
             continue
@@ -390,19 +374,12 @@ def drive_next(
     return sorted(result, key=lambda row: -row["gain_per_minute"])[:3]  # that are named
 
 
-def _gain(p: float, rival: Rival, sigma: float, repeats: int) -> float:
-    """What so many runs that part by `sigma` each add to the probability of being right."""
-    verdict = p if rival.verdict_mass is None else rival.verdict_mass
-    return expected_gain(verdict, rival.mass, sigma * repeats**0.5)
-
-
 def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, list[Rival]]:
     """What the verdict may be taken for, and the base that it is measured from."""
     silent = verdict == "nothing_missing"
     named = [s for s in found.steps if s.named is not None and not silent]
     step = named[0] if named else found.steps[0]
-    # the list is searched in the first waveform
-    base = max(bases_by_observable(step.before), key=lambda part: part.cells.phi.shape[1])
+    base, of_one = first_waveform(step.before)
     # where loads or other conditions are in doubt, these come before any effect
     if base.cells.phi.shape[1] == 1 or verdict in ("unknown", "scatter"):
         return None, []
@@ -410,21 +387,10 @@ def _rivals(found: SearchResult, verdict: str, p: float) -> tuple[Base | None, l
         some = step.contenders[:3]
         mass = 1.0 / max(len(some), 1)
         return base, [
-            Rival(r.id, some[0].id, some[0].base.model, r.base.model, mass, (), mass)
-            for r in some[1:]
+            Rival(r.id, some[0].id, some[0].base.model, r.base.model, mass, mass) for r in some[1:]
         ]
     rivals = _hidden(found, p) if silent else [*_instead(step, p), *_beside(found, p)]
-    if not isinstance(found.before, JointBase):
-        return base, rivals
-    seen, member = base.cells.observable, base.cells.member
-    return base, [
-        replace(
-            rival,
-            first=model_of(rival.first, seen, member),
-            second=model_of(rival.second, seen, member),
-        )
-        for rival in rivals
-    ]
+    return base, [replace(r, first=of_one(r.first), second=of_one(r.second)) for r in rivals]
 
 
 def _instead(step: Step, p: float) -> list[Rival]:
@@ -433,18 +399,13 @@ def _instead(step: Step, p: float) -> list[Rival]:
         return []
     best = step.named.base
     others = [r for r in step.contenders if r.id != step.named.id and r.established]
-    group = [r for r in others if r.id in step.group]
+    share = p / (1 + sum(r.id in step.group for r in others))
     # of what is not in the set, and of what was not refitted at all
-    weight = {}
-    for r in others:
-        gain, error = gain_and_error(r.base.held_white, best.held_white)
-        weight[r.id] = math.exp(-0.5 * (max(gain / error, 0.0) if error > 0.0 else 0.0) ** 2)
-    share = p / (1 + len(group))
-    rest = (1.0 - p) / (1.0 + sum(weight[r.id] for r in others if r not in group))
-    mass = {r.id: share if r in group else rest * weight[r.id] for r in others}
-    return [
-        Rival(r.id, step.named.id, best.model, r.base.model, mass[r.id], (), share) for r in others
-    ]
+    losses = {r.id: max(gain_sigmas(r.base.held_white, best.held_white), 0.0) for r in others}
+    weight = {name: math.exp(-0.5 * sigmas**2) for name, sigmas in losses.items()}
+    rest = (1.0 - p) / (1.0 + sum(w for name, w in weight.items() if name not in step.group))
+    mass = {n: share if n in step.group else rest * w for n, w in weight.items()}
+    return [Rival(r.id, step.named.id, best.model, r.base.model, mass[r.id], share) for r in others]
 
 
 def _beside(found: SearchResult, p: float) -> list[Rival]:
@@ -458,8 +419,8 @@ def _beside(found: SearchResult, p: float) -> list[Rival]:
             continue
         linear = not frees(without, nuisance)
         second = without if linear else freed(without, [nuisance])
-        beside = (nuisance,) if linear else ()
-        rivals.append(Rival(nuisance, effect, found.after.model, second, 0.5 * p, beside, 0.5 * p))
+        beside = (nuisance,) * linear
+        rivals.append(Rival(nuisance, effect, found.after.model, second, 0.5 * p, 0.5 * p, beside))
     return rivals
 
 
@@ -474,16 +435,17 @@ def _hidden(found: SearchResult, p: float) -> list[Rival]:
         if effect.id in found.steps[0].reasons:
             probes = {q.name: q.probe for q in effect.parameters if q.name in effect.strength}
             shown = with_candidate(model, effect, probes)
-            rivals.append(Rival("nothing", effect.id, shown, model, mass, (), p))
+            rivals.append(Rival("nothing", effect.id, shown, model, mass, p))
     return rivals
 
 
 def by_the_minute(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Rows of `separation.advise` for two that are as likely each, best per minute first."""
-    told = []
-    for row in rows:
-        gain = expected_gain(0.5, 0.5, row["separation_sigma"] * row["repeats"] ** 0.5)
-        told.append({**row, "gain": gain, "gain_per_minute": gain / row["minutes"]})
+    told = [
+        {**row, "gain": gain, "gain_per_minute": gain / row["minutes"]}
+        for row in rows
+        for gain in [expected_gain(0.5, 0.5, row["separation_sigma"] * row["repeats"] ** 0.5)]
+    ]
     return sorted(told, key=lambda row: -row["gain_per_minute"])
 
 

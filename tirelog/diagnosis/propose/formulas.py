@@ -11,18 +11,19 @@ import ast
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import ndtri, stdtrit  # quantiles, without the second of scipy.stats
 
-from tirelog.diagnosis.candidates.assessment import flip_signs, gain_and_error
+from tirelog.diagnosis.candidates.assessment import flip_signs, gain_and_error, mean_drop
 from tirelog.diagnosis.propose.grammar import (
     EXPONENTS,
     LAW_BOUNDS,
     LAW_UNITS,
     Form,
-    GivenLaw,
+    Law,
     forms,
     laws,
 )
@@ -45,11 +46,6 @@ from tirelog.vocabulary.observables import OBSERVABLES
 # the best of each form -> its numbers and exponents polished by variable projection
 
 
-#: patterns of signs that are tried: they tell p to 2.4e-4, and a p of 0.01 to 16 % of it; twice as
-#: many tell it to 11 %, in twice the time
-_FLIPS = 4096
-
-
 @dataclass(frozen=True)
 class Atom:
     """A form with its numbers, under a law: T, and the whitened sum of squares that it explains.
@@ -60,7 +56,7 @@ class Atom:
 
     form: Form
     numbers: Mapping[str, float]
-    law: GivenLaw
+    law: Law
     statistic: float = 0.0
     explained: float = 0.0
     fixed: tuple[str, ...] = ()
@@ -70,10 +66,14 @@ class Atom:
     @property
     def complexity(self) -> int:
         """What a reader has to take in: the form, and the law with its free numbers."""
-        numbers = self.law.numbers
-        free = [name for name in numbers if name not in self.fixed]
-        gone = bool(numbers) and all(n in self.fixed and v == 0.0 for n, v in numbers.items())
-        return self.form.profile.complexity + len(free) + (0 if gone else self.law.law.complexity)
+        free, numbers = self.free, self.law.numbers
+        gone = bool(numbers) and not free and not any(numbers.values())
+        return self.form.profile.complexity + len(free) + (0 if gone else self.law.complexity)
+
+    @property
+    def free(self) -> list[str]:
+        """The numbers of its law that are fitted."""
+        return [name for name in self.law.numbers if name not in self.fixed]
 
     @property
     def form_key(self) -> tuple[str, str]:
@@ -82,8 +82,10 @@ class Atom:
 
     def at(self, values: Mapping[str, float]) -> Atom:
         """The atom with other values of some of its numbers, by name."""
-        law = {name: values.get(name, value) for name, value in self.law.numbers.items()}
-        own = {name: values.get(name, value) for name, value in self.numbers.items()}
+        law, own = (
+            {name: values.get(name, value) for name, value in known.items()}
+            for known in (self.law.numbers, self.numbers)
+        )
         return replace(self, numbers=own, law=replace(self.law, numbers=law))
 
 
@@ -139,13 +141,15 @@ def scan(ground: Ground) -> Scanned:
     given = laws(typical(ground.base))
     factors = np.stack([ground.law(law.text, law.numbers) for law in given])
     signs = flip_signs(ground.manoeuvres)
-    if signs.shape[0] > _FLIPS:
-        rows = np.random.default_rng(0).choice(signs.shape[0] - 1, _FLIPS - 1, replace=False)
+    # patterns of signs that are tried: they tell p to 2.4e-4, and a p of 0.01 to 16 % of it; twice
+    # as many tell it to 11 %, in twice the time
+    most = 4096
+    if signs.shape[0] > most:
+        rows = np.random.default_rng(0).choice(signs.shape[0] - 1, most - 1, replace=False)
         signs = signs[np.r_[0, 1 + rows]]
     signs = signs.astype(np.float32)
-    largest = np.zeros(signs.shape[0], np.float32)
+    largest, tried = np.zeros(signs.shape[0], np.float32), 0
     best: dict[tuple[str, str, str], Atom] = {}
-    tried = 0
     for form in forms():
         # columns of a form that are worked on at a time: 20 MB for 50 cells
         for numbers in form.grids(48):
@@ -155,15 +159,13 @@ def scan(ground: Ground) -> Scanned:
             worth = ground.worth(ground.of_cells(columns), factors, 2 if form.wave else 1)
             turned, good = _turned(*worth)
             tried += int(good.sum())
-            if not good.any():
-                continue
             flipped = _flipped(signs, turned[good])
-            np.maximum(largest, flipped.max(axis=1), out=largest)
+            np.maximum(largest, flipped.max(axis=1, initial=0.0), out=largest)
             statistic = np.zeros(good.size)
             statistic[good] = flipped[0]
             for law, own in zip(given, statistic.reshape(len(given), -1), strict=True):
                 j = int(np.argmax(own))
-                key = (form.stage.name, form.words, law.law.text)
+                key = (form.stage.name, form.words, law.text)
                 if own[j] > 0.0 and (key not in best or own[j] > best[key].statistic):
                     at = {name: float(value[j]) for name, value in numbers.items()}
                     best[key] = Atom(form, at, law, float(own[j]))
@@ -176,20 +178,14 @@ def _turned(
     scores: FloatArray, gram: FloatArray, size: FloatArray
 ) -> tuple[FloatArray, np.ndarray]:
     """Scores (K, M, k) in an orthonormal basis, and which say anything: T is their length."""
-    length = np.einsum("kii->ki", gram)
+    length, identity = np.einsum("kii->ki", gram), np.eye(gram.shape[-1])
     # a column of which less than this is left beside base and nuisances says nothing of its own, as
     # for candidates; a share of squares: 1 % of a form's size, and with twice as much 1.4 %
     good = np.all(length > 1e-4 * np.maximum(size, 1e-300), axis=1)
-    if scores.shape[-1] == 1:
-        return scores / np.sqrt(np.where(good[:, None], length, 1.0))[:, None, :], good
-    safe = np.where(good[:, None, None], gram, np.eye(2))
-    first = np.sqrt(safe[:, 0, 0])
-    slope = safe[:, 0, 1] / first
-    rest = safe[:, 1, 1] - slope**2
-    good = good & (rest > 1e-6 * safe[:, 1, 1])
-    one = scores[:, :, 0] / first[:, None]
-    two = (scores[:, :, 1] - slope[:, None] * one) / np.sqrt(np.where(good, rest, 1.0))[:, None]
-    return np.stack([one, two], axis=-1), good
+    # of two columns that are one, to a share of squares of 1e-6, nothing is said
+    good &= np.linalg.det(gram) > 1e-6 * np.prod(length, axis=1)
+    root = np.linalg.cholesky(np.where(good[:, None, None], gram, identity))
+    return np.swapaxes(np.linalg.solve(root, np.swapaxes(scores, 1, 2)), 1, 2), good
 
 
 def _flipped(signs: FloatArray, turned: FloatArray) -> FloatArray:
@@ -212,11 +208,12 @@ def columns_of(ground: Ground, atom: Atom) -> FloatArray:
 
 def strengths(ground: Ground, atom: Atom) -> tuple[FloatArray, float]:
     """The amplitudes (k,) of the linear fit, and the whitened sum of squares explained."""
-    left = ground.without(ground.of_cells(columns_of(ground, atom)))
-    residual = ground.residual.ravel()
-    found = np.linalg.lstsq(left, residual, rcond=1e-9)[0]
-    explained = ground.square - float(((residual - left @ found) ** 2).sum())
-    return np.asarray(found, dtype=np.float64), explained
+    left, residual = (
+        ground.without(ground.of_cells(columns_of(ground, atom))),
+        ground.residual.ravel(),
+    )
+    found = np.asarray(np.linalg.lstsq(left, residual, rcond=1e-9)[0], dtype=np.float64)
+    return found, ground.square - float(((residual - left @ found) ** 2).sum())
 
 
 def polish(ground: Ground, atom: Atom) -> Atom:
@@ -224,7 +221,7 @@ def polish(ground: Ground, atom: Atom) -> Atom:
 
     By variable projection: amplitudes are solved for at every step.
     """
-    names = [*atom.numbers, *(name for name in atom.law.numbers if name not in atom.fixed)]
+    names = [*atom.numbers, *atom.free]
     if not names:
         return replace(atom, explained=strengths(ground, atom)[1])
     known, roles = {**atom.law.numbers, **atom.numbers}, atom.form.profile.numbers
@@ -235,41 +232,36 @@ def polish(ground: Ground, atom: Atom) -> Atom:
 
     def at(x: FloatArray) -> Atom:
         values = np.where(logged, np.exp(np.where(logged, x, 0.0)), x * scale)
-        values = np.clip(values, bounds[:, 0], bounds[:, 1])
-        return atom.at(dict(zip(names, values.tolist(), strict=True)))
+        inside = np.clip(values, *bounds.T).tolist()
+        return atom.at(dict(zip(names, inside, strict=True)))
 
     def turned(values: FloatArray) -> FloatArray:
         return np.where(logged, np.log(np.where(logged, values, 1.0)), values / scale)
 
     residual = ground.residual.ravel()
-    kept: dict[tuple[float, ...], FloatArray] = {}
 
-    @or_refusal
+    @lru_cache(maxsize=1)  # a step in the law alone leaves the form
+    def of_form(numbers: tuple[float, ...]) -> FloatArray:
+        own = dict(zip(atom.numbers, numbers, strict=True))
+        return ground.of_cells(unit_columns(ground, atom.form, own, in_bins=False))
+
     def left(x: FloatArray) -> FloatArray:
+        """What is left at these numbers; all of it where the model cannot be computed."""
         now = at(x)
-        key = tuple(now.numbers.values())
-        if key not in kept:  # a step in the law alone leaves the form
-            kept.clear()
-            unit = unit_columns(ground, now.form, now.numbers, in_bins=False)
-            kept[key] = ground.of_cells(unit)
-        factor = ground.law(now.law.text, now.law.numbers)
-        columns = ground.without(kept[key] * factor[:, None, None])
+        try:
+            unit = of_form(tuple(now.numbers.values()))
+        except ModelError:
+            return residual
+        columns = ground.without(unit * ground.law(now.law.text, now.law.numbers)[:, None, None])
         found = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
         return np.asarray(residual - columns @ found)
 
-    def all_or_left(x: FloatArray) -> FloatArray:
-        found = left(x)
-        return residual if isinstance(found, ModelError) else found
-
-    start = np.clip(
-        [known[n] for n in names],
-        bounds[:, 0] * (1 + 1e-9) + 1e-12,
-        bounds[:, 1] * (1 - 1e-9) - 1e-12,
-    )
+    low, high = bounds.T
+    start = np.clip([known[n] for n in names], low * (1 + 1e-9) + 1e-12, high * (1 - 1e-9) - 1e-12)
     reached = least_squares(
-        all_or_left,
+        left,
         turned(start),
-        bounds=(turned(bounds[:, 0]) - 1e-6, turned(bounds[:, 1]) + 1e-6),
+        bounds=(turned(low) - 1e-6, turned(high) + 1e-6),
         # a refit of the whole model follows; twice as many steps take longer before it
         max_nfev=20,
         diff_step=1e-4,
@@ -298,11 +290,9 @@ class Draft:
     @property
     def read(self) -> str:
         """The formula with its fitted exponents as numbers, to read."""
-        text = self.text
-        for name in EXPONENTS:
-            value = self.atom.law.numbers.get(name, 0.0)
-            text = re.sub(rf"\*\* {name}\b", f"** {value:.2g}", text)
-        return text
+        numbers = self.atom.law.numbers
+        found = rf"\*\* ({'|'.join(EXPONENTS)})\b"
+        return re.sub(found, lambda one: f"** {numbers.get(one[1], 0.0):.2g}", self.text)
 
 
 @dataclass(frozen=True)
@@ -339,7 +329,7 @@ def entry_of(
     elif form.wave and quarter is not None:
         text = text.replace("@", "sin" if quarter % 2 == 0 else "cos")
         size *= 1.0 if quarter % 4 < 2 else -1.0
-    free = [number for number in atom.law.numbers if number not in atom.fixed]
+    free = atom.free
     factors = (atom.law.written(free), form.stage.prefix.removesuffix(" * "), text * (text != "1"))
     body = " * ".join(factor for factor in factors if factor)
     expression = ast.unparse(ast.parse(f"A * {body}" if body else "A", mode="eval"))
@@ -383,8 +373,7 @@ def _held_out(full: Ground, atom: Atom) -> Atom:
     base = full.base
     columns = columns_of(full, atom)
     white, plain = held_out_losses(base.cells, base.white, base.plain, base.fit, columns)
-    removed = float((base.held_plain - plain).sum()) / base.plain.weight
-    return replace(atom, left=float(white.sum()), removed=removed)
+    return replace(atom, left=float(white.sum()), removed=mean_drop(base, plain))
 
 
 def _without_needless_laws(atoms: Sequence[Atom], base: Base) -> list[Atom]:
@@ -446,10 +435,9 @@ def _as_good(best: Base, other: Base, excess: float) -> bool:
     """
     worse, error = gain_and_error(other.held_white, best.held_white)
     more = other.square_held - best.square_held
-    if more < LEAST_SHARE_OF_FLOOR * best.floor.square:
-        return True
     # with twice the error more forms are said to be as good as the first
-    return worse < error and more < REST_SHARE * excess
+    near = worse < error and more < REST_SHARE * excess
+    return near or more < LEAST_SHARE_OF_FLOOR * best.floor.square
 
 
 def simplified(draft: Draft) -> Draft:
@@ -458,9 +446,7 @@ def simplified(draft: Draft) -> Draft:
     Each if that costs nothing. Its base is settled: rounding is judged by the noise.
     """
     best = draft
-    for number in EXPONENTS:
-        if number not in best.atom.law.numbers or number in best.atom.fixed:
-            continue
+    for number in (name for name in EXPONENTS if name in draft.atom.free):
         value = best.atom.law.numbers[number]
         for wanted in dict.fromkeys((float(round(value)), round(2.0 * value) / 2.0)):
             atom = replace(best.atom.at({number: wanted}), fixed=(*best.atom.fixed, number))
@@ -500,9 +486,9 @@ def _costs_nothing(before: Base, rounded: Base, *, small: bool = False) -> bool:
     worse = rounded.noise_chi2 - before.noise_chi2
     # standard errors that a number may lie from a round one: beyond them rounding would push the
     # others out of their errors; twice as much makes rounder formulas that fit worse
-    if worse <= 2.0**2 * max(1.0, before.reduced_chi2):
-        return True
-    return (small or before.reduced_chi2 > QUIET_CHI2) and _as_good(before, rounded, before.excess)
+    near = worse <= 2.0**2 * max(1.0, before.reduced_chi2)
+    held_out = small or before.reduced_chi2 > QUIET_CHI2
+    return near or (held_out and _as_good(before, rounded, before.excess))
 
 
 def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:
@@ -514,12 +500,13 @@ def with_covering_errors(base: Base, effects: Sequence[str]) -> Model:
     """
     moved = steps_left_out(base.cells, base.white, base.fit)
     M = moved.shape[0]
-    spread = np.sqrt((M - 1) / M * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
     # as wide as a normal distribution's error would have to be for the same 95 %
-    spread *= float(stdtrit(M - 1, 0.975) / ndtri(0.975))
-    changed = {}
-    for name, error in zip(base.fit.names, spread.tolist(), strict=True):
-        own = base.model.parameters[name]
-        if name.partition(".")[0] in effects and own.se is not None:
-            changed[name] = replace(own, se=max(own.se, error))
+    spread = np.sqrt(M - 1) * moved.std(axis=0) * float(stdtrit(M - 1, 0.975) / ndtri(0.975))
+    error = dict(zip(base.fit.names, spread.tolist(), strict=True))
+    known = {name: p for name, p in base.model.parameters.items() if name in error}
+    changed = {
+        name: replace(p, se=max(p.se, error[name]))
+        for name, p in known.items()
+        if name.partition(".")[0] in effects and p.se is not None
+    }
     return base.model.with_parameters(changed)

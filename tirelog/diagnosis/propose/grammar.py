@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -39,10 +39,9 @@ class FormFrame:
 
     def bounds(self, role: str) -> tuple[float, float]:
         """Where a polished or fitted number of this role may go."""
-        if role == "width":
-            return 0.2 * float(self.widths[0]), 4.0 * float(self.widths[-1])
-        if role == "rate":
-            return 0.3 * float(self.rates[0]), 3.0 * float(self.rates[-1])
+        if role != "place":
+            of, low, high = (self.widths, 0.2, 4.0) if role == "width" else (self.rates, 0.3, 3.0)
+            return low * float(of[0]), high * float(of[-1])
         reach = float(np.ptp(self.places))
         low = 0.0 if self.side in ("one", "gated") else float(self.places[0]) - 0.5 * reach
         return low, float(self.places[-1]) + 0.5 * reach
@@ -161,14 +160,31 @@ STAGES: Mapping[str, Stage] = {
 class Law:
     """How a form grows with what a revolution is driven under.
 
-    `text`, with {name} for a typical value of a condition; scanned values of its `numbers`;
-    `varies`: conditions that must vary in the data, or it says nothing.
+    `text`, with {name} for a typical value of a condition; `scanned` values of its numbers;
+    `varies`: conditions that must vary in the data, or it says nothing; its `numbers`, if given.
     """
 
     text: str
-    numbers: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    scanned: Mapping[str, tuple[float, ...]]
     varies: tuple[str, ...] = ()
     complexity: int = 1
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def written(self, free: Sequence[str] = ()) -> str:
+        """The law as it stands in a formula: what is not `free` as a plain number, 1 left out."""
+        factors = []
+        for factor in self.text.split(" * "):
+            base, _, power = factor.partition(" ** ")
+            value = 1.0 if not power else self.numbers[power]
+            if power in free:
+                factors.append(factor)
+            elif value != 0.0:
+                factors.append(base if value == 1.0 else f"{base} ** {value:g}")
+        text = " * ".join(factors)
+        for name, value in self.numbers.items():
+            if name not in (*EXPONENTS, *free):
+                text = re.sub(rf"\b{name}\b", f"{value:.6g}", text)
+        return text
 
 
 #: exponents at which laws are scanned, of the speed alone and beside another quantity; the polish
@@ -225,11 +241,8 @@ class Form:
 
     def grids(self, most: int) -> Iterator[dict[str, FloatArray]]:
         """Scanned values of each number, (S,), for each combination; at `most` so many at once."""
-        values = {
-            "width": self.frame.widths[:: self.profile.each],
-            "place": self.frame.places,
-            "rate": self.frame.rates,
-        }
+        frame, widths = self.frame, self.frame.widths[:: self.profile.each]
+        values = {"width": widths, "place": frame.places, "rate": frame.rates}
         combined = list(product(*(values[role] for role in self.profile.numbers.values())))
         for start in range(0, len(combined), most):
             columns = np.array(combined[start : start + most], dtype=np.float64).T
@@ -257,40 +270,16 @@ def forms() -> Iterator[Form]:
             yield Form(frame, profile, stage)
 
 
-@dataclass(frozen=True)
-class GivenLaw:
-    """A law with its numbers given."""
-
-    law: Law
-    text: str
-    numbers: Mapping[str, float]
-
-    def written(self, free: Sequence[str] = ()) -> str:
-        """The law as it stands in a formula: what is not `free` as a plain number, 1 left out."""
-        factors = []
-        for factor in self.text.split(" * "):
-            base, _, power = factor.partition(" ** ")
-            value = 1.0 if power in free or not power else self.numbers[power]
-            if value == 0.0:
-                continue
-            plain = base if value == 1.0 and power not in free else f"{base} ** "
-            factors.append(
-                plain + ("" if plain == base else power if power in free else f"{value:g}")
-            )
-        text = " * ".join(factors)
-        for name, value in self.numbers.items():
-            if name not in (*EXPONENTS, *free):
-                text = re.sub(rf"\b{name}\b", f"{value:.6g}", text)
-        return text
-
-
-def laws(typical: Mapping[str, float]) -> list[GivenLaw]:
-    """The laws over conditions that vary: `typical` has a value for each of these, by symbol."""
-    found = []
-    for law in LAWS:
-        if any(name not in typical for name in law.varies):
-            continue
-        text = law.text.format(**{name: f"{value:.4g}" for name, value in typical.items()})
-        for values in product(*law.numbers.values()):
-            found.append(GivenLaw(law, text, dict(zip(law.numbers, values, strict=True))))
-    return found
+def laws(typical: Mapping[str, float]) -> list[Law]:
+    """The laws over conditions that vary, with numbers: `typical` has a value of each by symbol."""
+    values = {name: f"{value:.4g}" for name, value in typical.items()}
+    return [
+        replace(
+            law,
+            text=law.text.format(**values),
+            numbers=dict(zip(law.scanned, numbers, strict=True)),
+        )
+        for law in LAWS
+        if set(law.varies) <= values.keys()
+        for numbers in product(*law.scanned.values())
+    ]

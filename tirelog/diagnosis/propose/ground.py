@@ -19,10 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.candidates.assessment import ANGLES, beside_base, gain_and_error, hats_on
-from tirelog.diagnosis.propose.grammar import GivenLaw, laws
+from tirelog.diagnosis.candidates.assessment import (
+    ANGLES,
+    beside_base,
+    gain_sigmas,
+    hats_on,
+    mean_drop,
+)
+from tirelog.diagnosis.propose.grammar import Law, laws
 from tirelog.errors import ModelError, or_refusal
-from tirelog.inference.base import Base, change_to, with_fewer_cells
+from tirelog.inference.base import Base, with_fewer_cells
+from tirelog.inference.cells.joint import predicted
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric import Whitener, side_by_side, stacked
 from tirelog.physics.effects import Effect
@@ -36,23 +43,17 @@ from tirelog.vocabulary.arrays import FloatArray
 FEW_CELLS = 60
 
 
-#: a condition varies if its range is above this share of its largest value; acceleration [m/s^2]
-#: and temperature [K] above these.  Half of it would take the scatter of a cruise for a variation
-_VARIES = 0.05
-_LEAST_RANGE = {"acceleration": 0.3, "temperature": 1.0}
-
-
 def typical(base: Base) -> dict[str, float]:
     """A round value of each condition that varies in the cells and is known, by symbol."""
+    # a condition varies if its range is above this share of its largest value; acceleration [m/s^2]
+    # and temperature [K] above these. Half of it takes the scatter of a cruise for a variation
+    share, ranges = 0.05, {"acceleration": 0.3, "temperature": 1.0}
     found = {}
-    known = {**CONDITIONS, "load": "load_N"}
-    for symbol, column in known.items():
-        values = getattr(base.cells.conditions, column)
-        if symbol in ("time", "speed") or not np.isfinite(values).all():
-            continue
-        largest, span = float(np.abs(values).max()), float(np.ptp(values))
-        if span > max(_VARIES * largest, _LEAST_RANGE.get(symbol, 0.0)):
-            found[symbol] = float(f"{float(np.abs(values).mean()) or largest:.1e}")
+    for symbol, column in {**CONDITIONS, "load": "load_N"}.items():
+        size = np.abs(values := getattr(base.cells.conditions, column))
+        varies = np.ptp(values) > max(share * size.max(), ranges.get(symbol, 0.0))
+        if symbol not in ("time", "speed") and np.isfinite(values).all() and varies:
+            found[symbol] = float(f"{size.mean() or size.max():.1e}")
     return found
 
 
@@ -67,14 +68,10 @@ class Ground:
         self.base = base
         cells, model = base.cells, base.model
         self.taken, self.residual = beside_base(base)
-        white = base.white
+        white, ones = base.white, np.ones_like(base.white.inverse_sd)
         self._cell = Whitener(white.inverse_sd, white.basis, white.shrink)
-        C = len(cells)
         self._coupling = replace(
-            white,
-            inverse_sd=np.ones_like(white.inverse_sd),
-            basis=np.zeros((*white.inverse_sd.shape, 0)),
-            shrink=np.zeros((C, 0)),
+            white, inverse_sd=ones, basis=ones[..., None][..., :0], shrink=ones[:, :0]
         )
         beside = cells.values - base.fit.prediction - base.fit.beside
         #: root mean square of what base and nuisances leave, in the observable's unit
@@ -83,8 +80,7 @@ class Ground:
         self.values: dict[str, Any] = {
             name: getattr(cells.conditions, column)[:, None] for name, column in CONDITIONS.items()
         }
-        radius = model.values["radius_m"]
-        phi = np.nan_to_num(cells.phi)
+        radius, phi = model.values["radius_m"], np.nan_to_num(cells.phi)
         spread = np.sqrt(np.nan_to_num(np.maximum(cells.phi_variance, 0.0)))
         self._bins = [{"phi": at, "xi": at * radius} for at in (phi - spread, phi + spread)]
         load = cells.conditions.load_N[:, None]
@@ -120,9 +116,8 @@ class Ground:
 
         ModelError if the model cannot be computed with it.
         """
-        change = change_to(self.base, self.base.model.with_effect(ModelEffect.of(effect)))
-        if isinstance(change, ModelError):
-            raise change
+        model = self.base.model.with_effect(ModelEffect.of(effect))
+        change = predicted(model, self.base.cells) - self.base.fit.prediction
         return np.nan_to_num(change) / probe
 
     def expression(self, text: str, numbers: Mapping[str, Any]) -> FloatArray:
@@ -132,13 +127,11 @@ class Ground:
 
     def in_bins(self, text: str, numbers: Mapping[str, Any]) -> FloatArray:
         """The same in the mean over the samples of each bin, as the model predicts it."""
-        below, above = self.at_ends(text, numbers)
-        return np.asarray(0.5 * (below + above))
+        return np.asarray(0.5 * sum(self.at_ends(text, numbers)))
 
     def at_ends(self, text: str, numbers: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
         """An expression a standard deviation of the samples' angles to either side of a bin."""
-        formula = parse_expression(text, {*PLACES, *CONDITIONS, *numbers})
-        below, above = (formula({**self.values, **at, **numbers}) for at in self._bins)
+        below, above = (self.expression(text, {**at, **numbers}) for at in self._bins)
         return below, above
 
     def law(self, text: str, numbers: Mapping[str, float]) -> FloatArray:
@@ -152,8 +145,7 @@ class Ground:
         """(U (N, R), H (R, R)): outside of U the coupling does nothing, within it is H."""
         shape = self.residual.shape
         size = int(np.prod(shape))
-        parts = [self.taken.basis]
-        offsets = self.taken.offsets
+        parts, offsets = [self.taken.basis], self.taken.offsets
         if offsets.count:
             own = np.zeros((*shape, offsets.count))
             own[np.arange(shape[0]), :, offsets.log] = offsets.direction
@@ -295,7 +287,7 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     """
     given = laws(typical(full.base))
     factors = np.stack([ground.law(law.text, law.numbers) for law in given])
-    ranked: list[tuple[float, tuple[str, str], GivenLaw]] = []
+    ranked: list[tuple[float, tuple[str, str], Law]] = []
     for key in NODES:
         own = or_refusal(_hats)(ground, *key)
         if isinstance(own, ModelError):
@@ -305,7 +297,7 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
         explained = [_solved(scores[i].sum(axis=0), gram[i], likely)[0] for i in range(len(given))]
         ranked += [(e, key, law) for e, law in zip(explained, given, strict=True)]
     ranked.sort(key=lambda row: -row[0])
-    best: dict[tuple[str, str], GivenLaw] = {}
+    best: dict[tuple[str, str], Law] = {}
     for _, key, law in ranked:
         best.setdefault(key, law)
     # shapes that are tried on held-out manoeuvres, the best of each frame first; twice as many take
@@ -315,10 +307,8 @@ def measured_shapes(ground: Ground, full: Ground) -> list[MeasuredShape]:
     asked += [(key, law) for _, key, law in ranked[:3] if key == asked[0][0]][1:]
     tried = [_measured(full, key, law) for key, law in asked]
     found = [shape for shape in tried if not isinstance(shape, ModelError)]
-    best_of: dict[tuple[str, str], MeasuredShape] = {}
-    for shape in sorted(found, key=lambda shape: -shape.removed):
-        best_of.setdefault((shape.frame, shape.acts_on), shape)
-    return list(best_of.values())
+    by_frame = {(s.frame, s.acts_on): s for s in sorted(found, key=lambda shape: shape.removed)}
+    return sorted(by_frame.values(), key=lambda shape: -shape.removed)
 
 
 def _hats(ground: Ground, frame: str, acts_on: str) -> tuple[FloatArray, FloatArray, float]:
@@ -326,31 +316,24 @@ def _hats(ground: Ground, frame: str, acts_on: str) -> tuple[FloatArray, FloatAr
 
     Also the height that is likely. ModelError if they cannot be computed.
     """
-    known = FRAMES[frame]
-    nodes = NODES[frame, acts_on]
+    known, nodes = FRAMES[frame], NODES[frame, acts_on]
     if acts_on == "contact_pressure":
-        unit = np.eye(nodes.size)[1:-1]
-        inner = [_response(ground, acts_on, frame, nodes, row) for row in unit]
-        ends = [np.zeros_like(inner[0])]
-        return nodes, np.stack(ends + inner + ends, -1), _LIKELY[acts_on]
+        inner = [_response(ground, acts_on, frame, nodes, x) for x in np.eye(nodes.size)[1:-1]]
+        columns = np.pad(np.stack(inner, -1), ((0, 0), (0, 0), (1, 1)))
+        return nodes, columns, _LIKELY[acts_on]
     coordinate = ground.expression(known.coordinate, {})
     if acts_on == "load":
         # nodes over the range of speeds for what acts on the load: it is smooth; twice as many
         # share the same cells, and each is known half as well
         nodes = np.linspace(float(coordinate.min()), float(coordinate.max()), 6)
-        whole = np.array([0.0, 1e3])
-        change = _response(ground, acts_on, frame, whole, np.ones(2))
+        change = _response(ground, acts_on, frame, np.array([0.0, 1e3]), np.ones(2))
         columns = change[..., None] * hats_on(coordinate, nodes)
-        likely = _LIKELY[acts_on] * float(np.mean(ground.values["load"]))
-        return nodes, columns, likely
+        return nodes, columns, _LIKELY[acts_on] * float(np.mean(ground.values["load"]))
     if known.periodic is None:
         reach = float(coordinate.max())
         nodes = nodes[: int(np.searchsorted(nodes, reach)) + 1] if nodes[0] == 0.0 else nodes
-    shape = ground.residual.shape
-    below, above = (
-        hats_on(np.broadcast_to(at, shape), nodes, known.periodic)
-        for at in ground.at_ends(known.coordinate, {})
-    )
+    ends = (np.broadcast_to(x, ground.residual.shape) for x in ground.at_ends(known.coordinate, {}))
+    below, above = (hats_on(x, nodes, known.periodic) for x in ends)
     columns = 0.5 * (below + above)
     if known.periodic is not None:  # the last node is the first
         columns[..., 0] += columns[..., -1]
@@ -383,7 +366,7 @@ def _solved(
 
 
 @or_refusal
-def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShape:
+def _measured(full: Ground, key: tuple[str, str], law: Law) -> MeasuredShape:
     """One shape on all cells, and what it removes from manoeuvres left out."""
     base, (nodes, columns, likely), (frame, acts_on) = full.base, _hats(full, *key), key
     factor = full.law(law.text, law.numbers)[:, None, None]
@@ -391,7 +374,6 @@ def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShap
     along = left.T @ full.residual.ravel()
     explained, heights, covariance = _solved(along, left.T @ left, likely)
     white, plain = held_out_losses(base.cells, base.white, base.plain, base.fit, columns * factor)
-    gain, error = gain_and_error(base.held_white, white)
     rest = max((full.square - explained) / max(base.fit.freedom, 1.0), 1.0)
     return MeasuredShape(
         frame=frame,
@@ -400,6 +382,6 @@ def _measured(full: Ground, key: tuple[str, str], law: GivenLaw) -> MeasuredShap
         nodes=nodes,
         values=heights,
         band=np.sqrt(np.maximum(np.diag(covariance), 0.0) * rest),
-        removed=float((base.held_plain - plain).sum()) / base.plain.weight,
-        gain=gain / error if error > 0.0 else 0.0,
+        removed=mean_drop(base, plain),
+        gain=gain_sigmas(base.held_white, white),
     )

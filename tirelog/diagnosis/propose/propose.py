@@ -113,8 +113,17 @@ class Term:
     @property
     def stages(self) -> tuple[str, ...]:
         """Where it acts; several if these data cannot tell."""
-        every = (self.formula, *self.as_good)
-        return tuple(dict.fromkeys(formula.acts_on for formula in every))
+        return tuple(dict.fromkeys(one.acts_on for one in (self.formula, *self.as_good)))
+
+    def sentences(self, manoeuvres: int) -> list[str]:
+        """How surely it is one, where it may act, and what else does as well."""
+        p = probability(self.p, manoeuvres)
+        said = [f"probability {p} of being chance over {self.tried} forms"]
+        if len(self.stages) > 1:
+            said.append(f"it acts on {' or '.join(self.stages)}; these data cannot tell which")
+        if self.as_good:
+            said.append(f"as good held out: {'; '.join(one.expression for one in self.as_good)}")
+        return [f"{self.name}: {sentence}." for sentence in said]
 
     def to_json(self) -> dict[str, Any]:
         own = {"name": self.name, "stages": self.stages, "parameters": self.numbers}
@@ -134,10 +143,8 @@ class HoldoutErrors:
     @property
     def share(self) -> float | None:
         """The share of the excess that is removed there; None if there was none."""
-        before = self.before**2 - self.floor**2
-        if before <= 0.0:
-            return None
-        return 1.0 - max(self.after**2 - self.floor**2, 0.0) / before
+        before, after = (x**2 - self.floor**2 for x in (self.before, self.after))
+        return 1.0 - max(after, 0.0) / before if before > 0.0 else None
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -199,15 +206,12 @@ class Proposal(AnswerRecord):
         """The answer in one sentence."""
         if self.status == "nothing":
             return f"Nothing to propose: {self.reason}"
-        factor, unit = shown(self.observable, self.unit)
-        if self.status == "formula":
-            what = "; and ".join(term.formula.said for term in self.terms)
-        else:
-            shape = self.shapes[0]
-            law = "" if shape.law == "1" else f", times {shape.law}"
+        locked, (factor, unit) = self.locked, shown(self.observable, self.unit)
+        what = "; and ".join(term.formula.said for term in self.terms)
+        if self.status == "shape":
+            law = "" if self.shapes[0].law == "1" else f", times {self.shapes[0].law}"
             why = "" if self.asked else ", since no formula does as well"
-            what = f"a measured shape {shape.words}{law}{why}"
-        locked = self.locked
+            what = f"a measured shape {self.shapes[0].words}{law}{why}"
         if locked is None or locked.share is None:
             return f"Proposed: {what}."
         return (
@@ -218,35 +222,25 @@ class Proposal(AnswerRecord):
 
     def sentences(self) -> list[str]:
         """What else a reader should know, in words."""
-        said = []
-        for term in self.terms if self.status == "formula" else ():
-            p = probability(term.p, self.manoeuvres)
-            said.append(f"{term.name}: probability {p} of being chance over {term.tried} forms.")
-            if len(term.stages) > 1:
-                said.append(
-                    f"{term.name}: it acts on {' or '.join(term.stages)}; these data "
-                    "cannot tell which."
-                )
-            if term.as_good:
-                others = "; ".join(formula.expression for formula in term.as_good)
-                said.append(f"{term.name}: as good held out: {others}.")
+        if self.status == "nothing":
+            return list(self.notes)
+        said = [sentence for term in self.terms for sentence in term.sentences(self.manoeuvres)]
         before, floor = self.rmse_heldout_before, self.noise_floor
-        wanted = self.status != "nothing" and bool(self.shapes)
-        if wanted and before is not None and floor is not None:
-            excess = before**2 - floor**2
-            best = self.shapes[0]
-            if excess > 0.0 and best.gain > GAIN_SIGMAS:
-                said.append(
-                    f"A free shape {best.words}, times {best.law}, removes "
-                    f"{percent(min(best.removed / excess, 1.0))} of the excess held out: no single "
-                    "form in that frame removes more."
-                )
-        if self.status != "nothing" and self.nearest:
+        excess = 0.0 if before is None or floor is None else before**2 - floor**2
+        best = self.shapes[0] if self.shapes else None
+        if best is not None and excess > 0.0 and best.gain > GAIN_SIGMAS:
+            said.append(
+                f"A free shape {best.words}, times {best.law}, removes "
+                f"{percent(min(best.removed / excess, 1.0))} of the excess held out: no single "
+                "form in that frame removes more."
+            )
+        if self.nearest:
             near = ", ".join(f"{name} {percent(share)}" for name, share in self.nearest)
             said.append(f"Nearest effects of the catalogue: {near} of the excess.")
-        for row in self.separating_manoeuvres:
-            first, second = row["separates"]
-            said.append(f"{row['manoeuvre']} x{row['repeats']} would part {first} from {second}.")
+        said += [
+            f"{row['manoeuvre']} x{row['repeats']} would part {' from '.join(row['separates'])}."
+            for row in self.separating_manoeuvres
+        ]
         return [*said, *self.notes]
 
     def to_json(self) -> dict[str, Any]:
@@ -280,7 +274,7 @@ class Proposal(AnswerRecord):
 
     def terms_table(self) -> AnswerTable:
         """The numbers of the formulas that are proposed."""
-        rows: list[list[Any]] = []
+        rows = []
         for term in self.terms:
             words = [term.name, term.formula.acts_on, term.formula.expression]
             for name, n in term.numbers.items():
@@ -375,19 +369,16 @@ def _nothing(
 
 def _ground(found: SearchResult, diagnosis: Diagnosis, despite: bool) -> tuple[Base | None, str]:
     """The base to propose on, or why there is nothing to propose."""
-    after, sentence = found.after, diagnosis.sentence
+    after, partial = found.after, diagnosis.verdict == "partial"
     if diagnosis.verdict in ("unknown", "scatter") or (despite and diagnosis.selected):
         return found.before, ""
-    if diagnosis.verdict == "partial":
-        least = max(SECOND_LEAST * after.floor.square, REST_SHARE * found.before.excess)
-        if diagnosis.unexplained["significant"] and after.excess > least:
-            return after, ""
-        sentence += " The rest is too small, or does not repeat well enough, to write down."
-    elif diagnosis.selected:
-        sentence += (
-            " Add it to the model, or give --despite to have what these data would say without it."
-        )
-    return None, sentence
+    least = max(SECOND_LEAST * after.floor.square, REST_SHARE * found.before.excess)
+    if partial and diagnosis.unexplained["significant"] and after.excess > least:
+        return after, ""
+    why = " Add it to the model, or give --despite to have what these data would say without it."
+    if partial:
+        why = " The rest is too small, or does not repeat well enough, to write down."
+    return None, diagnosis.sentence + why * bool(diagnosis.selected)
 
 
 @dataclass
@@ -419,26 +410,26 @@ def _climb(base: Base, alarm: float, progress: Progress) -> _Climb:
         if number > 1 and at.excess < LEAST_SHARE_OF_FLOOR * at.floor.square:
             break
         full = Ground(at)
-        few = full.few
         if number == 1:
             progress("measuring free shapes")
-            climb.shapes = measured_shapes(few, full)
+            climb.shapes = measured_shapes(full.few, full)
         progress(f"term {number}: trying every form of the grammar")
-        scanned, choice = scan(few), None
+        scanned = climb.last = scan(full.few)
+        choice = None
         if scanned.p <= alarm:
             name = _free_name(base, "proposed", number)
-            choice = choose(full, scanned, polished(few, scanned.atoms), name)
-            if choice and not worth_it(at, choice.chosen.base, scanned.p, held_out_only=True):
-                choice = None
+            choice = choose(full, scanned, polished(full.few, scanned.atoms), name)
+        if choice and not worth_it(at, choice.chosen.base, scanned.p, held_out_only=True):
+            choice = None
         quiet = at_noise_floor(at, at.floor.square)
         rival = None if quiet else best_nuisance(at, allowed_nuisances(at))
-        if rival is not None and (choice is None or _leaves_less(rival, choice)):
+        losses = [draft.base.held_white.sum() for draft in choice.refitted] if choice else [np.inf]
+        if rival is not None and rival.held_white.sum() < min(losses):
             climb.beside.append(newest(rival, at))
             progress(f"beside the model: {climb.beside[-1]}")
             climb.bases[-1] = rival.with_scatter_estimated
             continue
         if choice is None:
-            climb.last = scanned
             break
         chosen = simplified(replace(choice.chosen, base=choice.chosen.base.with_scatter_estimated))
         if number > 1 and at.square_held - chosen.base.square_held < REST_SHARE * first_excess:
@@ -465,17 +456,11 @@ def _with_needed_nuisances(climb: _Climb) -> _Climb:
     return climb
 
 
-def _leaves_less(rival: Base, choice: Choice) -> bool:
-    """Does a nuisance leave less held out than the best form?"""
-    best = min(float(draft.base.held_white.sum()) for draft in choice.refitted)
-    return float(rival.held_white.sum()) < best
-
-
 def _free_name(base: Base, stem: str, number: int = 1) -> str:
     """The first name of that stem, or a later one, that no effect of the model has."""
+    names = [f"{stem}_{i}" for i in range(1, 100)]
     held = {effect.id for effect in base.model.effects}
-    free = [name for i in range(1, 100) if (name := f"{stem}_{i}") not in held]
-    return free[number - 1]
+    return [name for name in names if name not in held][number - 1]
 
 
 def _without_needless(climb: _Climb) -> _Climb:
@@ -483,43 +468,37 @@ def _without_needless(climb: _Climb) -> _Climb:
 
     What was as good as a term was so beside those that go: it is not said then.
     """
-    after = climb.after
-    names = [choice.chosen.entry.id for choice in climb.choices]
-    kept = list(climb.choices)
-    for choice in climb.choices[:-1]:
-        lost = change_to(after, after.model.without_effect(choice.chosen.entry.id))
+    after, kept = climb.after, list(climb.choices)
+    names = [choice.chosen.entry.id for choice in kept]
+    for choice, name in list(zip(kept, names, strict=True))[:-1]:
+        lost = change_to(after, after.model.without_effect(name))
         if isinstance(lost, ModelError):
             continue
-        added = after.plain(np.nan_to_num(lost))
+        added = float((after.plain(np.nan_to_num(lost)) ** 2).sum()) / after.plain.weight
         # squared floors from which on what a term adds is plainly needed, and no refit without it
         # asked for; half of it would ask of each, at a second each
-        if float((added**2).sum()) / after.plain.weight > after.floor.square:
+        less = after if added > after.floor.square else refit_without(after, name)
+        if less is after or isinstance(less, ModelError):
             continue
-        less = refit_without(after, choice.chosen.entry.id)
-        least = LEAST_SHARE_OF_FLOOR * after.floor.square
-        if not isinstance(less, ModelError) and less.square_held - after.square_held < least:
-            after = less
-            kept = [other for other in kept if other is not choice]
+        if less.square_held - after.square_held < LEAST_SHARE_OF_FLOOR * after.floor.square:
+            after, kept = less, [other for other in kept if other is not choice]
     if len(kept) == len(names):
         return climb
     entries = {entry.id: entry for entry in after.model.effects}
     own = [entries[choice.chosen.entry.id] for choice in kept]
+    renamed = [replace(o, effect=replace(o.effect, id=new)) for new, o in zip(names, own)]
     model = after.model.without_effect(*(entry.id for entry in own))
-    renamed = [
-        replace(old, effect=replace(old.effect, id=new))
-        for new, old in zip(names, own, strict=False)
-    ]
     for entry in renamed:
         model = model.with_entry(entry)
     again = refit(after, model)
     if isinstance(again, ModelError):
         return climb
-    top = again.with_scatter_estimated
-    climb.choices = []
-    for entry, choice in zip(renamed, kept, strict=True):
-        chosen = replace(choice.chosen, entry=entry, base=top)
-        climb.choices.append(replace(choice, chosen=chosen, as_good=(chosen,)))
-    climb.bases = [climb.bases[0], top]
+    climb.bases = [climb.bases[0], again.with_scatter_estimated]
+    chosen = [
+        replace(choice.chosen, entry=entry, base=climb.after)
+        for entry, choice in zip(renamed, kept, strict=True)
+    ]
+    climb.choices = [replace(k, chosen=c, as_good=(c,)) for k, c in zip(kept, chosen, strict=True)]
     return climb
 
 
@@ -532,19 +511,16 @@ def _proposal(
 ) -> Proposal:
     """What is written down in the end, and its error on the locked manoeuvres."""
     base, after = climb.bases[0], climb.after
-    scattered = diagnosis.verdict == "scatter"
-    formula = bool(climb.choices)
+    scattered, formula = diagnosis.verdict == "scatter", bool(climb.choices)
     by_shape = None
     if formula or not scattered:
         by_shape = _with_shape(base, climb.shapes, diagnosis.unexplained["p"])
-    if by_shape is not None:
-        more = after.square_held - by_shape.square_held
-        # share of the excess that a measured shape must remove beyond the formulas to stand in
-        # their place: a reader would rather have a formula; doubled, forms outside of the grammar
-        # leave twice as much
-        least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, 0.05 * base.excess)
-        if shape_wanted or more > least:
-            after, formula = by_shape, False
+    # share of the excess that a measured shape must remove beyond the formulas to stand in their
+    # place: a reader would rather have a formula; doubled, forms outside of the grammar leave twice
+    # as much
+    least = max(LEAST_SHARE_OF_FLOOR * base.floor.square, 0.05 * base.excess)
+    if by_shape is not None and (shape_wanted or after.square_held - by_shape.square_held > least):
+        after, formula = by_shape, False
     if not formula and after is not by_shape:
         reason = diagnosis.sentence if scattered else _doubt(climb)
         return _nothing(reason, base, diagnosis, climb.shapes)
@@ -641,14 +617,9 @@ def _term(choice: Choice, model: Model) -> Term:
 
 
 def _formula_of(draft: Draft, text: str) -> FoundFormula:
-    free = [name for name in draft.atom.law.numbers if name not in draft.atom.fixed]
-    return FoundFormula(
-        text,
-        str(draft.entry.source["acts_on"]),
-        draft.atom.form.words,
-        draft.atom.law.written(free) or "1",
-        draft.base.square_held,
-    )
+    atom, acts_on = draft.atom, str(draft.entry.source["acts_on"])
+    law = atom.law.written(atom.free) or "1"
+    return FoundFormula(text, acts_on, atom.form.words, law, draft.base.square_held)
 
 
 def _advice(climb: _Climb) -> tuple[list[dict[str, object]], list[str]]:
