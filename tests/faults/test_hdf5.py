@@ -209,7 +209,7 @@ def test_a_wrong_path_names_the_nearest(path):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "is empty"),
+        (b"", "no readable HDF5"),
         (b"time,x\n1,2\n" * 100, "no readable HDF5"),
         (b"\x89HDF\r\n\x1a\n", "HDF5"),
     ],
@@ -217,11 +217,6 @@ def test_a_wrong_path_names_the_nearest(path):
 def test_what_is_no_hdf5_file(path, content, says):
     path.write_bytes(content)
     with pytest.raises(ReadError, match=says):
-        read(path, "/x")
-
-
-def test_a_missing_file(path):
-    with pytest.raises(ReadError, match="No such file"):
         read(path, "/x")
 
 

@@ -11,7 +11,6 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
@@ -238,21 +237,15 @@ def convert_bag(source: Path, target: Path, answer: Converted) -> None:
         raise NoNumbers("it holds no message that can be read")
 
 
-@contextmanager
-def _opened(source: Path, target: Path, first: bool) -> Iterator[Any]:
+def _opened(source: Path, target: Path, first: bool) -> Any:
     """The library's reader.  Its name tells the library what a file is, and may not say more."""
+    from rosbags import rosbag1, rosbag2
+
     if first:
-        from rosbags.rosbag1 import Reader as Reader1
-
-        with Reader1(source) as one:
-            yield one
-    else:
-        from rosbags.rosbag2 import Reader as Reader2
-
-        link = target.with_name("bag.db3")
-        link.symlink_to(source)
-        with Reader2(link) as two:
-            yield two
+        return rosbag1.Reader(source)
+    link = target.with_name("bag.db3")
+    link.symlink_to(source)
+    return rosbag2.Reader(link)
 
 
 class _Topics:
