@@ -385,14 +385,6 @@ class _Clock:
     origin_s: float = 0.0
 
 
-def open_hdf5(path: Path | str, setup: Setup, log_name: str) -> Hdf5Log:
-    """The log at `path`; `log_name` is its name in messages.
-
-    ReadError if nothing in it can be read.
-    """
-    return Hdf5Log(Path(path), setup, log_name)
-
-
 def refuse_damaged(path: Path, log_name: str) -> None:
     """ReadError: an HDF5 file that is cut off, or does not even say what it holds."""
     with path.open("rb") as raw:
@@ -621,8 +613,10 @@ class Hdf5Log:
         for name, source, scale in clock.channels:
             stored, missing = self._read(source, start, stop, slabs)
             numbers = scale.apply(stored)
-            if self.setup.channels[name].kind in WAVELENGTH_KINDS:
-                numbers[~(numbers > 0.0)] = np.nan
+            channel = self.setup.channels[name]
+            if channel.kind in WAVELENGTH_KINDS:  # none is 0 or less; what is recorded may be
+                factor, offset = channel.scaling
+                numbers[~(factor * numbers + offset > 0.0)] = np.nan
             for first, last in missing:
                 numbers[first - start : last - start] = np.nan
                 gone[first - start : last - start] = True
