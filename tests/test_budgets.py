@@ -35,7 +35,7 @@ FOLDERS = {
     "kernels": (3, 270),
     "physics": (29, 4050),
     "plots": (6, 1160),
-    "readers": (28, 5220),
+    "readers": (23, 4650),
     "report": (8, 1310),
     "runs": (8, 1580),
     "simulation": (18, 2680),
