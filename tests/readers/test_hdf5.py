@@ -30,7 +30,7 @@ def setup_of(sources, kind="temperature", log="", unit="K"):
 
 def read(path, sources, **more):
     """(values per channel, stamps per group, the reader) of a whole log."""
-    reader = hdf5.open_hdf5(path, setup_of(sources, **more), str(path))
+    reader = hdf5.Hdf5Log(path, setup_of(sources, **more), str(path))
     values: dict[str, list] = {}
     stamps: dict[str, list] = {}
     for block in reader.blocks():

@@ -2,11 +2,16 @@
 converts, is read to the bit.
 """
 
+import io
 import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import wavfile
+
+from tirelog.data.setup import parse_setup
+from tirelog.runs.ingest import open_recording
 
 from .other_files import A, N, read, refusal
 
@@ -17,6 +22,17 @@ def test_samples_of_24_bits(tmp_path: Path) -> None:
     head = b"RIFF\x44\0\0\0WAVEfmt \x10\0\0\0" + struct.pack("<HHIIHH", 1, 1, 100, 300, 3, 24)
     data = head + b"LIST\x05\0\0\0abcde\0" + b"data" + struct.pack("<I", len(body)) + body
     np.testing.assert_array_equal(read(data, tmp_path, "#1")[0], whole / 2.0**23)
+
+
+def test_negative_shares_of_a_wavelength_are_no_lost_peaks(tmp_path: Path) -> None:
+    shares = np.array([0.5, 0.25, 0.0, -0.25, -1.0])
+    file = io.BytesIO()
+    wavfile.write(file, 100, shares.astype(np.float32))
+    (tmp_path / "log").write_bytes(file.getvalue())
+    scale = 'scale = 4.0\noffset = 1550.0\nunit = "nm"\nreference_wavelength_nm = 1550.0\n'
+    text = f'[channels.a]\nkind = "fbg_temperature"\nsource = "left"\n{scale}'
+    with open_recording(str(tmp_path / "log"), parse_setup(text)) as recording:
+        assert np.isfinite(recording.channels["a"].read()).all()
 
 
 ARRAYS = {

@@ -45,7 +45,7 @@ from tirelog.version import __version__
 
 #: what opens a log by its format; text is of none
 _READERS = {
-    "HDF5": "tirelog.readers.hdf5.reader:open_hdf5",
+    "HDF5": "tirelog.readers.hdf5.reader:Hdf5Log",
     "Parquet": "tirelog.readers.other.formats:open_parquet",
     "MCAP": "tirelog.readers.mcap.reader:open_mcap",
 }

@@ -46,10 +46,11 @@ from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT
-from tirelog.readers.hdf5.layout import MOST_ATTRIBUTE_BYTES, as_number
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
+    MOST_ATTRIBUTE_BYTES,
     SourceColumn,
+    as_number,
     check_shape,
     check_storage,
     check_type,

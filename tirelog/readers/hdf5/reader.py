@@ -12,6 +12,7 @@ of a file are NaN with the flag `gap`, and a loss.
 
 from __future__ import annotations
 
+import pickletools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.setup import Setup
-from tirelog.errors import ReadError
+from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.base import (
     MOST_SERIES,
     RATES,
@@ -33,35 +34,327 @@ from tirelog.readers.base import (
     ReadReport,
     Series,
     SeriesList,
+    unit_by_size,
     with_stated_units,
-)
-from tirelog.readers.hdf5.layout import (
-    TIME_NAMES,
-    Scale,
-    TimeColumn,
-    find_columns,
-    rate_of,
-    scale_of,
-    time_of,
-    unit_of,
 )
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
+    SINCE,
     SLAB_BYTES,
+    Attributes,
     PaddedFile,
+    Scale,
     Slabs,
     SourceColumn,
+    column,
+    dataset_and_index,
     declared_size,
     first_number,
     is_foreign_type,
     kept,
     names,
+    rate_of,
+    scale_of,
+    time_axis,
+    unit_of,
     unstored,
+    walk,
 )
 from tirelog.readers.other.formats import HEAD_BYTES, is_hdf5
+from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Quality
+
+# ---- Which dataset a source means, and which dataset holds its time.
+#
+# pandas    "/df:column" of a `fixed` frame, a `table` frame (column names are read from the
+#           pickle's opcodes, never unpickled), or a series
+# NeXus     "/entry/data" is the group's signal; its axes hold the time
+# others    [log] time of the setup, or a dataset or field called time, t, timestamp beside the data
+
+
+TIME_NAMES = (
+    "time",
+    "t",
+    "timestamp",
+    "timestamps",
+    "time_s",
+    "time_ms",
+    "time_us",
+    "time_ns",
+    "timestamp_ns",
+    "t_s",
+    "t_ms",
+    "t_us",
+    "t_ns",
+)
+PICKLE_LIST = {
+    "MARK",
+    "LIST",
+    "EMPTY_LIST",
+    "APPEND",
+    "APPENDS",
+    "PUT",
+    "BINPUT",
+    "MEMOIZE",
+    "PROTO",
+    "FRAME",
+    "STOP",
+}
+PICKLE_TEXT = {"UNICODE", "BINUNICODE", "SHORT_BINUNICODE"}
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """Stored stamps: seconds = (stored - first stored) x `step_s`.
+
+    `absolute` if they count from 1970 (or `since`).
+    """
+
+    column: SourceColumn
+    step_s: float
+    absolute: bool = False
+    since: str | None = None
+
+
+def find_columns(file: h5py.File, source: str) -> SourceColumn:
+    """The column that `source` means.  ReadError if there is none, or it is refused."""
+    path, field, index = dataset_and_index(source)
+    item = walk(file, path)
+    if isinstance(item, h5py.Dataset):
+        return column(path, item, field, index)
+    if not isinstance(item, h5py.Group):
+        raise ReadError(
+            f"{path} is a type, no dataset",
+            allowed="a source is a dataset path of the file",
+            do="mend source",
+        )
+    attributes = Attributes(item)
+    kind = attributes.text("pandas_type") or ""
+    if kind == "frame":
+        return _fixed_frame(path, item, field, index)
+    if kind.endswith("_table"):
+        return _table_frame(file, path, field, index)
+    if below := "values" if kind == "series" else _signal(item):
+        return column(f"{path}/{below}", _dataset(file, f"{path}/{below}"), field, index)
+    near = nearest(path, names(file))
+    raise ReadError(
+        f"{path} is a group{near}",
+        allowed="a source is a dataset, or a group of pandas or NeXus",
+        do="mend source",
+    )
+
+
+def _dataset(file: h5py.File, path: str) -> h5py.Dataset:
+    item = walk(file, path)
+    if not isinstance(item, h5py.Dataset):
+        raise ReadError(
+            f"{path} leads to a group",
+            allowed="a source is a dataset path of the file",
+            do="mend source",
+        )
+    return item
+
+
+def _signal(group: h5py.Group) -> str | None:
+    """The name of a NeXus group's signal.
+
+    Its attribute `signal`, or the dataset with the attribute signal = 1.
+    """
+    named = Attributes(group).text("signal")
+    if named:
+        return named
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            item = group[name]
+            if isinstance(item, h5py.Dataset) and Attributes(item).number("signal") == 1:
+                return str(name)
+    return None
+
+
+def _fixed_frame(
+    path: str, group: h5py.Group, field: str | None, index: tuple[int | None, ...]
+) -> SourceColumn:
+    known: list[str] = []
+    for block in range(len(group)):
+        if f"block{block}_items" not in group:
+            break
+        labels = column_labels(walk(group.file, f"{path}/block{block}_items"))
+        known += labels
+        if field in labels:
+            values = f"{path}/block{block}_values"
+            dataset = _dataset(group.file, values)
+            turned = Attributes(dataset).number("transposed") == 1  # stored (samples, columns)
+            at = labels.index(field)
+            # an index to a frame's column, which has one axis alone, is refused
+            time_axis(f"{path}:{field}", dataset.shape[:1] if turned else dataset.shape[1:], index)
+            return column(values, dataset, None, (None, at) if turned else (at, None))
+    raise _no_label(f"{path} is a pandas frame", field, known)
+
+
+def _no_label(what: str, field: str | None, known: list[str]) -> ReadError:
+    return ReadError(
+        f"{what} without {field!r}{nearest(field or '', known)}",
+        allowed=f"it has {', '.join(known[:20])}",
+        do="mend source",
+    )
+
+
+def column_labels(item: h5py.Group | h5py.Dataset) -> list[str]:
+    if (
+        not isinstance(item, h5py.Dataset)
+        or item.dtype.kind != "S"
+        or item.ndim != 1
+        or item.size * item.dtype.itemsize > 1 << 24
+    ):
+        return []
+    return [bytes(label).decode("utf-8", "replace") for label in np.asarray(item[:])]
+
+
+def _table_frame(
+    file: h5py.File, path: str, field: str | None, index: tuple[int | None, ...]
+) -> SourceColumn:
+    where = f"{path}/table"
+    table = _dataset(file, where)
+    if table.dtype.names and field in table.dtype.names:
+        return column(where, table, field, index)
+    known: list[str] = []
+    for block in table.dtype.names or ():
+        labels = pickled_labels(Attributes(table).raw(f"{block}_kind"))
+        known += labels
+        if field in labels:
+            time_axis(f"{path}:{field}", table.shape, index)
+            return column(where, table, block, (labels.index(field),))
+    raise _no_label(f"{path} is a pandas table", field, known)
+
+
+def pickled_labels(raw: object) -> list[str]:
+    """The texts in a pickled list of texts, read off its opcodes; empty if it is anything else.
+
+    Nothing is executed.
+    """
+    if not isinstance(raw, bytes):
+        return []
+    labels = []
+    try:
+        for opcode, argument, _ in pickletools.genops(raw):
+            if opcode.name in PICKLE_TEXT:
+                labels.append(str(argument))
+            elif opcode.name not in PICKLE_LIST:
+                return []
+    except (ValueError, UnicodeDecodeError):
+        return []
+    return labels
+
+
+def time_of(
+    file: h5py.File, found: SourceColumn, setup_time: str | None, time_unit: str | None
+) -> TimeColumn | None:
+    """The stamps of the column's samples, or None.
+
+    ReadError if the setup names a time that cannot be used.
+    """
+    if setup_time:
+        return _stamps(_named_time(file, found, setup_time), time_unit)
+    group = found.dataset.parent
+    for candidate in _candidates(found, group):
+        try:
+            stamps = find_columns(file, candidate)
+        except (ReadError, *LIBRARY_ERRORS):
+            continue
+        if (
+            len(stamps) == len(found)
+            and stamps.dtype.kind in "iuf"
+            and (stamps.path, stamps.field) != (found.path, found.field)
+        ):
+            return _stamps(stamps, None)
+    return None
+
+
+def _named_time(file: h5py.File, found: SourceColumn, name: str) -> SourceColumn:
+    problem: ReadError | None = None
+    beside = found.dataset.parent.name
+    for candidate in (name, f"{beside}/{name}", f"{found.path}:{name}"):
+        try:
+            stamps = find_columns(file, candidate)
+        except ReadError as error:
+            problem = problem or error
+            continue
+        if len(stamps) != len(found):
+            raise ReadError(
+                f"time {name!r} has {len(stamps)} stamps and {found.path} {len(found)} samples",
+                allowed="allowed is one stamp a sample",
+                do="mend [log] time or give sampling_rate_Hz",
+            )
+        return stamps
+    raise ReadError(f"time {name!r} of the setup: {problem.message if problem else 'not found'}")
+
+
+def _candidates(found: SourceColumn, group: h5py.Group) -> list[str]:
+    """Sources that may hold the column's time, likeliest first."""
+    base = group.name if group.name != "/" else ""
+    listed = [
+        f"{found.path}:{name}"
+        for name in found.dataset.dtype.names or ()
+        if name.lower() in TIME_NAMES
+    ]
+    if (
+        found.path.endswith("/table")
+        and "index_kind" in Attributes(found.dataset).names
+        and _counts_time(found.dataset, "index_kind")
+    ):
+        listed.append(f"{found.path}:index")
+    for name in ("axis1", "index"):
+        if (
+            name in group
+            and Attributes(group).text("pandas_type")
+            and _counts_time(group[name], "kind")
+        ):
+            listed.append(f"{base}/{name}")
+    axes = Attributes(found.dataset).text("axes") or Attributes(group).text("axes")
+    listed += [
+        f"{base}/{name.strip()}"
+        for name in re.split(r"[:,]", axes or "")
+        if name.strip() not in ("", ".")
+    ]
+    lower = {name.lower(): name for name in group}
+    return listed + [f"{base}/{lower[name]}" for name in TIME_NAMES if name in lower]
+
+
+def _counts_time(item: h5py.Dataset, attribute: str) -> bool:
+    kind = Attributes(item).text(attribute) or ""
+    return kind.startswith("datetime64") or kind == "float"
+
+
+def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
+    """Step and origin of stored stamps.
+
+    By the setup's unit, the file's, the one in the name, or seconds.
+    """
+    unit = time_unit or unit_of(stamps) or ""
+    since = SINCE.match(unit)
+    if since:
+        unit = since[1]
+    attributes = Attributes(stamps.dataset)
+    kind = attributes.text("index_kind" if stamps.field else "kind") or ""
+    date = re.fullmatch(r"datetime64(?:\[(\w+)\])?", kind)
+    if date:
+        return TimeColumn(
+            stamps, {"s": 1.0, "ms": 1e-3, "us": 1e-6}.get(date[1] or "ns", 1e-9), absolute=True
+        )
+    suffix = re.search(r"_(s|ms|us|ns)$", stamps.field or stamps.path)
+    if not unit:
+        unit = suffix[1] if suffix else unit_by_size(first_number(stamps))
+    try:
+        step, _ = units.to_si(unit or "s", "time")
+    except SetupError as problem:
+        raise ReadError(f"time {stamps.path}: {problem.message}") from None
+    return TimeColumn(stamps, step, since=since[2] if since else None)
+
+
+# ---- A log.
+
 
 #: values per block over all channels of a group
 BLOCK_VALUES = 1 << 20
@@ -69,14 +362,8 @@ BLOCK_VALUES = 1 << 20
 CACHE_BYTES = 1 << 20
 #: a first stamp above this (1990) counts from 1970
 EARLIEST_DATE_S = 631152000.0
-
-
-@dataclass(frozen=True)
-class _Channel:
-    name: str
-    kind: str
-    column: SourceColumn
-    scale: Scale
+#: a channel's name, its column, and how what is stored there becomes values
+_Channel = tuple[str, SourceColumn, Scale]
 
 
 #: what the library says of a file that another process has open for writing
@@ -96,14 +383,6 @@ class _Clock:
     time: TimeColumn | None
     first: Any = 0
     origin_s: float = 0.0
-
-
-def open_hdf5(path: Path | str, setup: Setup, log_name: str) -> Hdf5Log:
-    """The log at `path`; `log_name` is its name in messages.
-
-    ReadError if nothing in it can be read.
-    """
-    return Hdf5Log(Path(path), setup, log_name)
 
 
 def refuse_damaged(path: Path, log_name: str) -> None:
@@ -129,25 +408,12 @@ def opened(path: Path, log_name: str) -> tuple[h5py.File, int | None, int | None
     One that is being written by SWMR is open in that mode. ReadError: it cannot be opened.
     """
     try:
-        size = path.stat().st_size
-    except OSError as problem:
-        raise ReadError(
-            f"cannot be opened ({problem.strerror})",
-            allowed="a log is a readable file",
-            do="mend the path",
-            file=log_name,
-        ) from None
-    if size == 0:
-        raise ReadError(
-            "is empty", allowed="allowed is an HDF5 file", do="record it again", file=log_name
-        )
-    try:
         return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES), None, None
     except LIBRARY_ERRORS as problem:
         if _BEING_WRITTEN.search(str(problem)):
             return _being_written(path, log_name), None, None
         declared = declared_size(problem)
-        if declared is None or declared <= size:
+        if declared is None or declared <= (size := path.stat().st_size):
             raise _unreadable(problem, log_name) from None
     try:
         return h5py.File(PaddedFile(path, declared), "r", rdcc_nbytes=CACHE_BYTES), size, declared
@@ -218,11 +484,9 @@ class Hdf5Log:
         for name, channel in self.setup.channels.items():
             try:
                 column = find_columns(self.file, channel.source)
-                channels.append(_Channel(name, channel.kind, column, scale_of(column)))
-                if channel.scaled and (channels[-1].scale.factor, channels[-1].scale.offset) != (
-                    1.0,
-                    0.0,
-                ):
+                scale = scale_of(column)
+                channels.append((name, column, scale))
+                if channel.scaled and (scale.factor, scale.offset) != (1.0, 0.0):
                     self.report.remarks.append(
                         f"channel {name}: the file has a scale of its own; the setup's scale and "
                         "offset act on what it gives"
@@ -249,34 +513,28 @@ class Hdf5Log:
         """The channels in groups of one length, rate and time."""
         gathered: dict[tuple[Any, ...], tuple[list[_Channel], TimeColumn | None, float | None]] = {}
         for channel in channels:
-            time = self._time(channel)
-            rate = rate_of(channel.column)
+            name, column, _ = channel
+            time = self._time(name, column)
+            rate = rate_of(column)
             source = (time.column.path, time.column.field, time.column.index) if time else None
-            key = (
-                len(channel.column),
-                rate,
-                source,
-                self.setup.channels[channel.name].sampling_rate_Hz,
-            )
+            key = (len(column), rate, source, self.setup.channels[name].sampling_rate_Hz)
             gathered.setdefault(key, ([], time, rate))[0].append(channel)
         clocks = []
         for number, (members, time, rate) in enumerate(gathered.values(), 1):
-            decimals = {c.name: c.scale.decimals for c in members}
-            group = Group(
-                f"clock_{number}", tuple(c.name for c in members), rate_Hz=rate, decimals=decimals
-            )
-            size = max(kept(c.column, self.end, BLOCK_VALUES) for c in members)
+            decimals = {name: scale.decimals for name, _, scale in members}
+            group = Group(f"clock_{number}", tuple(decimals), rate_Hz=rate, decimals=decimals)
+            size = max(kept(column, self.end, BLOCK_VALUES) for _, column, _ in members)
             if size == 0:
                 self.report.losses.append(
                     f"nothing is stored of {', '.join(group.channels)}; record the log again"
                 )
                 continue
-            if size < (whole := len(members[0].column)):
+            if size < (whole := len(members[0][1])):
                 self.report.losses.append(
                     f"{', '.join(group.channels)}: {whole - size} of {whole} samples at the end "
                     "are not in the file"
                 )
-            first = first_number(time.column, self._is_lost) if time else 0
+            first = first_number(time.column, self.end) if time else 0
             if first is None:
                 self.report.losses.append(
                     f"the stamps of {', '.join(group.channels)} cannot be read; "
@@ -288,14 +546,11 @@ class Hdf5Log:
             raise self._error("; ".join(self.report.losses))
         return self._common_origin(clocks)
 
-    def _is_lost(self, column: SourceColumn, start: int, stop: int) -> bool:
-        return bool(unstored(column, start, stop, self.end))
-
-    def _time(self, channel: _Channel) -> TimeColumn | None:
+    def _time(self, name: str, column: SourceColumn) -> TimeColumn | None:
         try:
-            return time_of(self.file, channel.column, self.setup.log.time, self.setup.log.time_unit)
+            return time_of(self.file, column, self.setup.log.time, self.setup.log.time_unit)
         except ReadError as problem:
-            self.report.losses.append(f"channel {channel.name}: {problem.message}")
+            self.report.losses.append(f"channel {name}: {problem.message}")
             return None
 
     def _common_origin(self, clocks: list[_Clock]) -> list[_Clock]:
@@ -354,17 +609,19 @@ class Hdf5Log:
         values: dict[str, FloatArray] = {}
         flags: list[tuple[str, int, int, Quality]] = []
         gone = np.zeros(stop - start, bool)
-        slabs = Slabs([c.column for c in clock.channels], start, stop)
-        for channel in clock.channels:
-            stored, missing = self._read(channel.column, start, stop, slabs)
-            numbers = channel.scale.apply(stored)
-            if channel.kind in WAVELENGTH_KINDS:
-                numbers[~(numbers > 0.0)] = np.nan
+        slabs = Slabs([column for _, column, _ in clock.channels], start, stop)
+        for name, source, scale in clock.channels:
+            stored, missing = self._read(source, start, stop, slabs)
+            numbers = scale.apply(stored)
+            channel = self.setup.channels[name]
+            if channel.kind in WAVELENGTH_KINDS:  # none is 0 or less; what is recorded may be
+                factor, offset = channel.scaling
+                numbers[~(factor * numbers + offset > 0.0)] = np.nan
             for first, last in missing:
                 numbers[first - start : last - start] = np.nan
                 gone[first - start : last - start] = True
-                flags.append((channel.name, first - start, last - start, Quality.GAP))
-            values[channel.name] = numbers
+                flags.append((name, first - start, last - start, Quality.GAP))
+            values[name] = numbers
         stamps, stamps_gone = self._stamps(clock, start, stop, slabs) if clock.time else (None, 0)
         return (
             RawBlock(clock.group.name, values, stamps, None, tuple(flags)),
@@ -416,7 +673,7 @@ class Hdf5Log:
 
 def _rows(clock: _Clock) -> int:
     """Samples per block: whole chunks if these are small, never more than the budget."""
-    columns = [c.column for c in clock.channels]
+    columns = [column for _, column, _ in clock.channels]
     widest = max(c.dataset.dtype.itemsize if c.field else c.dtype.itemsize for c in columns)
     rows = max(min(BLOCK_VALUES // len(columns), SLAB_BYTES // widest), 1)
     chunk = max((c.chunk for c in columns if c.dataset.chunks), default=1)

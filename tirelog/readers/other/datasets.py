@@ -11,7 +11,6 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
@@ -238,21 +237,15 @@ def convert_bag(source: Path, target: Path, answer: Converted) -> None:
         raise NoNumbers("it holds no message that can be read")
 
 
-@contextmanager
-def _opened(source: Path, target: Path, first: bool) -> Iterator[Any]:
+def _opened(source: Path, target: Path, first: bool) -> Any:
     """The library's reader.  Its name tells the library what a file is, and may not say more."""
+    from rosbags import rosbag1, rosbag2
+
     if first:
-        from rosbags.rosbag1 import Reader as Reader1
-
-        with Reader1(source) as one:
-            yield one
-    else:
-        from rosbags.rosbag2 import Reader as Reader2
-
-        link = target.with_name("bag.db3")
-        link.symlink_to(source)
-        with Reader2(link) as two:
-            yield two
+        return rosbag1.Reader(source)
+    link = target.with_name("bag.db3")
+    link.symlink_to(source)
+    return rosbag2.Reader(link)
 
 
 class _Topics:
@@ -298,7 +291,11 @@ class _Topics:
             if store is not None:
                 data = bytes(store.ros1_to_cdr(data, connection.msgtype))
             elif data.startswith(_ZSTD):
-                data = _unpacked(data)
+                import zstandard
+
+                if not 0 <= zstandard.frame_content_size(data) <= _MESSAGE_BYTES:
+                    raise ValueError
+                data = zstandard.ZstdDecompressor().decompress(data)
             if len(data) > _MESSAGE_BYTES or not 0 <= time_ns < 1 << 63:
                 raise ValueError
         except MemoryError:
@@ -315,14 +312,6 @@ class _Topics:
             self.answer.losses.append(
                 f"topic {self.names[number]}: {many} messages are damaged and lost"
             )
-
-
-def _unpacked(data: bytes) -> bytes:
-    import zstandard
-
-    if not 0 <= zstandard.frame_content_size(data) <= _MESSAGE_BYTES:
-        raise ValueError
-    return zstandard.ZstdDecompressor().decompress(data)
 
 
 def _store(text: str, kind: str) -> Any:
@@ -690,7 +679,7 @@ _MOST_WAV_BYTES = 320 << 20
 
 
 def convert_wav(source: Path, target: Path, answer: Converted) -> None:
-    """Writes the channels to `target`, as they are stored and with what full scale is worth."""
+    """Writes the channels to `target`, as shares of full scale."""
     from scipy.io import wavfile
 
     with source.open("rb") as file:
@@ -704,16 +693,17 @@ def convert_wav(source: Path, target: Path, answer: Converted) -> None:
         rate, frames = wavfile.read(source)
     if any("prematurely" in str(one.message) for one in told):
         answer.losses.append("the file is cut off; copy it again")
-    whole, unsigned = frames.dtype.kind != "f", frames.dtype.kind == "u"
-    attributes = {
-        "scale_factor": 2.0 ** (1 - 8 * frames.dtype.itemsize) if whole else 1.0,
-        "add_offset": -1.0 if unsigned else 0.0,
-        "sampling_rate_Hz": float(rate),
-    }
-    if not whole:
-        frames[~np.isfinite(frames)] = np.nan
-    with Datasets(target, answer) as to:
-        for k, samples in enumerate(frames.reshape(len(frames), -1).T, 1):
-            to.add(to.file, f"#{k}", [samples], attributes)
-            others = [f"channel_{k}", *(["left", "right"][k - 1 : k])]
-            to.file.update({other: h5py.SoftLink(f"/#{k}") for other in others})
+    frames = frames.reshape(len(frames), -1)
+    full = 1.0 if frames.dtype.kind == "f" else 2.0 ** (8 * frames.dtype.itemsize - 1)
+    middle = full if frames.dtype.kind == "u" else 0.0
+    with Datasets(target, answer) as to, np.errstate(invalid="ignore"):
+        for k in range(frames.shape[1]):
+            # piece by piece, as floats take more room than what is stored
+            pieces = (
+                (frames[at : at + _RECORDS, k].astype(np.float64) - middle) / full
+                for at in range(0, len(frames), _RECORDS)
+            )
+            finite = (np.where(np.isfinite(piece), piece, np.nan) for piece in pieces)
+            to.add(to.file, f"#{k + 1}", finite, {"sampling_rate_Hz": float(rate)})
+            others = [f"channel_{k + 1}", *(["left", "right"][k : k + 1])]
+            to.file.update({other: h5py.SoftLink(f"/#{k + 1}") for other in others})

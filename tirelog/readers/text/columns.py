@@ -135,7 +135,8 @@ def stamp_columns(
         k
         for k, kind in enumerate(layout.kinds[: layout.width])
         if kind == "number" and k < len(layout.names) and k not in taken
-        and _is_time_name(layout.names[k]) and _falls(layout, k)
+        and _is_time_name(layout.names[k]) and max(steps_of(layout, k), default=1.0) <= 0.0
+        and min(steps_of(layout, k)) < 0.0
     ]  # fmt: skip
     ramps = _ramps(layout, taken)
     if ramps and (ramps[0] == _leading(layout) or len(ramps) == 1):  # of several, none is plain
@@ -233,12 +234,6 @@ def ascending(layout: Layout, column: int) -> bool:
     """True if a number column hardly ever falls."""
     steps = steps_of(layout, column)
     return sum(step >= 0 for step in steps) >= 0.9 * len(steps)
-
-
-def _falls(layout: Layout, column: int) -> bool:
-    """True if a number column falls and never rises."""
-    steps = steps_of(layout, column)
-    return bool(steps) and max(steps) <= 0.0 and min(steps) < 0.0
 
 
 def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | None, str, float]:

@@ -58,27 +58,6 @@ def _apart(line: str, separator: str) -> list[str]:
     return pieces
 
 
-class LineCells(dict[int, list[str]]):
-    """The cells of lines by their numbers, cut when they are asked for.
-
-    alike  the lines with each digit as a 0: rows of numbers are mostly like a row before
-    """
-
-    def __init__(self, lines: list[str], separator: str, timed: bool) -> None:
-        super().__init__()
-        self._lines, self._how = lines, (separator, timed)
-        self.alike = "\n".join(lines).translate(_DIGITS_ALIKE).split("\n")
-
-    def enclose(self, number: int, width: int) -> bool:
-        """True if a line of `width` cells has separators within them."""
-        many = self._lines[number].count(self._how[0])  # counted first, as cells are cut slowly
-        return many >= width - self._how[1] and any(self._how[0] in cell for cell in self[number])
-
-    def __missing__(self, number: int) -> list[str]:
-        cells = self[number] = split_cells(self._lines[number], *self._how)
-        return cells
-
-
 def filled(cells: Sequence[str]) -> int:
     """Number of cells up to the last one that is not empty."""
     return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
@@ -179,9 +158,9 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(TIMED.match(line)) for line in sample) > len(sample) // 2
         separator, decimal = _separator(sample, timed, given)
-        cells = LineCells(clean, separator, timed)
+        cells = [split_cells(line, separator, timed) for line in clean]
         first = (
-            _first_row(full, cells, decimal, tail)
+            _first_row(full, clean, cells, decimal, tail)
             if given.header_rows is None
             else next((i for i in full if i >= given.header_rows), None)
         )
@@ -239,14 +218,14 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         or (
             quote in text
             and separator != " "
-            and any(cells.enclose(i, width) for i in full if i >= first)
+            and any(separator in cell for i in full if i >= first for cell in cells[i])
         ),
     )
     counts_at, counts = _counts(layout)
     return replace(layout, counts_at=counts_at, counts=counts)
 
 
-def _no_rows(full: list[int], cells: LineCells, decimal: str, name: str) -> ReadError:
+def _no_rows(full: list[int], cells: list[list[str]], decimal: str, name: str) -> ReadError:
     """What to say of a text without rows: that their first cells cannot be read, if it is that."""
     for i in full[: -max(_TAILS) : -1]:
         first, *others = cells[i]
@@ -368,7 +347,9 @@ def _is_row(cells: list[str], decimal: str, like: str) -> bool:
     )
 
 
-def _first_row(full: list[int], cells: LineCells, decimal: str, most: int) -> int | None:
+def _first_row(
+    full: list[int], lines: list[str], cells: list[list[str]], decimal: str, most: int
+) -> int | None:
     """Index of the first line from which on nearly all lines look like rows."""
     tail = full[-most:]
     like = Counter(_kind(cells[i][0], decimal) for i in tail[len(tail) // 4 :]).most_common(1)[0][0]
@@ -376,9 +357,9 @@ def _first_row(full: list[int], cells: LineCells, decimal: str, most: int) -> in
         return None
     rows: dict[int, bool] = {}
     widths: dict[int, int] = {}
-    looks: dict[str, tuple[bool, int]] = {}  # most lines look like one before, and are not cut
+    looks: dict[str, tuple[bool, int]] = {}  # most lines look like one before
     for i in full:
-        look = cells.alike[i]
+        look = lines[i].translate(_DIGITS_ALIKE)
         if look not in looks:
             looks[look] = _is_row(cells[i], decimal, like), len(cells[i])
         rows[i], widths[i] = looks[look]
@@ -406,7 +387,7 @@ def _first_row(full: list[int], cells: LineCells, decimal: str, most: int) -> in
 
 
 def _rows_above(
-    above: list[int], cells: dict[int, list[str]], rows: list[list[str]], decimal: str
+    above: list[int], cells: list[list[str]], rows: list[list[str]], decimal: str
 ) -> int:
     """How many lines above the first row have numbers and nothing else where most rows have.
 
@@ -417,7 +398,7 @@ def _rows_above(
     return many if many >= _FEWEST_ABOVE else 0
 
 
-def _spoilt(above: list[int], cells: dict[int, list[str]], width: int, decimal: str) -> bool:
+def _spoilt(above: list[int], cells: list[list[str]], width: int, decimal: str) -> bool:
     """True if the last line above the first row is a row itself, one that does not parse.
 
     It stands between the rows and a header of words that fits them, and half of it is numbers.
@@ -431,13 +412,13 @@ def _spoilt(above: list[int], cells: dict[int, list[str]], width: int, decimal: 
 
 
 def _header(
-    above: list[int], cells: dict[int, list[str]], width: int, separator: str
+    above: list[int], cells: list[list[str]], width: int, separator: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(names, units) from the lines above the first row; both empty without a header."""
     if not above:
         return (), ()
     if separator == " ":  # `# a | b` over columns of blanks
-        cells = {i: [cell for cell in cells[i] if cell != "|"] for i in above}
+        cells = [[cell for cell in row if cell != "|"] for row in cells]
     last = _uncommented(cells[above[-1]], width)
     unit_row: list[str] = []
     if len(above) > 1 and _units_only(last) and len(cells[above[-2]]) >= min(2, width):

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -177,10 +177,16 @@ class RowPlan:
         """Columns of peak counts."""
         return range(self.layout.counts_at, self.layout.counts_at + self.layout.counts)
 
-    @property
-    def listed(self) -> range:
-        """Columns of a list of peaks."""
-        return range(self.peaks_at, self.across)
+    def listed(self, most: int) -> list[int]:
+        """Columns of a list of peaks in rows of so many cells, without those of words."""
+        if not self.columns.peaks:
+            return []
+        kinds = self.layout.kinds
+        return [
+            k
+            for k in range(self.peaks_at, most)
+            if k >= len(kinds) or kinds[k] in ("number", "blank")
+        ]
 
     @property
     def _wanted(self) -> list[int]:
@@ -299,11 +305,10 @@ def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
             out.bad_rows.append((number, f"not {layout.width} cells"))
         kept.append(i)
         rows.append(cells if wide else [])
-        told = [cells[k] for k in columns.values.values() if wide and k < len(cells)] + (
-            cells[plan.peaks_at :] if columns.peaks else []
-        )
+        told = [k for k in columns.values.values() if wide and k < len(cells)]
+        told += plan.listed(len(cells))
         out.bad_cells += [
-            (number, shown(layout, cell)) for cell in told if number_of(cell, decimal)[1]
+            (number, shown(layout, cells[k])) for k in told if number_of(cells[k], decimal)[1]
         ]
 
     def column(k: int) -> FloatArray:
@@ -321,7 +326,7 @@ def odd_rows(plan: RowPlan, line: int, block: Block) -> Parsed:
     if columns.peaks:
         rows = [lines[i][1] for i in kept]
         most = max(map(len, rows), default=0)
-        peaks = [column(k) for k in range(plan.peaks_at, most)]
+        peaks = [column(k) for k in plan.listed(most)]
         out.peaks = np.column_stack(peaks) if peaks else np.zeros((len(rows), 0))
         counts = [column(k) for k in plan.fronts]
         out.counts = np.nan_to_num(np.column_stack(counts)).astype(np.int64) if counts else None
@@ -426,6 +431,7 @@ class _Table:
 
     def __init__(self, plan: RowPlan, block: Block, at: int) -> None:
         self.plan, self.block, self.columns = plan, block, plan.columns
+        self.listed = plan.listed(plan.across)
         self.whats, self.slots = self._roles()
         guides = np.zeros(plan.across, GUIDE)
         for k, what in self.whats.items():
@@ -479,7 +485,7 @@ class _Table:
         if columns.number is not None:
             whats[columns.number] = FLOAT
         if columns.peaks:
-            whats |= dict.fromkeys([*self.plan.fronts, *self.plan.listed], FLOAT)
+            whats |= dict.fromkeys([*self.plan.fronts, *self.listed], FLOAT)
         slots = dict.fromkeys(_OUTPUTS, 0)
         places_of = {}
         for k, what in whats.items():
@@ -522,15 +528,15 @@ class _Table:
             cells = zip(starts.tolist(), stops.tolist(), strict=True)
             out.errors = error_counts([bytes(self.block[a:b]) for a, b in cells])
         if columns.peaks:
-            out.peaks = self._floats(self.plan.listed)
+            out.peaks = self._floats(self.listed)
             fronts = np.nan_to_num(self._floats(self.plan.fronts)).astype(np.int64)
             out.counts = fronts if self.plan.fronts else None
         for row, column, start, stop in self.hard[self.unread].tolist():
-            if column in out.values or (columns.peaks and column >= self.plan.peaks_at):
+            if column in out.values or column in self.listed:
                 out.bad_cells.append((row, shown(self.plan.layout, bytes(self.block[start:stop]))))
         return out
 
-    def _floats(self, columns: range) -> FloatArray:
+    def _floats(self, columns: Iterable[int]) -> FloatArray:
         """Columns side by side, shape (size, columns)."""
         slots = [self.slots[k] for k in columns]
         return np.ascontiguousarray(self.floats[slots, : self.size].T)

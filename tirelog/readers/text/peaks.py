@@ -63,6 +63,10 @@ class _Grating:
     def half(self) -> float:
         return max(_GATE_NM, 0.5 * (self.high - self.low))
 
+    def on(self, fibre: IntArray | None) -> NDArray[np.bool_] | bool:
+        """Which peaks of these fibres may be its own; all, if the fibres are not known."""
+        return True if fibre is None or self.fibre is None else fibre == self.fibre
+
     def gate(self, age: FloatArray | IntArray | int) -> FloatArray:
         """Half width of the gate [nm] `age` samples after the last accepted peak."""
         return np.minimum(
@@ -91,7 +95,10 @@ class GratingTracker:
         cells = np.where(peaks > 0.0, peaks, np.nan).ravel()
         self._note(cells)
         fibre = _fibres(parsed.counts, width)
-        claims = [self._claims(grating, cells, fibre) for grating in self._gratings]
+        claims = [
+            (cells >= grating.low) & (cells <= grating.high) & grating.on(fibre)
+            for grating in self._gratings
+        ]
         values = np.full((len(self._gratings), n), np.nan)
         doubtful = np.zeros((len(self._gratings), n), bool)
         contested = np.sum(claims, axis=0) > 1
@@ -131,15 +138,6 @@ class GratingTracker:
         for place, number in zip(places[:200].tolist(), many[:200].tolist()):
             self._peaks[place] = self._peaks.get(place, 0) + number
 
-    def _claims(
-        self, grating: _Grating, cells: FloatArray, fibre: IntArray | None
-    ) -> NDArray[np.bool_]:
-        """Which peaks lie in the grating's window and fibre."""
-        inside = (cells >= grating.low) & (cells <= grating.high)
-        return (
-            inside if fibre is None or grating.fibre is None else inside & (fibre == grating.fibre)
-        )
-
     def _decide(
         self,
         values: FloatArray,
@@ -169,11 +167,7 @@ class GratingTracker:
                     if before >= 0
                     else (grating.last, grating.age + r + 1)
                 )
-                mine = (
-                    np.ones(here.size, bool)
-                    if fibre is None or grating.fibre is None
-                    else fibre[peaks] == grating.fibre
-                )
+                mine = grating.on(None if fibre is None else fibre[peaks])
                 pairs += _pairs(grating, g, here, mine, last, age)
             taken: dict[int, int] = {}
             for _, g, peak in sorted(pairs):
@@ -263,7 +257,12 @@ def _plain(
 
 
 def _pairs(
-    grating: _Grating, g: int, here: FloatArray, mine: NDArray[np.bool_], last: float, age: int
+    grating: _Grating,
+    g: int,
+    here: FloatArray,
+    mine: NDArray[np.bool_] | bool,
+    last: float,
+    age: int,
 ) -> list[tuple[float, int, int]]:
     """(distance, grating, peak) of the peaks of a row that a grating may take."""
     if np.isnan(last) or age > _FORGOTTEN:

@@ -16,10 +16,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Generator, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
 from pathlib import Path
-from threading import Lock
 from typing import BinaryIO
 
 import numpy as np
@@ -64,7 +63,7 @@ from tirelog.vocabulary.quality import Quality
 
 #: the name of the one group of a text log: all columns share the row's clock
 GROUP = "rows"
-#: threads that read and parse, and blocks that are read, parsed or wait to be used at one time
+#: threads that parse, and blocks that are parsed or wait to be used at one time
 _THREADS, _AHEAD = 2, 4
 #: what begins again with times of a form
 _ROUNDS = {"hms": "midnight", "mmss": "hour"}
@@ -174,38 +173,18 @@ class TextReader:
             self._source.close()
 
     def _parsed(self) -> Generator[Parsed]:
-        """Parsed blocks in order, each read and parsed by one thread.
+        """Parsed blocks in order, while others are read and used.
 
-        Meanwhile others are used: all of that leaves the interpreter's lock. What a thread has read
-        is still near to its processor when it parses it.
+        Parsing leaves the interpreter's lock.
         """
-        blocks = enumerate(self._source.blocks(self.layout.skip, returns=self.layout.returns))
-        reading, early, number = Lock(), dict[int, Parsed](), 0
+        waiting: deque[Future[Parsed]] = deque()
         with ThreadPoolExecutor(_THREADS, "tirelog-text") as pool:
-            waiting = deque(pool.submit(self._next, blocks, reading) for _ in range(_AHEAD))
-            try:
-                while waiting:
-                    found = waiting.popleft().result()
-                    if found is not None:
-                        waiting.append(pool.submit(self._next, blocks, reading))
-                        early[found[0]] = found[1]
-                    while number in early:
-                        yield early.pop(number)
-                        number += 1
-            finally:
-                pool.shutdown(
-                    cancel_futures=True
-                )  # who stops early waits for no more than what is being read
-
-    def _next(
-        self, blocks: Iterator[tuple[int, bytes]], reading: Lock
-    ) -> tuple[int, Parsed] | None:
-        """(number of the next block, what is in it), None behind the last one."""
-        with reading:
-            number, block = next(blocks, (0, None))
-        if block is None:
-            return None
-        return number, parse_block(self._plan, self._whole(block))
+            for block in self._source.blocks(self.layout.skip, returns=self.layout.returns):
+                waiting.append(pool.submit(parse_block, self._plan, self._whole(block)))
+                if len(waiting) == _AHEAD:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
 
     def _whole(self, block: bytes) -> bytes:
         """The block without a last row that is cut off."""
