@@ -297,18 +297,6 @@ class AngleFunction:
             )
         return np.where(inside, near, np.nan)
 
-    def mean_rate(self, time_s: FloatArray, span_s: float) -> FloatArray:
-        """Rate [rad/s] over a window of `span_s` centred at each time, cut at the ends.
-
-        A low-pass with -3 dB at 0.443 / span_s.
-        """
-        first, last = (
-            np.maximum(time_s - span_s / 2, self.time_s[0]),
-            np.minimum(time_s + span_s / 2, self.time_s[-1]),
-        )
-        span = np.where(last > first, last - first, np.nan)
-        return (self.at(last) - self.at(first)) / span
-
 
 # ---- Counters and angle channels.
 #

@@ -56,12 +56,6 @@ OUTER, INNER = 1.0, 0.8
 #: knots of the spline lie so far apart, in level over the flank's slope; twice as far apart, the
 #: spline rounds off what is as steep as the flank
 KNOTS = 0.35
-#: a matched place farther from the crossing than so many standard errors is not taken: noise does
-#: it once in 2e6; half of it would drop one in 80
-FAR = 5.0
-#: a width follows the steepest part of the flanks if it moves by more than so many of its errors:
-#: what the noise moves would be followed too.  Half of it would let an eighth of noise in
-MOVED = 3.0
 #: degree of the polynomial through a flank: the least that has a steepest place and its own lobes;
 #: a cubic sees an eighth of what a ring's fronts move by, two more see nothing else
 DEGREE_OF_FLANK = 5
@@ -113,7 +107,9 @@ def matched(
         error[side] *= _about(left)
     by_form = result[n:] - result[:n]
     result += _difference(place - result, by_form, flanks, good)
-    known = np.isfinite(result) & (np.abs(result - place) < FAR * se)
+    # a matched place farther from the crossing than so many standard errors is not taken: noise
+    # does it once in 2e6; half of it would drop one in 80
+    known = np.isfinite(result) & (np.abs(result - place) < 5.0 * se)
     result, error = np.where(known, result, place), np.where(known, error, se * _scatter(place, se))
     lead = _grown(channel, wheel, moved(flanks, result), result, error, slope, good)
     result += lead
@@ -298,7 +294,10 @@ def _grown(
     if known.sum() < LEAST:
         return np.zeros(2 * n)
     usual, spread = float(np.mean(width[known])), float(np.std(width[known]))
-    if spread < MOVED * float(np.median(own[known])):
+    # a width follows the steepest part of the flanks if it moves by more than so many of its
+    # errors: what the noise moves would be followed too.  Half of it would let an eighth of noise
+    # in
+    if spread < 3.0 * float(np.median(own[known])):
         return np.zeros(2 * n)
     grown = np.nan_to_num((width - usual) / spread)
     leads = []
@@ -385,17 +384,14 @@ def _half_level(form: FloatArray, near: float) -> float | None:
 # The cubic follows the flank's own shape, so nothing is assumed about it.
 
 
-#: samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
-#: twice as many widen windows with few samples, and take more of the front's bend into them
-LEAST_SAMPLES = 7
-
-
 def at_least(channel: Channel, flanks: Records, window: FloatArray) -> FloatArray:
     """Half width [rad] of each front's window.
 
     `window` (2,) of entries and of exits, wider if it would hold too few samples.
     """
-    least = 0.5 * (LEAST_SAMPLES + 0.5) * flanks["rate"] / channel.axis.rate_Hz
+    # samples that a flank has at least: a cubic takes four, and three are left to tell the noise;
+    # twice as many widen windows with few samples, and take more of the front's bend into them
+    least = 0.5 * (7 + 0.5) * flanks["rate"] / channel.axis.rate_Hz
     return np.maximum(np.repeat(window, flanks.size // 2), least)
 
 
@@ -588,7 +584,12 @@ def find_fronts(
         part = np.concatenate([flanks[:n][some], flanks[n:][some]])
         slope = crossings(channel, wheel, part, at_least(channel, part, window), limits)[2]
         window = np.clip(
-            [FLANK_SHARE / _median(np.abs(s)) for s in np.split(slope, 2)],
+            [
+                FLANK_SHARE / np.nanmedian(np.abs(s))
+                if np.isfinite(s).any()
+                else FLANK_SHARE * DEGREE
+                for s in np.split(slope, 2)
+            ],
             NARROW * DEGREE,
             WIDE * DEGREE,
         )
@@ -680,7 +681,3 @@ def _expected(
         ]
     )
     return dips, expected, row + before
-
-
-def _median(x: FloatArray) -> float:
-    return float(np.nanmedian(x)) if np.isfinite(x).any() else 1.0 / DEGREE

@@ -29,9 +29,6 @@ _FAR = np.radians([25.0, 130.0])
 #: share of the patch, about its middle, in which the level inside is read: beyond it a short patch
 #: bends already; doubled, lengths of 70 mm come out 1 % longer
 _INSIDE = 0.35
-#: half width of the flank that a cubic is laid through: share of the step over its slope.  The
-#: cubic follows a flank of this width to a hundredth of the step; twice as wide it meets the lobe
-_FLANK = 0.6
 #: samples that a cubic needs beside its four numbers; fewer get a line, of which two are enough
 _CUBIC, _LINE = 8, 3
 #: passages that the mean form is learnt from, over the log, and its grid [rad]
@@ -197,7 +194,10 @@ def _fronts(
         return found, bool(np.isnan(inside))
     scaled = (values - outside) / (inside - outside) - 0.5
     for side, (front, slope) in enumerate(zip(*form, strict=True)):
-        half, place = _FLANK / abs(slope), _first_below(turned, scaled, fronts.mean(), front)
+        # half width of the flank that a cubic is laid through: share of the step over its slope.
+        # The cubic follows a flank of this width to a hundredth of the step; twice as wide it meets
+        # the lobe
+        half, place = 0.6 / abs(slope), _first_below(turned, scaled, fronts.mean(), front)
         if np.isnan(place):
             break
         near = np.flatnonzero((np.abs(turned - place) < half) & np.isfinite(scaled))

@@ -464,14 +464,19 @@ def measure_windows(
         for key, part in _alike(windows, 8 * for_plain + upsample):
             plain = part.reduced(key // 8)
             for low in range(0, len(plain.row), ROWS):
-                _edges_alike(
-                    plain.take(slice(low, low + ROWS)),
-                    look.passages.noise,
-                    look.motions,
-                    cutoff_Hz,
-                    half_length,
+                rows_alike = plain.take(slice(low, low + ROWS))
+                row, per_s = rows_alike.row, rows_alike.rate_Hz
+                shift_s = np.nan_to_num(work["fits"]["shift_m"][row]) / speed[row]
+                work["edges"][row] = find_edges(
+                    rows_alike.values,
+                    per_s,
+                    rows_alike.centre + shift_s * per_s,
+                    speed[row],
+                    look.motions[1][row],
+                    cutoff_Hz[row],
+                    half_length[row],
+                    look.passages.noise / np.sqrt(rows_alike.averaged),
                     key % 8,
-                    work,
                 )
     unsought = ~clear & (work["slip"]["reason"] == TOO_SMALL)
     work["slip"]["reason"][unsought] = NO_FORM
@@ -601,31 +606,3 @@ def _fit(look: WindowPlan, windows: PatchWindows, work: Records) -> Records:
         known, np.where(look.vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM
     )
     return fits
-
-
-def _edges_alike(
-    windows: PatchWindows,
-    noise: float,
-    motions: Motions,
-    cutoff_Hz: FloatArray,
-    half_length_m: FloatArray,
-    upsample: int,
-    work: Records,
-) -> None:
-    """Plain edges of rows that share averaging."""
-    row = windows.row
-    speed, acceleration = motions[0][row], motions[1][row]
-    middle = windows.centre + np.nan_to_num(work["fits"]["shift_m"][row]) / speed * windows.rate_Hz
-    sigma = noise / np.sqrt(windows.averaged)
-    found = find_edges(
-        windows.values,
-        windows.rate_Hz,
-        middle,
-        speed,
-        acceleration,
-        cutoff_Hz[row],
-        half_length_m[row],
-        sigma,
-        upsample,
-    )
-    work["edges"][row] = found
