@@ -49,7 +49,7 @@ def without_spikes(high: FloatArray) -> FloatArray:
     """
     around = np.pad(high, 3, mode="edge")
     far = np.max([around[:-6], around[1:-5], around[5:-1], around[6:]], axis=0)
-    return np.minimum(high, far)
+    return np.asarray(np.minimum(high, far), np.float64)
 
 
 def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:

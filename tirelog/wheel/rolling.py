@@ -217,11 +217,6 @@ class WheelTurns:
     acceleration_m_s2: FloatArray
     quality: QualityFlags
 
-    @property
-    def good(self) -> BoolArray:
-        """Stretches with which nothing is wrong."""
-        return np.asarray(self.quality == 0)
-
 
 @dataclass(frozen=True)
 class Rolling:
@@ -269,7 +264,7 @@ def rolling(speed: Channel, wheel: WheelTurns) -> Rolling:
         rows = _rows(meter, wheel, period, delay)
         if abs(step) < _SETTLED_S:
             break
-    free = wheel.good & rows.known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
+    free = (wheel.quality == 0) & rows.known & (np.abs(wheel.acceleration_m_s2) < FREE_M_S2)
     radius, radius_se, grows = _radius(rows, period, change * delay_se, free)
     return Rolling(rows.metres, rows.se, change, radius, radius_se, grows, delay, delay_se, free)
 
@@ -361,7 +356,7 @@ def _delay_step(
 
     Least squares of the metres per turn on what a longer belt, slip and a delay make of them.
     """
-    used = wheel.good & rows.known & np.isfinite(change)
+    used = (wheel.quality == 0) & rows.known & np.isfinite(change)
     if used.sum() < LEAST_TURNS:
         return -delay, _DELAY_S
     metres, a = rows.metres[used], wheel.acceleration_m_s2[used]

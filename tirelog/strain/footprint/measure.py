@@ -15,7 +15,7 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import derivatives, window_spectra
 from tirelog.kernels import compiled
-from tirelog.strain.footprint.kernels import distance_along, motion_of
+from tirelog.strain.footprint.kernels import OWN, distance_along, motion_of
 from tirelog.strain.footprint.learn import (
     ENOUGH_STEADY,
     FREE_ROLLING_M_S2,
@@ -32,6 +32,7 @@ from tirelog.strain.footprint.refine import (
 from tirelog.strain.footprint.slip_onset import (
     ASKED,
     FINE,
+    LEAST_SHARE,
     NO_FORM,
     ONSETS,
     RATIO,
@@ -394,7 +395,9 @@ class WindowPlan:
         theirs, row by row; `usual`: what free ones leave.
         """
         known = ~self.vague[windows.row] & np.isfinite(fits["length_m"])
-        asked = np.flatnonzero(known & usual.worth_a_look(fits))
+        # no row with less misfit than that can hold an onset
+        misfit = (fits["chi2"] - usual.scatter**2) * np.maximum(fits["used"] - OWN, 1.0)
+        asked = np.flatnonzero(known & (misfit > LEAST_SHARE * usual.gain))
         if not asked.size:
             return
         for part, motion, sigma, knot in self.by_form(windows.take(asked)):

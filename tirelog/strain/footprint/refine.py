@@ -43,7 +43,7 @@ from tirelog.strain.footprint.reference import (
     descend,
     judged,
 )
-from tirelog.vocabulary.arrays import BoolArray, FloatArray, IntArray, Record, Records, records
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records, records
 
 # ---- Rectangular windows of a channel around its passages.
 #
@@ -418,10 +418,6 @@ class Sample:
         """Root mean square of the passages' speeds."""
         return float(np.sqrt(np.mean(self.motion["speed_m_s"] ** 2)))
 
-    def take(self, which: BoolArray) -> Sample:
-        """The rows `which` (mask)."""
-        return Sample(self.windows.take(which), self.motion[which])
-
 
 def _sums(
     reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
@@ -533,7 +529,8 @@ def _without_foreign(
         # size; twice as much keeps passages of 4.2 times
         good = (share < 9.0 * max(float(np.median(share)), 1.0)) & (one.own[:, HEIGHT] > 0)
         if good.any() and not good.all():
-            kept[number] = samples[number].take(good)
+            windows, motion = samples[number].windows.take(good), samples[number].motion[good]
+            kept[number] = Sample(windows, motion)
             again[number] = _sums(reference, number, kept[number], noise, half_window_m)
     return kept, again
 

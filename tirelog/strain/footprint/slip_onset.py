@@ -25,7 +25,6 @@ from tirelog.errors import UsageError
 from tirelog.strain.footprint.kernels import (
     FITTED,
     ONSET,
-    OWN,
     TRUST,
     follow_rows,
     motion_of,
@@ -240,12 +239,6 @@ class FreeRollingReference:
         """
         scatter = float(np.sqrt(max(LEAST_SCATTER, np.median(chi2))))
         return cls(scatter, max(LEAST_GAIN * scatter**2, TIMES_USUAL * float(np.median(gains))))
-
-    def worth_a_look(self, fits: Records) -> BoolArray:
-        """Rows with misfit enough for such a gain: no other can hold an onset."""
-        free = np.maximum(fits["used"] - OWN, 1.0)
-        with np.errstate(invalid="ignore"):
-            return np.asarray((fits["chi2"] - self.scatter**2) * free > LEAST_SHARE * self.gain)
 
 
 @dataclass(frozen=True)

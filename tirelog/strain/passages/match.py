@@ -98,9 +98,6 @@ class Windows:
             np.concatenate([part.outside for part in parts]),
         )
 
-    def take(self, which: BoolArray) -> Windows:
-        return replace(self, spans=self.spans[which], outside=self.outside[which])
-
     @property
     def source(self) -> Source:
         """The samples as the kernels take them."""
@@ -284,7 +281,13 @@ def learn_template(
     template: Template | None = None
     for _ in range(LEARNING_ROUNDS):
         template = learned_template(
-            curve_sums(windows.take(like), at[like], offset[like], height[like], window),
+            curve_sums(
+                replace(windows, spans=windows.spans[like], outside=windows.outside[like]),
+                at[like],
+                offset[like],
+                height[like],
+                window,
+            ),
             window,
         )
         if template is None:
