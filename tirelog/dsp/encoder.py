@@ -134,7 +134,7 @@ def _middles(
     are slow.
     """
     place = coarse + 0.5
-    whole = np.minimum(place.astype(np.int64), x.size - 1)
+    whole = np.clip(place.astype(np.int64), 0, x.size - 1)
     below = total[whole] + (place - whole) * x[whole]
     number = np.arange(coarse.size)
     first = np.maximum(number - 2 * AROUND, 0)

@@ -5,7 +5,7 @@ What is missing, what is too many, where the count was lost.
     pieces of indices (n,)
         --intervals that no smooth motion explains are joined-->
         indices, half teeth of each interval
-        --standstills, holes, turning points--> pieces of Teeth: counts (n,) in half teeth,
+        --standstills, holes, turning points--> pieces of TEETH: counts (n,) in half teeth,
                                                 stretches between losses of the count
 
 A passage through the middle level is half a tooth; a rising one has an even count. Rising and

@@ -230,9 +230,9 @@ def _levels(
 #
 # Read in pieces, divided by the level, gravity taken off.
 #
-# Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> Flanks (entries, then
+# Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> flanks (entries, then
 # exits)
-# Flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
+# flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
 #                     --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
 #                                                     level left (s,)
 

@@ -378,7 +378,7 @@ def _half_level(form: FloatArray, near: float) -> float | None:
 # ---- Where the flanks of the patch signal cross half of the level outside, each by a cubic of
 # its own.
 #
-#     Flanks, half widths of the windows --normalised samples--> weighted cubic least squares
+#     flanks, half widths of the windows --normalised samples--> weighted cubic least squares
 #         --root--> place, standard error, slope
 #
 # The cubic follows the flank's own shape, so nothing is assumed about it.
