@@ -108,7 +108,7 @@ class Crossings(NamedTuple):
     unseen.
     """
 
-    index: FloatArray
+    index: FloatArray  # type: ignore[assignment]  # a tuple's own is not used
     rising: np.ndarray
     breaks: IntArray
 

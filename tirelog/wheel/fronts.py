@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
+from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.dsp.filters import sliding_median
@@ -354,7 +356,7 @@ def _lead(u: FloatArray, y: FloatArray, z: FloatArray, reach: float) -> float:
     return 0.5 * (leads[1] - leads[0]) * reach
 
 
-def _real_roots(form: FloatArray, reach: float) -> FloatArray:
+def _real_roots(form: NDArray[np.floating[Any]], reach: float) -> FloatArray:
     """The roots of a polynomial within +-`reach`."""
     roots = polynomial.polyroots(form)
     return np.real(roots[(np.abs(np.imag(roots)) < 1e-9) & (np.abs(np.real(roots)) < reach)])

@@ -92,7 +92,9 @@ def lengths(channel: Channel, passages: Passages) -> tuple[FloatArray, QualityFl
     n = len(passages)
     result, (short, lost) = np.full((5, n), np.nan), np.zeros((2, n), bool)
     form = None if passages.doubt else _mean_form(channel, passages)
-    for row in np.flatnonzero(np.isfinite(passages.omega_rad_s)) if form is not None else ():
+    rows = np.flatnonzero(np.isfinite(passages.omega_rad_s)).tolist()
+    for row in rows if form is not None else ():
+        assert form is not None
         turned, values = _samples(channel, passages, row)
         lost[row] = not (values.size and np.isfinite(values).all())
         if not values.size:
@@ -159,7 +161,7 @@ def _mean_form(channel: Channel, passages: Passages) -> tuple[FloatArray, FloatA
     rows = np.flatnonzero(clean if clean.any() else known)
     places = np.linspace(0, rows.size - 1, min(_LEARNT, rows.size))
     forms = []
-    for row in rows[places.round().astype(int)]:
+    for row in rows[places.round().astype(int)].tolist():
         turned, values = _samples(channel, passages, row)
         inside, outside = _levels(turned, values, np.radians([-4.0, 4.0]))
         if inside > outside:

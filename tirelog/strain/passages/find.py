@@ -416,7 +416,9 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
 
 def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passages:
     """No passage at all."""
-    others = {"sides": np.int64} | dict.fromkeys(("turn_before", "turn_after", "measured"), bool)
+    others: dict[str, Any] = {"sides": np.int64} | dict.fromkeys(
+        ("turn_before", "turn_after", "measured"), bool
+    )
     others |= dict.fromkeys(("break_after", "quality"), np.uint32)
     columns: dict[str, Any] = {
         f.name: np.zeros(0, others.get(f.name, np.float64)) for f in fields(Passages)[6:-1]
